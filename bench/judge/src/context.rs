@@ -1,5 +1,4 @@
-//! Provides what several rules need: how long each board has been running, what the bench disturbs, and the decoded
-//! event.
+//! What several rules need: how long each board has been running, what the bench disturbs, and the decoded event.
 
 use profile::Layout;
 
@@ -19,25 +18,22 @@ pub struct Running {
     pub starts: u64,
     /// The instant, ns, since which the board hangs because the bench stopped its core; `None` if it does not hang.
     pub hung: Option<u64>,
-    /// The instant, ns, since which one of the board's tasks is dead; `None` if none is.
+    /// The instant, ns, since which one of the board's tasks is dead; `None` if no task is dead.
     pub dead: Option<u64>,
     /// Whether the board hung, or had a dead task, before its last start.
     pub ended_hang: bool,
 }
 
 impl Running {
-    /// Records that the board starts, or loses its supply, and therefore hangs no longer.
     fn ends_hang(&mut self) {
         self.ended_hang = self.hung.take().is_some() | self.dead.take().is_some();
     }
 }
 
-/// The frames that HORUS put on the air, and what the DPR must or may do with those that reached its antenna.
 #[derive(Clone, Debug)]
 struct Air {
     truth: Truth,
     expectation: Expectation,
-    /// The frame that the event being judged brought to the DPR's antenna, if any.
     delivery: Option<Delivery>,
 }
 
@@ -54,8 +50,7 @@ pub struct Context {
     window: Window,
     frame: Option<Frame>,
     reading: Option<Reading>,
-    /// The record of the frames on the air. It is `None` only while it processes an event itself, because it is moved
-    /// out then and reads this context.
+    /// Is `None` only within [`Context::take`], which moves the record out because the record reads this context.
     air: Option<Box<Air>>,
 }
 
@@ -97,7 +92,6 @@ impl Context {
                 running.powered = *on;
                 running.since = event.at;
                 running.starts += u64::from(*on);
-                // A board without a supply does not hang.
                 running.ends_hang();
                 self.forget_window(*board);
             }
@@ -162,7 +156,7 @@ impl Context {
         &self.air().expectation
     }
 
-    /// Returns the frame of the event being judged, if it has reached the DPR's antenna.
+    /// Returns the frame that the current event brought to the DPR's antenna, if any.
     ///
     /// # Panics
     ///
@@ -172,8 +166,7 @@ impl Context {
         self.air().delivery.as_ref()
     }
 
-    /// Records that the next transaction reads the map from its beginning if the DPR starts anew, because the DPR has
-    /// lost the request from before the start.
+    /// After a start of the DPR the next transaction reads the map from its beginning: the DPR has lost the request.
     fn forget_window(&mut self, board: Board) {
         if board == Board::Dpr {
             self.window = Window::default();
@@ -187,7 +180,7 @@ impl Context {
         }
     }
 
-    /// Returns what is known of a board's present run.
+    /// Returns the state of a board since its last start.
     #[must_use]
     pub fn running(&self, board: Board) -> Running {
         match board {
@@ -214,26 +207,25 @@ impl Context {
         self.layout
     }
 
-    /// Returns whether the run uses the pessimistic clock, on which each instruction takes the longest time that it may
-    /// take on silicon.
+    /// Returns whether the run uses the pessimistic clock, on which each instruction takes its longest time on silicon.
     #[must_use]
     pub fn worst_case(&self) -> bool {
         self.worst_case
     }
 
-    /// Returns the frame of the event being judged, if it is [`What::Sent`] or [`What::Heard`].
+    /// Returns the frame of the current event, if that is [`What::Sent`] or [`What::Heard`].
     #[must_use]
     pub fn frame(&self) -> Option<&Frame> {
         self.frame.as_ref()
     }
 
-    /// Returns the transaction of the event being judged, if it is [`What::Transaction`].
+    /// Returns the transaction of the current event, if that is [`What::Transaction`].
     #[must_use]
     pub fn reading(&self) -> Option<&Reading> {
         self.reading.as_ref()
     }
 
-    /// Returns the part of the map that the next transaction shows.
+    /// Returns the range of the map that the next transaction reads.
     #[must_use]
     pub fn window(&self) -> Window {
         self.window

@@ -1,37 +1,32 @@
 //! What the bench disturbs on purpose, and everything that the judge excuses because of it.
 //!
-//! A [`Disturbance`] states what the bench disturbs and how. Beside it the log states when the disturbance begins and
-//! when its cause goes away ([`crate::What::Injected`]). `Disturbance::takes` is the one table of what each disturbance
-//! excuses ([`Excuse`]), and of how long each excuse holds after the cause has gone. [`Disturbances`] keeps the excuses
-//! that hold at present; the rules query it and keep no times of their own.
+//! A [`Disturbance`] states what the bench disturbs, and the log states when it begins and when its cause goes away
+//! ([`crate::What::Injected`]). `Disturbance::takes` is the one table of what each disturbance excuses ([`Excuse`]),
+//! and for how long. The rules query [`Disturbances`] for the excuses that hold at present.
 //!
-//! Each excuse has an end. If a firmware keeps an effect until its next start (a counter, a flag), the effect is
-//! excused until that start; any other effect is excused for a bounded time after the cause has gone. When the
-//! disturbed board starts, the excuses of its earlier disturbances end, unless their cause is still present.
+//! An effect that a firmware keeps until its next start (a counter, a flag) is excused until that start. Any other
+//! effect is excused for a bounded time after the cause has gone, or until the disturbed board starts.
 //!
 //! # Where to add a disturbance
 //!
-//! A new disturbance needs its variant, a line in `Disturbance::takes`, and a test of the rule that it concerns. A
-//! disturbance without such a line excuses nothing.
+//! A new disturbance needs its variant, a line in `Disturbance::takes`, and a test of the rule that it concerns.
 
 use serde::{Deserialize, Serialize};
 
 use crate::{Board, Event, What, bounds};
 
-/// What the bench disturbs on purpose, and how it does so.
+/// What the bench disturbs on purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Disturbance {
-    /// The air between the antennas. The log states separately which frames it loses, damages or delays, and when it
-    /// takes the field away.
+    /// The air between the antennas. The log's frame and field events show the effect.
     Air,
-    /// A receiver, its line or its bus. The log states separately which bytes the receiver sends, and whether the line
-    /// carries them unchanged.
+    /// A receiver, its line or its bus.
     Receiver {
         /// The receiver's number, from 0.
         receiver: usize,
     },
-    /// A pair of pins from which HORUS reads one of its inputs. The log states the pins' levels separately.
+    /// A pair of pins from which HORUS reads one of its inputs.
     Input {
         /// The number of the input: 0 the relay, 1 the motor cut, 2 the emergency measure.
         input: usize,
@@ -45,51 +40,48 @@ pub enum Disturbance {
         /// What is wrong with the front end.
         harm: Harm,
     },
-    /// The flight controller, which does not read as docs/design.md#ssi requires.
+    /// A flight controller that does not read as docs/design.md#ssi requires.
     FlightController {
         /// How the flight controller misbehaves.
         conduct: Conduct,
     },
-    /// A wire, which carries something other than what was put on it.
+    /// A wire that does not carry what was put on it.
     Wire {
         /// The wire that is disturbed.
         wire: Wire,
     },
-    /// The base station, which states wrongly what it shows.
+    /// A base station that states wrongly what it shows.
     BaseStation,
-    /// A board's supply, which is off. The log states separately when it goes off and on.
+    /// A board's supply, which is off.
     Supply {
         /// The board whose supply is off.
         board: Board,
     },
-    /// A restart of a board. The log also has an event for the restart itself.
+    /// A restart of a board.
     Restart {
         /// The board that restarts.
         board: Board,
     },
-    /// A hang of a board. The log also has an event for the hang itself, if the board has a supply and does not hang
-    /// already.
+    /// A hang of a board.
     Hang {
         /// The board that hangs.
         board: Board,
     },
-    /// A task whose interrupt is switched off until the next start, while the rest of its board's firmware runs. Only a
-    /// task that has to check in before the watchdog is fed is disturbed in this way, since the watchdog has to restart
-    /// the board.
+    /// A task whose interrupt is switched off until the next start; it is one that checks in for the watchdog.
     DeadTask {
         /// The board whose task is dead.
         board: Board,
-        /// The number under which the dead task checks in before the watchdog is fed.
+        /// The number under which the dead task checks in for the watchdog.
         task: u8,
     },
-    /// A bit of a board's memory.
+    /// A bit of a board's memory or registers.
     Memory {
         /// The board whose memory is hit.
         board: Board,
-        /// The part of the memory that is hit.
+        /// Which memory is hit.
         memory: Memory,
     },
-    /// Instructions or variables of a board's firmware, which are changed so that the firmware does something wrong.
+    /// Instructions or variables of a board's firmware, changed so that the firmware does something wrong.
     Code {
         /// The board whose firmware is changed.
         board: Board,
@@ -100,8 +92,8 @@ pub enum Disturbance {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Harm {
-    /// The board can tell that its front end does not answer: the front end has no supply, every bit that is read from
-    /// it is the same, or its interrupt line rests high.
+    /// The front end does not answer, and its board can tell: every bit that is read is the same, or the interrupt line
+    /// stays high.
     Silent,
     /// The front end answers, but does not report what happens on the air.
     Deaf,
@@ -113,19 +105,19 @@ pub enum Harm {
 pub enum Conduct {
     /// The flight controller makes no transaction.
     Silent,
-    /// The flight controller makes transactions that docs/design.md#ssi forbids, or transactions that do not end.
+    /// The flight controller makes transactions that docs/design.md#ssi forbids, or that do not end.
     Misuse,
 }
 
-/// A wire between the boards and the world, or a path that is disturbed like a wire.
+/// A wire, or a path that is disturbed like a wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Wire {
     /// The wire FRESH, from the DPR to the flight controller.
     Fresh,
-    /// The wire TICK, on which HORUS's timer shows its ticks.
+    /// The wire TICK, which HORUS's timer drives.
     Tick,
-    /// The pins from which HORUS reads its inputs, as the log states them: HORUS reads other levels.
+    /// The pins of HORUS's inputs. HORUS reads other levels than the log states.
     Inputs,
     /// The SSI's MISO line.
     Miso,
@@ -133,13 +125,13 @@ pub enum Wire {
     Antenna,
     /// The radio from the flight controller to the base station.
     Radio,
-    /// The sky that all receivers see: each of them computes a wrong position without being able to tell.
+    /// The GNSS signals. All receivers compute a wrong position and cannot tell.
     Sky,
-    /// The path within the flight controller from the verdict of its client to what the flight controller does.
+    /// The path from the verdict of the flight controller's client to what the flight controller does.
     Client,
 }
 
-/// A part of a board's memory.
+/// The memory of a board that a disturbance hits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Memory {
@@ -155,47 +147,42 @@ pub enum Memory {
     Registers,
 }
 
-/// Something that the judge does not report while a disturbance excuses it, although it would otherwise be a violation.
+/// Something that would be a violation, and that the judge does not report while a disturbance excuses it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Excuse {
-    /// A transmit command of HORUS may have no frame, a frame may break off or be missing, and the field may drop.
+    /// A transmit command may have no frame, a frame may be missing or break off, and HORUS's field may drop.
     Sending,
-    /// HORUS's front end may be used against its data sheet, because a firmware that cannot read from its front end
-    /// goes on using it.
+    /// HORUS's firmware may use its front end against the data sheet, because it cannot read from the front end.
     HorusFrontEndUse,
-    /// The DPR's front end may be used against its data sheet, for the same reason as in [`Excuse::HorusFrontEndUse`].
+    /// The DPR's firmware may use its front end against the data sheet, because it cannot read from the front end.
     DprFrontEndUse,
-    /// HORUS may fail to read what a receiver on a bus offers. The excuse concerns the disturbed receiver, or else all.
+    /// HORUS may fail to read what a receiver on a bus offers: the disturbed receiver, or else any.
     Polling,
-    /// HORUS may fail to use what it reads from a receiver on a bus. The excuse concerns the disturbed receiver.
+    /// HORUS may fail to use what it reads from the disturbed receiver, which is on a bus.
     Taking,
-    /// A receiver may have settings other than those that HORUS needs. The excuse concerns the disturbed receiver, or
-    /// else all.
+    /// A receiver may have settings other than those that HORUS needs: the disturbed receiver, or else any.
     Settings,
-    /// A receiver may state a wrong position or none, and may be excluded for that. The excuse concerns one receiver.
+    /// The disturbed receiver may state a wrong position or none, and may be excluded for that.
     Position,
     /// HORUS's statements about its receivers, its vote and its inputs may differ from their present values.
     Content,
-    /// The DPR may fail to receive a frame that reaches its antenna, or fail to process a frame that it received. Any
-    /// cycle that was received may be shown.
+    /// The DPR may fail to receive or process a frame that reaches its antenna. It may show any cycle that it received.
     Hearing,
     /// The DPR may withdraw an image before any transaction has read it.
     Withdrawal,
-    /// An image, or what follows it in the map, may be unsound, and an image with the same content may replace it.
+    /// An image, or the bytes after it in the map, may be unsound, and an image with the same content may replace it.
     UnsoundImage,
     /// A frame may become readable late after its last bit.
     Latency,
-    /// The DPR may not know the length of a frame while the frame arrives, and may read most of it after its last bit.
+    /// The DPR may not know a frame's length during the frame, and may read most of the frame after its last bit.
     Length,
     /// The flight controller may make no transaction.
     Transactions,
-    /// The DPR may leave the flight controller unserved over the SSI, what the flight controller reads may differ from
-    /// what the DPR has sent, and it is not known what the flight controller has written.
+    /// The DPR may not serve the flight controller over the SSI. The bytes may change on their way in both directions.
     Service,
     /// Link-Status may report a RAM fault.
     RamFault,
-    /// Link-Status may state wrongly whether there is a field: the front end reports to the DPR that the field comes or
-    /// goes, and may have failed to do so.
+    /// Link-Status may state wrongly whether there is a field.
     NoField,
     /// Link-Status may report a flash fault.
     FlashFault,
@@ -212,11 +199,9 @@ pub enum Excuse {
 /// When an excuse ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
-    /// The excuse ends this many ns after the disturbance's cause has gone, or earlier at the next start of the
-    /// disturbed board.
+    /// The excuse ends this many ns after the cause has gone, or earlier at the next start of the disturbed board.
     After(u64),
-    /// The excuse ends at the first start of this board after the disturbance's cause has gone, because the board keeps
-    /// the effect until it starts.
+    /// The excuse ends at the first start of this board after the cause has gone.
     Start(Board),
 }
 
@@ -229,7 +214,7 @@ impl Disturbance {
         use Board::{Dpr, Horus};
         const RECOVERY: End = After(bounds::FRONT_END_RECOVERY);
         const REPLACED: End = After(bounds::BUFFER_REPLACED);
-        // A self-test may be under way when the bit is disturbed.
+        // A self-test may be under way when a bit changes.
         const TESTED: End = After(bounds::SELF_TEST);
         const HORUS_DEAD: End = After(bounds::FIRST_WATCHDOG_LONGEST + bounds::CHECKED_IN[Horus as usize]);
         const DPR_DEAD: End = After(bounds::DPR_WATCHDOG_LONGEST + bounds::CHECKED_IN[Dpr as usize]);
@@ -284,7 +269,6 @@ impl Disturbance {
                 (Excuse::LinkCounters, Start(Dpr)),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
-            // Bytes may be lost while the receiver puts them on its line.
             Self::Receiver { .. } => &[
                 (Excuse::Polling, After(bounds::READ_WITHIN)),
                 (Excuse::Taking, After(bounds::READ_SETTLED)),
@@ -336,15 +320,14 @@ impl Disturbance {
         self.takes().iter().any(|(own, _)| *own == excuse)
     }
 
-    /// Returns whether a front end may have to be brought up again after the disturbance. If so, the link has
+    /// Returns whether a front end may have to be brought up again after the disturbance. The link then has
     /// [`bounds::BRING_UP_CYCLES`] to recover.
     #[must_use]
     pub const fn brings_up(self) -> bool {
         matches!(self, Self::FrontEnd { .. } | Self::Supply { .. } | Self::Restart { .. } | Self::DeadTask { .. })
     }
 
-    /// Returns the board that is disturbed. The next start of that board ends the disturbance's excuses, unless the
-    /// disturbance's cause is still present.
+    /// Returns the board that is disturbed.
     const fn board(self) -> Option<Board> {
         match self {
             Self::FrontEnd { board, .. }
@@ -365,23 +348,21 @@ impl Disturbance {
     }
 }
 
-/// An excuse that holds at present.
 #[derive(Clone, Copy, Debug)]
 struct Valid {
     excuse: Excuse,
-    /// The receiver that the excuse concerns; `None` if it concerns all receivers or has to do with none.
+    /// The receiver that the excuse concerns; `None` for an excuse that concerns no receiver, or all of them.
     receiver: Option<usize>,
     /// The board whose next start ends the excuse; `None` if no start ends it.
     board: Option<Board>,
-    /// The instant, ns, at which the cause of the disturbance goes away.
     until: u64,
-    /// The instant, ns, at which the excuse ends, unless a start of a board ends it before.
+    /// The instant, ns, at which the excuse ends at the latest.
     over: u64,
 }
 
 const EXCUSES: usize = Excuse::DprComplaints as usize + 1;
 
-/// The excuses that hold at present. See the [module](self).
+/// The excuses that hold at present; see the [module](self).
 #[derive(Clone, Debug, Default)]
 pub struct Disturbances {
     valid: Vec<Valid>,
@@ -400,7 +381,7 @@ impl Disturbances {
             What::Power { board, .. } => self.start(*board, at),
             What::Reset { board, .. } => {
                 self.start(*board, at);
-                // The reset may have interrupted the firmware while it used the front end.
+                // The reset may have interrupted a transfer with the front end.
                 let excuse = front_end_use(*board);
                 self.add(
                     at,
@@ -444,7 +425,7 @@ impl Disturbances {
     /// Ends the excuses that end when this board starts or loses its supply.
     fn start(&mut self, board: Board, now: u64) {
         self.valid.retain(|valid| valid.board != Some(board) || now < valid.until);
-        // Excuses that no longer hold are not kept one by one; an excuse of any kind that held until now ends now.
+        // Only valid excuses count from now on.
         self.over = self.over.map(|over| over.min(now));
         for valid in &self.valid {
             let over = &mut self.over[valid.excuse as usize];
@@ -458,8 +439,7 @@ impl Disturbances {
         at < self.until(excuse)
     }
 
-    /// Returns the instant, ns, at which this excuse ends, as far as the log has shown. If the excuse does not hold,
-    /// that instant has passed.
+    /// Returns the instant, ns, at which this excuse ends; a past instant if the excuse does not hold.
     #[must_use]
     pub fn until(&self, excuse: Excuse) -> u64 {
         self.over[excuse as usize]
@@ -543,8 +523,7 @@ mod tests {
         What::Reset { board, cause: crate::Cause::Pin, asked: true }
     }
 
-    /// Returns each excuse that holds, and for how long, ns, it holds after the disturbance's cause has gone; `None` if
-    /// the excuse holds until the next start.
+    /// Returns each excuse that holds, and for how long, ns, after the cause has gone (`None`: until a start).
     fn excused(disturbances: &Disturbances) -> Vec<(Excuse, Option<u64>)> {
         let until = |excuse| disturbances.until(excuse);
         let valid = EXCUSES.into_iter().filter(|excuse| until(*excuse) > 0);
@@ -671,7 +650,6 @@ mod tests {
         assert_eq!(excused(ENDS, Board::Dpr), [false; 2]);
         assert_eq!(excused(ENDS - 1, Board::Dpr), [true; 2], "its cause is still there");
         assert_eq!(excused(ENDS, Board::Horus), [true; 2]);
-        // The DPR keeps its counts of the faults that HORUS caused until the DPR itself starts.
         let of_horus = |board| {
             let events = [(BEGINS, injected(HORUS_FRONT_END, ENDS)), (ENDS, reset(board))];
             [Excuse::Sending, Excuse::DprComplaints].map(|excuse| after(&events).excuse(excuse, ENDS + 1))
@@ -681,7 +659,7 @@ mod tests {
         let off = What::Power { board: Board::Dpr, on: false };
         let disturbances = after(&[(BEGINS, injected(RECEIVE_BIT, BEGINS)), (ENDS, off)]);
         assert!(!disturbances.excuse(Excuse::RamFault, ENDS));
-        // Misuse of the SSI disturbs no board, so no board's start ends the excuses for that misuse.
+        // Misuse of the SSI disturbs no board, so no start ends its excuses.
         let disturbances = after(&[(BEGINS, injected(MISUSE, ENDS)), (ENDS, reset(Board::Dpr))]);
         assert!(disturbances.excuse(Excuse::Service, ENDS));
     }
@@ -690,7 +668,6 @@ mod tests {
     fn each_of_two_disturbances_that_overlap_excuses_as_it_would_alone() {
         let longer = [(BEGINS, injected(RECEIVE_BIT, ENDS)), (BEGINS + 1, injected(IMAGE_BIT, BEGINS + 2))];
         assert_eq!(after(&longer).until(Excuse::UnsoundImage), ENDS + bounds::BUFFER_REPLACED);
-        // A start of the board between the ends of two causes ends the excuses of the disturbance whose cause has gone.
         let both = [
             (BEGINS, injected(DPR_FRONT_END, BEGINS + 1)),
             (BEGINS, injected(IMAGE_BIT, ENDS)),

@@ -11,7 +11,7 @@ pub struct Header {
     pub version: u32,
     /// The number of receivers in the profile: 1, 2, 3 or 5.
     pub gps: usize,
-    /// The seed from which everything random in the run is drawn.
+    /// The seed of the run's random numbers.
     pub seed: u64,
     /// The clock that determines how long the cores' instructions take: `fast`, `optimistic` or `pessimistic`.
     pub clock: String,
@@ -21,8 +21,7 @@ impl Header {
     /// The version of the format that this crate writes and reads.
     pub const VERSION: u32 = 3;
 
-    /// Returns whether the run uses the pessimistic clock, on which each instruction takes the longest time that it may
-    /// take on silicon.
+    /// Returns whether the run uses the pessimistic clock, on which each instruction takes its longest time on silicon.
     #[must_use]
     pub fn worst_case(&self) -> bool {
         self.clock == "pessimistic"
@@ -103,8 +102,7 @@ impl<'de> Deserialize<'de> for Bytes {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SsiEvent {
-    /// The processor has taken the buffers of the SPI peripheral, so a transaction that begins now reads 0xFF
-    /// throughout.
+    /// The processor has taken the buffers from the SPI peripheral. A transaction that begins now reads only 0xFF.
     Held,
     /// The processor has given the buffers back to the SPI peripheral.
     Released,
@@ -134,38 +132,34 @@ pub enum What {
         /// Whether the bench reset the board on purpose, by the pin or the supply.
         asked: bool,
     },
-    /// The bench disturbs something on purpose. A change of a board's supply or reset pin is logged separately.
+    /// The bench disturbs something on purpose. A change of a board's supply or reset pin has its own event.
     Injected {
-        /// The kind of fault in words, as the list of faults names it. People read it and count faults by it; no rule
-        /// uses it.
+        /// The kind of fault in words, for people and for counts; no rule uses it.
         kind: String,
         /// What the fault disturbs.
         disturbs: Disturbance,
-        /// The instant, ns, at which the fault's cause goes away; the event's own instant if the fault has no duration.
+        /// The instant, ns, at which the fault's cause goes away: the event's own instant if the fault has no duration.
         until: u64,
     },
-    /// A board hangs, for one of two reasons. The bench has stopped the board's core, which from now on executes
-    /// nothing and takes no interrupt. Or the microcontroller has warned the board of a falling supply, after which the
-    /// firmware need not do anything more. The hang ends when the board starts or its supply goes off.
+    /// A board hangs: the bench has stopped its core, or the board has been warned of a falling supply and need not do
+    /// anything more. The hang ends when the board starts or loses its supply.
     Hung {
         /// The board that hangs.
         board: Board,
     },
-    /// A board's microcontroller has warned the running firmware of a falling supply. The board has to enter its safe
-    /// state.
+    /// A microcontroller has warned its firmware of a falling supply. The board has to enter its safe state.
     Warned {
         /// The board that was warned.
         board: Board,
     },
-    /// A board's external oscillator fails, or works again. Before the first event of this kind the oscillator works.
+    /// A board's external oscillator fails, or works again. It works when the run begins.
     Crystal {
         /// The board whose oscillator changes.
         board: Board,
         /// Whether the oscillator works.
         works: bool,
     },
-    /// The levels of a pair of pins from which HORUS reads one of its inputs change. Before the first event of this
-    /// kind no input is active.
+    /// The levels of a pair of pins from which HORUS reads one of its inputs change.
     StateInput {
         /// The number of the input: 0 the relay, 1 the motor cut, 2 the emergency measure.
         input: usize,
@@ -176,8 +170,7 @@ pub enum What {
     },
     /// HORUS's TICK pin rose: its 10 ms timer began the next cycle.
     Tick,
-    /// The place of the simulated aircraft at the tick of this instant. A run that plays a recording has no such event,
-    /// because the aircraft's true place is not known.
+    /// The true position of the simulated aircraft at a tick. A run that plays a recording has no such event.
     Aircraft {
         /// The latitude in 1e-9 degrees, north positive.
         latitude: i64,
@@ -193,7 +186,7 @@ pub enum What {
         /// Whether the carrier is on.
         on: bool,
     },
-    /// A frame of HORUS's front end has ended on the air. The event's instant is the end of the frame's last bit.
+    /// A frame of HORUS's front end has ended on the air: the event's instant is the end of the frame's last bit.
     Sent {
         /// The instant, ns, at which the frame's first preamble bit began.
         started: u64,
@@ -209,8 +202,8 @@ pub enum What {
         /// Whether there is a carrier.
         on: bool,
     },
-    /// A frame has ended at the DPR's antenna. The event's instant is the end of the frame's last bit. A frame that was
-    /// lost on the air has no such event.
+    /// A frame has ended at the DPR's antenna: the event's instant is the end of the frame's last bit. A frame lost on
+    /// the air has no such event.
     Heard {
         /// The instant, ns, at which the frame's first preamble bit began.
         started: u64,
@@ -232,22 +225,18 @@ pub enum What {
     Fed {
         /// The receiver's number, from 0.
         receiver: usize,
-        /// The time that one byte takes, ns. Byte n (counted from 0) has crossed the line n + 1 such times after the
-        /// event's instant.
+        /// The time that each byte takes on the line, ns.
         byte_ns: u64,
         /// The bytes that cross the line.
         bytes: Bytes,
-        /// Whether the bytes arrive as the receiver sent them. On a UART this means that the line has no noise, no
-        /// break and the right bit rate. On a bus it means that the transaction carried the bytes unchanged and ended
-        /// as it should.
+        /// Whether the bytes arrive as the receiver sent them. A UART needs the right bit rate and a line without noise
+        /// or break. A bus transaction must carry the bytes unchanged and end properly.
         clean: bool,
-        /// The instant, ns, since which these bytes have waited in a receiver on a bus; `None` for a UART, where bytes
-        /// do not wait.
+        /// The instant, ns, since which these bytes have waited in a receiver on a bus; `None` for a UART.
         #[serde(default)]
         since: Option<u64>,
     },
-    /// A simulated receiver has these settings from now on. They are not known before the receiver's first event of
-    /// this kind.
+    /// A simulated receiver has these settings from now on.
     Settings {
         /// The receiver's number, from 0.
         receiver: usize,
@@ -260,8 +249,8 @@ pub enum What {
     Fresh {
         /// Whether the pin rose.
         high: bool,
-        /// If FRESH rose, the bytes that a transaction would have read that begins when the DPR's SPI peripheral is
-        /// first ready for one. `None` if FRESH fell, or if a transaction was under way or began before that instant.
+        /// The bytes that a transaction would read when the DPR is first ready after FRESH rose. `None` if FRESH fell,
+        /// or if a transaction was under way or began before that instant.
         offered: Option<Bytes>,
     },
     /// The state of the buffers of the DPR's SPI peripheral changed.
@@ -281,13 +270,12 @@ pub enum What {
     Decided {
         /// The timestamp of the position to fly by, ms; `None` if there is none.
         position: Option<u32>,
-        /// The age, µs, that the sample read last had when the transaction began; `None` if the client does not know
-        /// it.
+        /// The age, µs, of the last sample when the transaction began; `None` if the client does not know the age.
         age_us: Option<u32>,
     },
     /// The flight controller forwarded a profile to the base station without changing it.
     Forwarded {
-        /// The profile, which is the objects of the image without Link-Status.
+        /// The objects of the image without Link-Status.
         profile: Bytes,
     },
     /// The base station received a profile.
@@ -297,16 +285,14 @@ pub enum What {
         /// The objects that the base station shows as valid: bit 0 is Reported-Position, bit n is GPSn.
         shown: u8,
     },
-    /// The base station's statement about the drone at this instant. The event occurs from time to time, and whenever
-    /// the alarms change.
+    /// The base station's statement about the drone. It is logged from time to time, and whenever the alarms change.
     Station {
         /// The age of the Reported-Position that the base station shows, µs; `None` if it shows none.
         age_us: Option<u64>,
         /// The alarms that hold, by the names that programs use for them.
         alarms: Vec<String>,
     },
-    /// A microcontroller or a peripheral found an access that silicon does not answer, or a state that its manual
-    /// forbids.
+    /// A microcontroller or a peripheral found an access or a state that its manual forbids.
     Finding {
         /// The board on which the finding was made.
         board: Board,
@@ -322,14 +308,14 @@ pub enum What {
         /// The misuse in words.
         text: String,
     },
-    /// The bench acted on a board later than it was due, so the run is not exact.
+    /// The bench acted on a board too late, so the run is not exact.
     Late {
         /// The board on which the bench acted late.
         board: Board,
         /// The delay in words.
         text: String,
     },
-    /// The value of a counter of a firmware at the end of the run. The bench reads it from RAM, as a debug probe does.
+    /// The value of a firmware's counter at the end of the run. The bench reads it from RAM, as a debug probe does.
     Counter {
         /// The board whose firmware keeps the counter.
         board: Board,

@@ -1,13 +1,10 @@
-//! Determines which of the cycles that reach the DPR's antenna the DPR shows, by the sequence (docs/design.md#sequence)
-//! as it can be observed from outside.
+//! Determines which cycles the DPR shows by the rules of the sequence (docs/design.md#sequence), as seen from outside.
 //!
-//! The judge cannot observe everything on which the outcome depends. It cannot tell whether the listener received a
-//! frame that came while the listener was being armed. It cannot tell either on which side of a limit a step is that is
-//! close to the limit. Therefore the judge keeps *every* state that a correct DPR can be in (`State`), and determines
-//! for each frame and each state all states that may follow. What a DPR does in all of these states, it
-//! [must](Certainty::Must) do; what it does in none, it must [never](Certainty::Never) do; otherwise nothing is
-//! required. As long as everything is certain there is one state. After something uncertain there are several, until
-//! the sequence has been found in all of them, which takes four cycles.
+//! The judge cannot observe everything on which the outcome depends, such as whether the listener received a frame
+//! while it was being armed. Therefore it keeps every state that a correct DPR can be in (`State`), and determines for
+//! each frame all states that may follow. What a DPR does in all of these states, it [must](Certainty::Must) do. What
+//! it does in none, it must [never](Certainty::Never) do. Uncertainty ends when the sequence has been found in all
+//! states, after four cycles.
 //!
 //! This module is written from the design and shares no code with `profile::sequence`, which the firmware runs.
 
@@ -19,7 +16,7 @@ use profile::{CYCLE_MS, Layout, air};
 use crate::disturbance::Excuse;
 use crate::{Board, Context, Event, What, bounds};
 
-/// Whether a correct DPR must, may or must not do a certain thing.
+/// Whether a correct DPR does a certain thing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Certainty {
     /// A correct DPR does not do this.
@@ -31,8 +28,7 @@ pub enum Certainty {
 }
 
 impl Certainty {
-    /// Returns the certainty that follows from `answers`, of which there is at least one: `Must` if all are yes,
-    /// `Never` if all are no, and else `May`.
+    /// Returns `Must` if all answers are yes, `Never` if all are no, and else `May`.
     fn of(answers: impl IntoIterator<Item = bool>) -> Self {
         let (mut any, mut all) = (false, true);
         for answer in answers {
@@ -56,7 +52,7 @@ pub struct Delivery {
     pub ended: u64,
     /// The frame's number in its cycle, from 0.
     pub number: usize,
-    /// The instant, ns, at which the frame's sample was taken, as computed by the constants of the profile.
+    /// The instant, ns, at which the frame's sample was taken, by the constants of the profile.
     pub sampled: u64,
     /// The timestamp of the frame's first valid object, ms.
     pub timestamp: Option<u32>,
@@ -64,17 +60,17 @@ pub struct Delivery {
     pub received: Certainty,
     /// Whether the DPR received the frame and its cycle is in sequence.
     pub shown: Certainty,
-    /// Whether the DPR concluded from the frame that HORUS has restarted, because the timestamp stepped back.
+    /// Whether the DPR concluded that HORUS has restarted, because the timestamp stepped back.
     pub restarted: Certainty,
-    /// The frame's valid objects: the number of each, its bytes, and whether it is shown.
+    /// The number of each valid object in the frame, its bytes, and whether it is shown.
     pub objects: Vec<(usize, Vec<u8>, Certainty)>,
     /// The number of objects that a frame of this length holds.
     pub places: u32,
 }
 
 impl Delivery {
-    /// Returns whether this frame is the second frame of the cycle whose first frame is `first`, judged by the ends of
-    /// both frames and by their intact objects.
+    /// Returns whether this frame, by its end and its intact objects, is the second of the cycle whose first is
+    /// `first`.
     #[must_use]
     pub fn completes(&self, first: &Self) -> bool {
         let same_cycle = self.timestamp.is_none_or(|timestamp| first.timestamp.is_none_or(|first| first == timestamp));
@@ -92,8 +88,7 @@ enum Step {
     Irregular,
     TooEarlyOrLate,
     Regular {
-        /// Whether the step is exactly one cycle, and deviates from it by no more than the search for the sequence
-        /// allows.
+        /// Whether the step is exactly one cycle, within the tolerance of the search for the sequence.
         exact: bool,
     },
 }
@@ -103,10 +98,9 @@ enum Step {
 struct State {
     /// The timestamp of the last cycle, ms, and the instant of its sample, ns.
     last: Option<(u32, u64)>,
-    /// The number of consecutive cycles that have advanced as the search for the sequence requires. At
-    /// [`bounds::SEARCH_CYCLES`] the sequence is found.
+    /// The number of consecutive cycles that fit the search. At [`bounds::SEARCH_CYCLES`] the sequence is found.
     found: u8,
-    /// The frames of the last cycle that have arrived: bit 0 stands for the first frame.
+    /// The frames of the last cycle that have arrived; bit 0 is the first frame.
     frames: u8,
     /// Whether the last cycle is shown.
     shown: bool,
@@ -119,8 +113,7 @@ impl State {
         self.found >= bounds::SEARCH_CYCLES
     }
 
-    /// Passes to `to` each state that may follow when a frame arrives, and whether the frame's timestamp steps back in
-    /// that case.
+    /// Passes to `to` each state that may follow when a frame arrives, and whether the timestamp steps back.
     fn successors(self, timestamp: u32, sampled: u64, number: usize, mut to: impl FnMut(Self, bool)) {
         let frame = 1 << number;
         let (mut same, mut other) = (false, true);
@@ -148,7 +141,7 @@ impl State {
         }
     }
 
-    /// Passes to `to` each kind that a correct DPR may assign to the step from the last cycle to this one.
+    /// Passes to `to` each way in which a correct DPR may judge the step from the last cycle to this one.
     fn steps(&self, timestamp: u32, sampled: u64, mut to: impl FnMut(Step)) {
         let Some((last, at)) = self.last else { return to(Step::First) };
         let advance = timestamp.wrapping_sub(last);
@@ -181,8 +174,8 @@ impl State {
         }
     }
 
-    /// Returns the latest instant, ns, at which a cycle can still continue the sequence of the last cycle. The limit is
-    /// taken as `band` ns later than the design says. Returns 0 if no cycle can continue it.
+    /// Returns the latest instant, ns, at which a cycle can still continue the sequence, 0 if none can. `band`, ns, is
+    /// added to the design's limit.
     fn held_until(&self, band: i64) -> u64 {
         let longest = u64::from(bounds::MAX_MISSED + 1) * bounds::CYCLE;
         let hold = longest + bounds::STEP_TOLERANCE + longest / bounds::STEP_TOLERANCE_SHARE;
@@ -193,36 +186,32 @@ impl State {
     }
 }
 
-/// How long after the last cycle, ns, a state counts as one in which no cycle has ever arrived, because the next cycle
-/// cannot be in sequence any more.
+/// How long after the last cycle, ns, no cycle can continue the sequence any more.
 const FORGOTTEN: u64 = 300_000_000;
 
 /// All states that a correct DPR can be in after the frames that have reached its antenna.
 #[derive(Clone, Debug)]
 pub struct Expectation {
     layout: Layout,
-    /// The states that the DPR can be in; never empty.
+    /// Never empty.
     states: Vec<State>,
-    /// The instant, ns, until which the listener may miss frames, because the carrier has come only shortly before.
+    /// The instant, ns, until which the listener may miss frames, because the carrier has just come.
     armed: u64,
-    /// The instant, ns, at which the last frame of any length ended.
     last_end: Option<u64>,
-    /// The instant, ns, at which the last whole frame ended that no disturbance kept the listener from receiving.
+    /// The instant, ns, at which the last whole frame ended that the listener certainly could receive.
     last_whole: u64,
-    /// The last period, ns, in which the DPR may have concluded that its front end does not receive, because no whole
-    /// frame had arrived for long.
+    /// The last period, ns, in which the DPR may have concluded that its front end does not receive.
     silence: Range<u64>,
 }
 
 impl Expectation {
-    /// Returns the states that a correct DPR may be in at power-on.
+    /// Returns the states at power-on.
     #[must_use]
     pub fn new(layout: Layout) -> Self {
         Self { layout, states: vec![State::default()], armed: 0, last_end: None, last_whole: 0, silence: 0..0 }
     }
 
-    /// Updates the states with the next event of the log. Returns the frame of the event, if there is one and the DPR
-    /// may have received it.
+    /// Updates the states with the next event of the log. Returns the event's frame if the DPR may have received it.
     pub fn take(&mut self, event: &Event, context: &Context) -> Option<Delivery> {
         match &event.what {
             What::Power { board: Board::Dpr, .. } | What::Reset { board: Board::Dpr, .. } => {
@@ -232,11 +221,11 @@ impl Expectation {
                 self.armed = if *on { event.at + bounds::ARMED } else { u64::MAX };
             }
             What::Heard { started, whole, bytes } => {
-                // A listener may take the length of a frame from LEN or from the number of bytes that arrive.
+                // A listener may take a frame's length from LEN or from the bytes that arrive.
                 let len = bytes.first().map(|len| usize::from(*len) + CRC_BYTES);
                 let whole = *whole && len == Some(bytes.len());
                 let gap = self.last_end.replace(event.at).is_none_or(|end| *started >= end + bounds::FRAME_GAP);
-                // If the listener may have missed a frame, that frame does not end a silence.
+                // A frame that the listener may have missed does not end a silence.
                 if whole && !context.disturbances().excuse(Excuse::Hearing, *started) {
                     let silent_from = std::mem::replace(&mut self.last_whole, event.at) + bounds::SILENCE;
                     if event.at > silent_from {
@@ -255,7 +244,7 @@ impl Expectation {
         let frame = context.frame()?;
         let number = frame.number?;
         let dpr = context.running(Board::Dpr);
-        // A hung DPR processes nothing, so a frame that has not become an image yet never becomes one.
+        // A hung DPR makes no image of the frame.
         if !dpr.powered || dpr.hung.is_some() {
             return None;
         }
@@ -289,8 +278,8 @@ impl Expectation {
         })
     }
 
-    /// Updates the states with a frame that has a timestamp. Returns whether the DPR shows the frame's cycle, and
-    /// whether the timestamp counts as a step back, both under the condition that the DPR received the frame.
+    /// Updates the states with a frame that has a timestamp. Returns, for a DPR that received the frame, whether the
+    /// cycle is shown and whether the timestamp counts as a step back.
     fn enter(
         &mut self,
         timestamp: u32,
@@ -320,13 +309,11 @@ impl Expectation {
                 frozen: false,
             };
             self.states.extend((0..=bounds::SEARCH_CYCLES).map(of));
-            // The cycle may also count as frozen, because the earlier cycle with its timestamp may be one that the DPR
-            // did not receive.
+            // The cycle also counts as frozen if the DPR received an earlier cycle with the same timestamp.
             self.states.push(State { frozen: true, ..of(0) });
             self.states.push(State::default());
             (Certainty::May, Certainty::May)
         };
-        // The DPR may have missed the frame.
         if received < Certainty::Must {
             for mut state in before {
                 if state.last.is_some_and(|(_, at)| sampled.saturating_sub(at) > FORGOTTEN) {
@@ -340,8 +327,7 @@ impl Expectation {
         verdict
     }
 
-    /// Returns the instant, ns, until which the DPR must hold the sequence, and that until which it may hold it; 0 if
-    /// it does not hold the sequence.
+    /// Returns the instants, ns, until which the DPR must, and may, hold the sequence; 0 without a sequence.
     #[must_use]
     pub fn held_until(&self) -> (u64, u64) {
         let band = i64::try_from(bounds::SEQUENCE_BAND).unwrap_or(i64::MAX);
@@ -350,22 +336,20 @@ impl Expectation {
         (must.unwrap_or(0), may.unwrap_or(0))
     }
 
-    /// Returns whether the last cycle had the same timestamp as the cycle before it.
+    /// Returns whether the last cycle repeated the timestamp of the cycle before it.
     #[must_use]
     pub fn frozen(&self) -> Certainty {
         Certainty::of(self.states.iter().map(|state| state.frozen))
     }
 
-    /// Returns whether, at the instant `at`, ns, no frame had arrived for so long that the DPR may have concluded that
-    /// its front end does not receive.
+    /// Returns whether the DPR may have concluded by the instant `at`, ns, that its front end does not receive.
     #[must_use]
     pub fn is_silent(&self, at: u64) -> bool {
         at > self.last_whole + bounds::SILENCE || self.silence.contains(&at)
     }
 }
 
-/// Returns the age, ns, of a cycle's sample at the instant at which the last bit of frame `number` (from 0) of the
-/// cycle ends.
+/// Returns the age, ns, of a cycle's sample at the end of frame `number` (from 0) of the cycle.
 #[must_use]
 pub fn age_at_end(layout: Layout, number: usize) -> u64 {
     let us = match layout.receivers() {
@@ -395,14 +379,13 @@ mod tests {
             expectation.take(&event, &context);
             most = most.max(expectation.states.len());
         }
-        // Each cycle of the last 300 ms may be the last one that the DPR received, and in each case the sequence may be
-        // found, or the search for it may have made any number of steps.
+        // Any cycle of the last 300 ms may be the last received, with any number of steps of the search made.
         assert!((100..150).contains(&most), "{most}");
     }
 
     #[test]
     fn a_samples_age_at_its_last_bit_is_slot_plus_air_time() {
-        // The numbers in this table are the send slots of `profile::air`, µs.
+        // The slots, µs, are those of `profile::air`.
         for (receivers, slots) in [(1, vec![70]), (2, vec![80]), (3, vec![100]), (5, vec![120, 4_130])] {
             let layout = Layout::for_receivers(receivers).unwrap();
             for (number, slot) in slots.into_iter().enumerate() {
@@ -415,8 +398,8 @@ mod tests {
 
     const AT: u64 = 1_000_000_000;
 
-    /// Returns the kinds that a correct DPR may assign to the step from timestamp 1000 ms, sampled at [`AT`], to this
-    /// timestamp and this sample.
+    /// Returns the ways in which a correct DPR may judge the step from timestamp 1000 ms, sampled at [`AT`], to this
+    /// one.
     fn steps(timestamp: u32, sampled: u64) -> Vec<Step> {
         let state = State { last: Some((1_000, AT)), ..State::default() };
         let mut steps = vec![];
@@ -442,18 +425,18 @@ mod tests {
             (1_005, ms(5), Step::Irregular),
             (990, ms(10), Step::Back),
             (999, ms(10), Step::Back),
-            // Half of all timestamps count as ahead of a given one, and the other half as behind it.
+            // Half of all timestamps count as ahead of a given timestamp, the other half as behind it.
             (1_000 + u32::MAX / 2, ms(10), Step::Irregular),
             (1_000 + u32::MAX / 2 + 1, ms(10), Step::Back),
         ] {
             assert_eq!(steps(timestamp, sampled), [expected], "{timestamp}");
         }
-        // The timestamps wrap around at the end of their range.
+        // The timestamps wrap around.
         let state = State { last: Some((u32::MAX - 5, AT)), ..State::default() };
         state.steps(4, ms(10), |step| assert_eq!(step, EXACT));
     }
 
-    /// The limits are those of docs/design.md#sequence. Close to each limit either verdict is right.
+    /// Limits: docs/design.md#sequence. Close to a limit either judgement is right.
     #[test]
     fn how_punctual_a_step_is_decides_what_it_may_be_taken_for() {
         let late = Step::TooEarlyOrLate;

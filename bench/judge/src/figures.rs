@@ -1,4 +1,4 @@
-//! The measured figures of a run. A series without values has no figures, because zeros would look like good ones.
+//! The measured figures of a run. An empty series has no figures, because zeros would look like good ones.
 
 use std::collections::BTreeMap;
 
@@ -32,7 +32,7 @@ impl Span {
     }
 }
 
-/// Quantiles of a series by nearest rank, so that each is a value that occurred.
+/// Quantiles of a series by nearest rank.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Quantiles {
     /// The median of the series.
@@ -56,7 +56,7 @@ impl Quantiles {
     }
 }
 
-/// The greatest value of a series, without further figures.
+/// The greatest value of a series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Max {
     /// The greatest value of the series.
@@ -75,14 +75,12 @@ impl Max {
 pub struct Faults {
     /// The number of injected faults of each kind.
     pub injected: BTreeMap<String, u64>,
-    /// The number of objects that were read as valid although HORUS never sent them so, or although they were out of
-    /// sequence, stale or expired.
+    /// The number of objects read as valid that HORUS never sent, or that were out of sequence, stale or expired.
     pub invalid_shown_valid: u64,
-    /// The longest time from the end of a disturbance to the first valid object of a cycle that HORUS sent after it, in
+    /// The longest time from the end of a disturbance to the first valid object that HORUS sent after that end, in
     /// cycles of 10 ms, rounded up; `None` without disturbances.
     pub max_recovery_cycles: Option<u64>,
-    /// The longest time as in `max_recovery_cycles`, but only of the disturbances after which no front end had to be
-    /// brought up again.
+    /// As `max_recovery_cycles`, but without the disturbances after which a front end had to be brought up again.
     pub max_recovery_cycles_without_bring_up: Option<u64>,
 }
 
@@ -93,14 +91,12 @@ pub struct Exclusion {
     pub receiver: usize,
     /// The instant, ns, of the tick of the first cycle whose objects call the receiver excluded.
     pub from_ns: u64,
-    /// The instant, ns, of the tick of the first cycle whose objects no longer call the receiver excluded, or of the
-    /// restart that ended the exclusion. `None` if the exclusion lasted until the end of the run.
+    /// The instant, ns, of the tick of the first cycle without the exclusion, or of the restart that ended it; `None`
+    /// if the exclusion lasted until the end of the run.
     pub until_ns: Option<u64>,
-    /// The receiver's distance along the ground from the farthest of the other receivers when the exclusion began, m;
-    /// `None` if it is not known.
+    /// The distance along the ground, m, from the farthest other receiver at the beginning; `None` if not known.
     pub away_m: Option<f64>,
-    /// The receiver's distance in height from the farthest of the other receivers when the exclusion began, m; `None`
-    /// if it is not known.
+    /// The distance in height, m, from the farthest other receiver when the exclusion began; `None` if not known.
     pub height_m: Option<f64>,
 }
 
@@ -113,10 +109,10 @@ pub struct Voter {
     pub degraded: u64,
     /// The number of cycles without a position.
     pub none: u64,
-    /// The largest distance of a valid position from the aircraft's place at its tick, along the ground, mm; `None` if
-    /// there was no position, or the aircraft's place is not known.
+    /// The largest distance along the ground, mm, of a valid position from the aircraft; `None` if there is none to
+    /// measure.
     pub worst_mm: Option<u64>,
-    /// The exclusions in order of their beginnings; only the first [`Voter::MOST_EXCLUSIONS`] are kept.
+    /// The exclusions in order of time; only the first [`Voter::MOST_EXCLUSIONS`] are kept.
     pub exclusions: Vec<Exclusion>,
 }
 
@@ -131,8 +127,8 @@ impl Voter {
         self.none += u64::from(!status.position_valid());
     }
 
-    /// Records whether a receiver (from 0) is excluded at the tick `at`, and its distance from the others along the
-    /// ground and in height, m.
+    /// Records whether a receiver (from 0) is excluded at the tick `at`, and its distance, m, from the other receivers:
+    /// along the ground and in height.
     pub(crate) fn excluded(&mut self, receiver: usize, at: u64, excluded: bool, away: Option<(f64, Option<f64>)>) {
         let of_this = |exclusion: &Exclusion| exclusion.receiver == receiver + 1 && exclusion.until_ns.is_none();
         match self.exclusions.iter().rposition(of_this) {
@@ -164,20 +160,20 @@ pub struct Figures {
     pub tick_to_command_ns: Option<Span>,
     /// The time from the tick to the first preamble bit of the cycle's first frame.
     pub tick_to_air_ns: Option<Span>,
-    /// The time from the tick that stamps the objects until a transaction would read the image that holds them.
+    /// The time from a tick until a transaction would read the image with the objects of that tick.
     pub sample_to_readable: Option<Quantiles>,
-    /// The time from the cycle's last bit on the air until a transaction would read the image that holds its objects.
+    /// The time from a cycle's last bit on the air until a transaction would read the image with the cycle's objects.
     pub last_bit_to_readable: Option<Max>,
-    /// The time from the rise of chip select until the DPR can serve the next transaction.
+    /// The time from the end of a transaction until the DPR can serve the next one.
     pub ready_ns: Option<Max>,
-    /// The number of HORUS's cycles whose Reported-Position was read with a valid position.
+    /// The number of cycles whose Reported-Position was read with a valid position.
     pub valid_cycles: u64,
-    /// The instant, ns, at which chip select fell for the first transaction of the run's last series without a valid
-    /// position. `None` if the last transaction read a valid position, or if none ever did.
+    /// The instant, ns, since which no transaction has read a valid position: the beginning of the first such
+    /// transaction. `None` if the last transaction read a valid position, or if none ever did.
     pub invalid_since_ns: Option<u64>,
-    /// For each receiver, the instant, ns, at which the last byte of its last valid position had crossed its line.
+    /// For each receiver, the instant, ns, at which its last valid position had arrived.
     pub last_solution_ns: Vec<Option<u64>>,
-    /// The figures of HORUS's voter.
+    /// The results of HORUS's voter.
     pub voter: Voter,
     /// The injected faults and their consequences.
     pub faults: Faults,

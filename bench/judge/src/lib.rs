@@ -1,28 +1,24 @@
 //! The event log of a run of the link, and its verdict.
 //!
-//! Boards, chips and their environment write one [`Log`]. It holds what a logic analyser on the wires, an antenna
-//! between the boards and a debug probe would record, each with its instant. [`judge`] is a pure function of the log,
-//! so a log can be stored, judged again and tested without a bench. This crate uses the wire format (`profile`) and the
-//! design's bounds ([`bounds`]), but nothing of how a firmware is made. What a firmware counts about itself supplements
-//! the observations from outside and never replaces them.
+//! Boards, chips and their environment write one [`Log`]: what a logic analyser, an antenna and a debug probe would
+//! record, with the instant of each event. [`judge`] is a pure function of the log, so a log can be stored and judged
+//! again without a bench. This crate uses the wire format (`profile`) and the design's bounds ([`bounds`]), but nothing
+//! of how a firmware is made. A firmware's own counters supplement the observations from outside.
 //!
 //! # Where to add a violation
 //!
-//! A new violation needs three things: a line in [`Violation`] that says what it is, a rule in one of the files of
-//! [`rules`] that finds it, and a row in the bench's table of violations (`bench/tests/violations/`) whose run has this
-//! violation and no other. The test of that table fails if a violation has no row.
+//! A new violation needs a line in [`Violation`], a rule in [`rules`] that finds it, and a row in the bench's table of
+//! violations (`bench/tests/violations/`) whose run has this violation and no other. A test fails without the row.
 //!
 //! # What is excused
 //!
-//! The log records each disturbance that the bench makes on purpose, with its type. [`disturbance`] alone determines
-//! what each type excuses, and for how long.
+//! [`disturbance`] alone determines what each disturbance in the log excuses, and for how long.
 //!
 //! # How rules are kept apart
 //!
 //! One cause must lead to one violation. Therefore each rule requires of a stage only what follows from the stage
-//! before. The judge requires a frame where there was a tick, an object in the image where that object reached the
-//! DPR's antenna whole, and an object at the base station where the flight controller has forwarded that object. An
-//! absence is a violation, too, and it is reported for the stage at which something is first missing.
+//! before: a frame after a tick, an object in the image if the object reached the DPR's antenna whole, and an object at
+//! the base station if the flight controller has forwarded it.
 #![forbid(unsafe_code)]
 
 pub mod bounds;
@@ -59,8 +55,7 @@ pub fn judge(log: &Log) -> Verdict {
     judge.finish()
 }
 
-/// Judges a log like [`judge`], but processes one event at a time, for a run whose log is too long to be kept in
-/// memory.
+/// Judges a run like [`judge`], but one event at a time, so that the log need not be kept in memory.
 #[derive(Clone, Debug)]
 pub struct Judge {
     context: Context,
@@ -75,13 +70,13 @@ impl Judge {
         Self { context: Context::new(header), rules: rules::Rules::new(header), findings: Findings::default() }
     }
 
-    /// Processes the next event of the log. The events must be passed in order of time.
+    /// Processes the next event of the log; events must come in order of time.
     pub fn take(&mut self, event: &Event) {
         self.context.take(event);
         self.rules.take(event, &self.context, &mut self.findings);
     }
 
-    /// Returns the violations found so far, and how often each occurred.
+    /// Returns the violations found so far, with their counts.
     #[must_use]
     pub fn findings(&self) -> &Findings {
         &self.findings

@@ -6,16 +6,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Event, Header, What};
 
-/// A run's events, in order of time.
+/// A run's events, in order of time, and what is known before them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Log {
-    /// What is known of the run before its first event.
+    /// What is known before the first event.
     pub header: Header,
     /// The events, in order of time.
     pub events: Vec<Event>,
 }
 
-/// The reason why a stored log cannot be read.
+/// Why a stored log cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
     /// The file cannot be read.
@@ -51,7 +51,7 @@ pub enum LogError {
 }
 
 impl Log {
-    /// Reads a stored log. An incomplete last line is ignored, because a run that was killed leaves one.
+    /// Reads a stored log. An incomplete last line is ignored: a run that was killed leaves one.
     ///
     /// # Errors
     ///
@@ -79,7 +79,7 @@ impl Log {
         Ok(Self { header, events })
     }
 
-    /// Returns whether the log holds the end of the run. The log of a killed run may end after any event.
+    /// Returns whether the log holds the end of the run. The log of a killed run does not.
     #[must_use]
     pub fn is_whole(&self) -> bool {
         self.events.last().is_some_and(|event| event.what == What::End)

@@ -1,4 +1,4 @@
-//! Decodes the bytes on the wires, once for all rules: frames on the air, transactions on the SSI.
+//! Decodes the bytes on the wires for all rules: frames on the air, and transactions on the SSI.
 
 use std::ops::Range;
 
@@ -15,7 +15,7 @@ pub enum Values {
     Gps(GpsValues),
 }
 
-/// What was found in a frame or an image where a certain object belongs.
+/// What was found at an object's offset in a frame or an image.
 #[derive(Clone, Debug, PartialEq)]
 pub enum State {
     /// The bytes are an intact object, and it is the object that belongs there.
@@ -27,16 +27,16 @@ pub enum State {
     },
     /// The bytes are 0x00 or 0xFF throughout, so there is no object.
     Vacant,
-    /// The bytes are neither an intact object nor empty. This is the reason why they were rejected.
+    /// The bytes are neither an intact object nor empty; the reason is given.
     Unsound(Rejection),
 }
 
-/// An object as it was found in a frame or an image: its number, its bytes, and what they contain.
+/// An object as it was found in a frame or an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placed {
     /// The object's number in the profile: 0 is Reported-Position, n is GPSn.
     pub index: usize,
-    /// What the object's bytes contain: its timestamp and values, or the reason why they are not an object.
+    /// The object's timestamp and values, or why the bytes are not an object.
     pub state: State,
     /// The object's bytes.
     pub bytes: Vec<u8>,
@@ -68,7 +68,7 @@ impl Placed {
     }
 }
 
-/// Returns whether the bytes of an object are empty: 0x00 or 0xFF throughout, as a scrub leaves them.
+/// Returns whether all bytes are 0x00 or all are 0xFF, as a scrub leaves them.
 #[must_use]
 pub fn is_vacant(bytes: &[u8]) -> bool {
     bytes.iter().all(|byte| *byte == 0) || bytes.iter().all(|byte| *byte == 0xFF)
@@ -79,16 +79,15 @@ pub fn is_vacant(bytes: &[u8]) -> bool {
 pub struct Frame {
     /// The payload between LEN and CRC-16.
     pub payload: Vec<u8>,
-    /// The frame's number in the cycle, from 0, as determined by the frame's length; `None` if no frame of the profile
-    /// has that length.
+    /// The frame's number in its cycle, from 0; `None` if no frame of the profile has this length.
     pub number: Option<usize>,
-    /// The frame's objects; empty if the frame's length is none of the profile's.
+    /// The frame's objects; empty if no frame of the profile has this length.
     pub objects: Vec<Placed>,
 }
 
 impl Frame {
-    /// Decodes the frame in `bytes`: LEN, payload, CRC-16. If the frame is not `whole`, it broke off; its payload is
-    /// then still as long as LEN announces, if that many bytes had arrived.
+    /// Decodes the frame in `bytes`: LEN, payload, CRC-16. A frame that is not `whole` broke off. Its payload is then
+    /// as long as LEN announces if enough bytes have arrived.
     #[must_use]
     pub fn of(layout: Layout, bytes: &[u8], whole: bool) -> Self {
         let announced = bytes.first().map_or(0, |len| usize::from(*len));
@@ -154,7 +153,7 @@ impl Reading {
         }
     }
 
-    /// Returns whether Link-Status and every object of which all bytes were read are intact or empty.
+    /// Returns whether Link-Status and all objects that were read completely are intact or empty.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         let unsound = |placed: &Placed| matches!(placed.state, State::Unsound(_));
@@ -168,8 +167,7 @@ impl Reading {
     }
 }
 
-/// The part of the map that the next transaction reads, called the window. Each transaction may request the window of
-/// the next one.
+/// The window is the range of the map that the next transaction reads; each transaction may request the next window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Window {
     offset: usize,
@@ -183,7 +181,7 @@ impl Window {
     }
 
     /// Updates the window after a transaction in which the flight controller sent `mosi`. A busy DPR (`silent`) does
-    /// not receive the request, so the window stays as it was (`dpr_fw::ssi`).
+    /// not receive the request (`dpr_fw::ssi`).
     pub fn transaction(&mut self, layout: Layout, mosi: &[u8], silent: bool) {
         if silent {
             return;
@@ -198,14 +196,14 @@ impl Window {
 /// What the first bytes of a transaction request (docs/design.md#ssi).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asked {
-    /// The flight controller requests nothing, because the line is idle.
+    /// The line is idle, so the flight controller requests nothing.
     Nothing,
-    /// The flight controller requests a window that lies in the map.
+    /// The request is for a window that lies in the map.
     Window {
         /// The offset of the window's first byte.
         offset: usize,
     },
-    /// The flight controller requests a window that is empty, or does not lie in the map.
+    /// The request is for a window that is empty, or does not lie in the map.
     Outside,
     /// The request has a wrong CRC.
     Damaged,
@@ -234,8 +232,7 @@ impl Asked {
     }
 }
 
-/// Returns whether the last four bytes are the frame CRC of those before them, most significant byte first
-/// (docs/design.md#crc).
+/// Returns whether the last four bytes are the CRC of those before them, big-endian (docs/design.md#crc).
 #[must_use]
 pub fn is_intact(bytes: &[u8]) -> bool {
     bytes.split_last_chunk().is_some_and(|(bytes, crc)| profile::crc::frame(bytes).to_be_bytes() == *crc)

@@ -1,26 +1,23 @@
-//! Keeps a record of the frames that HORUS put on the air.
+//! The frames that HORUS put on the air.
 
 use std::collections::VecDeque;
 
 use crate::read::Placed;
 use crate::{Board, Context, Event, What, bounds};
 
-/// How long frames are kept, ns, that were sent or that reached the antenna. The time is long, because a transaction
-/// may last long and an image may be old if it is not replaced.
+/// How long frames are kept after they were sent, ns. A transaction may last long, and an image may be old.
 pub const KEPT: u64 = 2_000_000_000;
 
-/// The number of frames that are kept: those of ten seconds, or of five seconds with two frames a cycle. An image of
-/// that age must have expired long before.
+/// The number of frames that are kept: those of ten seconds, or of five seconds with two frames a cycle.
 const REMEMBERED: usize = 1_000;
 
-/// The number of ticks that are kept. A few are enough, because a frame ends before the next tick but one.
+/// A frame ends before the next tick but one, so a few ticks are enough.
 const TICKS: usize = 4;
 
 /// A frame that HORUS sent.
 #[derive(Clone, Debug)]
 pub struct SentFrame {
-    /// The frame's number among all frames that were sent. A frame with a higher number is younger, also across a
-    /// restart of HORUS.
+    /// The frame's number among all frames of the run, across restarts of HORUS.
     pub serial: u64,
     /// The number of the start of HORUS after which the frame was sent.
     horus_start: u64,
@@ -28,7 +25,7 @@ pub struct SentFrame {
     pub started: u64,
     /// The instant, ns, of the tick to which the frame belongs; `None` if there was none on the TICK pin.
     pub tick: Option<u64>,
-    /// The valid objects of the frame: the number of each in the profile, and its bytes.
+    /// The number of each valid object in the profile, and its bytes.
     objects: Vec<(usize, Vec<u8>)>,
 }
 
@@ -63,8 +60,7 @@ impl Truth {
                     tick: self.ticks.iter().rev().copied().find(near),
                     objects: frame.objects.iter().filter(valid).map(|it| (it.index, it.bytes.clone())).collect(),
                 });
-                // A frame from before HORUS's last start but one is dropped once every transaction that could show it
-                // is over.
+                // Frames from before HORUS's last start but one are dropped once no transaction can show them.
                 let gone = |frame: &SentFrame| frame.horus_start + 1 < horus_start && event.at - frame.started > KEPT;
                 while self.frames.len() > REMEMBERED || self.frames.front().is_some_and(gone) {
                     self.frames.pop_front();
@@ -74,8 +70,7 @@ impl Truth {
         }
     }
 
-    /// Returns the last frame begun at the instant `before`, ns, or earlier whose object number `index` has these
-    /// bytes.
+    /// Returns the last frame that began at `before`, ns, or earlier and whose object number `index` has these bytes.
     #[must_use]
     pub fn find(&self, index: usize, bytes: &[u8], before: u64) -> Option<&SentFrame> {
         let carried = |frame: &&SentFrame| {
@@ -93,7 +88,6 @@ mod tests {
 
     const FRAME: u64 = 5 * MS;
 
-    /// A record of the frames of a HORUS with one receiver, with the context that it requires.
     struct Rig {
         context: Context,
         truth: Truth,
@@ -118,7 +112,7 @@ mod tests {
             self.take(at, What::Reset { board: Board::Horus, cause: crate::Cause::Pin, asked: true });
         }
 
-        /// Sends a frame whose objects are stamped `timestamp` (ms); the last object is damaged unless `intact` is set.
+        /// Sends a frame whose objects are stamped `timestamp` (ms). Without `intact` the last object is damaged.
         fn send(&mut self, started: u64, timestamp: u32, intact: bool) {
             let mut payload = objects(timestamp).concat();
             *payload.last_mut().unwrap() ^= u8::from(!intact);
@@ -137,7 +131,7 @@ mod tests {
         testing::objects(&testing::silent_reported(timestamp), &[testing::silent_gps(timestamp)])
     }
 
-    /// Returns the tick to which a frame is assigned that began at `started` and ended after all of these ticks.
+    /// Returns the tick to which a frame belongs that began at `started` and ended after all of these ticks.
     fn tick_of(started: u64, ticks: &[u64]) -> Option<u64> {
         let mut rig = Rig::new();
         ticks.iter().for_each(|at| rig.tick(*at));
@@ -156,7 +150,6 @@ mod tests {
         for after in [bounds::CYCLE, bounds::CYCLE + 1, 4 * bounds::CYCLE] {
             assert_eq!(tick_of(tick + after, &[tick]), None, "{after} ns");
         }
-        // A tick during the frame belongs to the next cycle, and of two ticks before the frame the later one counts.
         assert_eq!(tick_of(tick + MS, &[tick, tick + 2 * MS]), Some(tick));
         assert_eq!(tick_of(tick + 3 * MS, &[tick, tick + 2 * MS]), Some(tick + 2 * MS));
     }
@@ -183,8 +176,7 @@ mod tests {
         assert_eq!(rig.found(1, 20, 70 * MS - 1), Some((2, Some(60 * MS))));
         assert_eq!(rig.found(0, 10, 50 * MS - 1), None);
         assert_eq!(rig.found(0, 30, u64::MAX), None);
-        // The first check looks for Reported-Position's bytes as GPS1, and the second for a part of Reported-Position's
-        // bytes.
+        // An object is not found as another object, nor by only the beginning of its bytes.
         assert!(rig.truth.find(1, &objects(10)[0], u64::MAX).is_none());
         assert!(rig.truth.find(0, &objects(10)[0][1..], u64::MAX).is_none());
     }
@@ -229,7 +221,6 @@ mod tests {
         rig.send(10 * MS + KEPT - FRAME + 1, 60, true);
         assert_eq!(rig.found(0, 10, u64::MAX), None);
         assert_eq!(rig.found(0, 20, u64::MAX), Some((2, None)));
-        // The frames of the start before and of this start are kept, however old they are.
         rig.send(9_000 * MS, 70, true);
         assert_eq!(rig.found(0, 20, u64::MAX), None);
         assert_eq!([30, 40].map(|timestamp| rig.found(0, timestamp, u64::MAX).map(|it| it.0)), [Some(3), Some(4)]);

@@ -32,8 +32,7 @@ impl std::fmt::Display for Broken {
 pub struct Findings(BTreeMap<Violation, Broken>);
 
 impl Findings {
-    /// Records a violation that occurred at `at` (ns). `words` is called only for the first occurrence of each
-    /// violation.
+    /// Records a violation at the instant `at`, ns. `words` is called only for the first occurrence.
     pub fn add(&mut self, violation: Violation, at: u64, words: impl FnOnce() -> String) {
         self.0.entry(violation).and_modify(|broken| broken.count += 1).or_insert_with(|| Broken {
             violation,
@@ -49,7 +48,7 @@ impl Findings {
         self.0.get(&violation).map_or(0, |broken| broken.count)
     }
 
-    /// Returns the violations that have occurred so far, and how often each has.
+    /// Returns the violations that have occurred so far, with their counts.
     pub fn counts(&self) -> impl Iterator<Item = (Violation, u64)> + '_ {
         self.0.values().map(|broken| (broken.violation, broken.count))
     }

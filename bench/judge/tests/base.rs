@@ -1,12 +1,11 @@
-//! Tests whether the base station shows the profiles that were forwarded. Each test changes a flawless log in one way.
+//! Tests what is judged of the base station's profiles. Each test changes a flawless log in one way.
 
 use crate::common;
 
 use bench_judge::{Log, Violation, Violation::*, What, bounds};
 use common::*;
 
-/// Returns a flawless log, and the index in it of the event at which a profile is forwarded. The next event is the
-/// arrival of that profile.
+/// Returns a flawless log, and the index of an event that forwards a profile. The next event is the profile's arrival.
 fn forwarding(gps: usize) -> (Plan, Log, usize) {
     let plan = Plan::new(gps, 40);
     let log = plan.log();
@@ -42,10 +41,8 @@ fn a_profile_must_arrive_within_100_ms_or_it_is_missed() {
         found(&log)
     };
     assert_eq!(late(bounds::DOWNLINK), []);
-    // If a profile arrives this late, it counts as missed, and its arrival counts as that of a profile that was not
-    // forwarded.
+    // A profile that arrives this late counts as missed, and its arrival as that of a profile that was not forwarded.
     assert_eq!(late(bounds::DOWNLINK + 1), [(BaseMissed, 1), (BaseChanged, 1)]);
-    // The missing profile is the last of the run.
     let mut log = log;
     let last = log.events.iter().rposition(|event| matches!(event.what, What::Arrived { .. })).unwrap();
     let at = log.events.remove(last).at;
@@ -67,7 +64,6 @@ fn a_profile_changed_on_its_way_is_not_missed_too() {
             *shown &= !(1 << hit.unwrap());
             assert_eq!(found(&log), [(BaseChanged, 1)], "{gps} {byte}");
         }
-        // The profile arrives with another length.
         let mut log = log;
         let (profile, shown) = arrived(&mut log, place + 1);
         profile.truncate(100);
@@ -79,8 +75,8 @@ fn a_profile_changed_on_its_way_is_not_missed_too() {
 #[test]
 fn a_change_explains_one_missing_profile_of_its_time_and_no_other() {
     let (_, log, place) = forwarding(3);
-    // In the first case a changed profile arrives long before the missing one is forwarded, in the second just before
-    // that. In the third case two profiles are missing and one of them arrives changed.
+    // In the first two cases a changed profile arrives long before, or just before, the missing one is forwarded. In
+    // the third case two profiles are missing and one arrives changed.
     let spoilt = |log: &Log, place: usize| {
         let mut what = log.events[place].what.clone();
         if let What::Arrived { profile, shown } = &mut what {
@@ -176,17 +172,15 @@ fn the_base_station_may_not_show_an_invalid_object() {
         let mut log = log.clone();
         let (profile, _) = arrived(&mut log, place + 1);
         profile[plan.layout.in_profile(index).unwrap().start + 20] ^= 1;
-        // The judge reports two things: the change on the way to the base station, and that the base station shows the
-        // changed object.
+        // The judge reports the change on the way, and the changed object that the base station shows.
         assert_eq!(found(&log), [(BaseChanged, 1), (BaseInvalid, 1)], "{index}");
     }
-    // The base station shows an object that the profile does not have.
     for index in plan.layout.objects()..8 {
         let mut log = log.clone();
         *arrived(&mut log, place + 1).1 |= 1 << index;
         assert_eq!(found(&log), [(BaseInvalid, 1)], "{index}");
     }
-    // Two objects have changed places, so each is where the other one belongs.
+    // Two objects have changed places.
     let mut log = log;
     let (profile, _) = arrived(&mut log, place + 1);
     let second = profile[124..184].to_vec();
@@ -239,7 +233,7 @@ fn objects_of_two_cycles_shown_as_one_are_a_violation() {
         let mut log = log.clone();
         mixed(&mut log, place + 1, index);
         assert_eq!(found(&log), [(BaseMixed, 1)], "{index}");
-        // If the object is not shown with the others, the profile counts as changed on the way to the base station.
+        // A profile that does not show the object counts as changed on the way.
         *arrived(&mut log, place + 1).1 &= !(1 << index);
         assert_eq!(found(&log), [(BaseChanged, 1)], "{index}");
     }
@@ -266,7 +260,7 @@ fn a_torn_read_that_is_forwarded_and_shown_is_one_violation() {
     assert_eq!(kinds(&log), [Torn]);
 }
 
-/// Returns how many profiles were not forwarded, and the instant, ns, of the first of them; empty if there is none.
+/// Returns the number of profiles that were not forwarded and the instant, ns, of the first, if any.
 fn not_forwarded(log: &Log) -> Vec<(u64, u64)> {
     let found = bench_judge::judge(log).violations.into_iter();
     found.filter(|it| it.violation == NotForwarded).map(|it| (it.count, it.first_at)).collect()
@@ -275,7 +269,7 @@ fn not_forwarded(log: &Log) -> Vec<(u64, u64)> {
 #[test]
 fn a_new_profile_must_be_forwarded_when_it_is_read() {
     let log = Plan::new(3, 40).log();
-    // The test needs a profile that differs from the profile before it.
+    // The profile must differ from the one before it.
     let of = |place: usize| match &log.events[place].what {
         What::Forwarded { profile } => Some(profile),
         _ => None,
@@ -286,14 +280,12 @@ fn a_new_profile_must_be_forwarded_when_it_is_read() {
     kept.events.drain(place..=place + 1);
     assert_eq!(not_forwarded(&kept), [(1, log.events[place].at)]);
     assert_eq!(not_forwarded(&log), []);
-    // A profile must be forwarded at once, so one that is forwarded a nanosecond later is too late.
     let at = log.events[place].at;
     let mut late = log;
     late.events[place].at += 1;
     late.events[place + 1].at += 1;
     sort(&mut late);
     assert_eq!(not_forwarded(&late), [(1, at)]);
-    // While the flight controller misuses the SSI, it need not forward anything.
     insert(&mut kept, 1, injected(MISUSE, u64::MAX));
     assert_eq!(not_forwarded(&kept), []);
 }

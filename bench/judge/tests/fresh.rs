@@ -1,4 +1,4 @@
-//! Tests whether the image that is read is the one that FRESH announced. Each test changes a flawless log in one way.
+//! Tests whether transactions read the image that FRESH announced. Each test changes a flawless log in one way.
 
 use crate::common;
 
@@ -8,8 +8,7 @@ use profile::{LinkStatus, LinkValues};
 
 const MS: u64 = 1_000_000;
 
-/// Returns the indices in the log of certain rises of FRESH later than `after`: those for which the log states which
-/// bytes could be read only when FRESH falls.
+/// Returns the indices of the rises of FRESH after `after` for which only the fall states which bytes could be read.
 fn rises(log: &Log, after: u64) -> Vec<usize> {
     let rises = log.events.iter().enumerate();
     let rises = rises.filter(|(_, event)| event.at > after && matches!(event.what, What::Fresh { high: true, .. }));
@@ -21,7 +20,7 @@ fn rises(log: &Log, after: u64) -> Vec<usize> {
     rises.filter(|(_, event)| falls(event.at)).map(|(place, _)| place).collect()
 }
 
-/// Returns the bytes that, according to the log, could be read when FRESH fell after its rise at index `place`.
+/// Returns the bytes that the log states at the fall of FRESH after its rise at index `place`.
 fn offered(log: &mut Log, place: usize) -> &mut Option<bench_judge::Bytes> {
     let at = log.events[place].at + 2_000;
     let mut events = log.events.iter_mut().filter(|event| event.at == at);
@@ -33,8 +32,7 @@ fn offered(log: &mut Log, place: usize) -> &mut Option<bench_judge::Bytes> {
         .unwrap()
 }
 
-/// Returns a log that states the bytes that can be read at each rise of FRESH. `log` itself states them only at the
-/// fall.
+/// Returns the log with these bytes at each rise of FRESH, and not at the fall.
 fn offering_at_once(log: &Log) -> Log {
     let mut log = log.clone();
     for place in rises(&log, 0) {
@@ -85,7 +83,6 @@ fn fresh_with_an_unsound_image_is_exactly_one_violation() {
             assert_eq!(found(&log), [(FreshUnreadable, 1)], "{byte}");
             assert_eq!(judged(&log).violations[0].first_at, rose);
         }
-        // Every byte of the announced image is 0xFF.
         let mut log = log.clone();
         let bytes = match &mut log.events[rise].what {
             What::Fresh { offered: Some(bytes), .. } => bytes,
@@ -136,23 +133,20 @@ fn fresh_that_offers_the_image_of_before_is_a_violation() {
     insert(&mut again, quiet, What::Fresh { high: true, offered: Some(image.clone().into()) });
     assert_eq!(found(&again), [(FreshNotNew, 1)]);
     assert_eq!(judged(&again).violations[0].first_at, quiet);
-    // The verdict is the same for an image without objects, and for an older image.
     let mut plan = plan;
     let first = plan.publications[1].clone();
     plan.publications.insert(2, Publication { at: first.at + 900_000, ..first.clone() });
     assert_eq!(found(&plan.log()), [(FreshNotNew, 1)]);
     plan.publications[2].image = plan.publications[0].image.clone();
     assert_eq!(found(&plan.log()), [(FreshNotNew, 1)]);
-    // While a bit of an image may be disturbed, an image with the same content may replace that image, but an older one
-    // may not.
+    // An image with the same content may replace one with a disturbed bit, but an older image may not.
     for (shows, violations) in [(1, vec![]), (0, vec![(FreshNotNew, 1)])] {
         plan.publications[2].image = plan.publications[shows].image.clone();
         let mut log = plan.log();
         let rose = plan.publications[2].at;
         insert(&mut log, rose - 1_000, injected(IMAGE_BIT, rose));
         assert_eq!(found(&log), violations, "{shows}");
-        // The verdict is the same if only the bytes that a transaction reads are known, but not those that FRESH
-        // announces.
+        // The same holds if only the bytes that a transaction reads are known.
         let rise = log.events.iter().position(|event| event.at == rose && matches!(event.what, What::Fresh { .. }));
         *offered(&mut log, rise.unwrap()) = None;
         let is_old = found(&log).iter().any(|(violation, _)| *violation == FreshNotNew);
@@ -179,7 +173,7 @@ fn fresh_that_offers_the_image_of_before_is_a_violation() {
 
 #[test]
 fn fresh_after_which_an_older_image_is_read_is_a_violation() {
-    // What FRESH announces is known only from the bytes that a transaction reads.
+    // Only the bytes that a transaction reads show what FRESH announced.
     let (plan, log, _) = run(3);
     let rise = rises(&log, 200 * MS)[0];
     let rose = log.events[rise].at;
@@ -293,14 +287,12 @@ fn a_hit_bit_excuses_unsound_images_until_its_buffer_is_replaced() {
         inject(&mut log, rose + 2_000);
         let violations = if hit { vec![] } else { vec![(FreshUnreadable, 1)] };
         assert_eq!(found(&log), violations, "offered, {longer}");
-        // The transaction reads an unsound image.
         let (_, mut log, place) = run(3);
         miso(&mut log, place)[100] ^= 1;
         let What::Transaction { selected, .. } = log.events[place].what else { unreachable!("a transaction") };
         inject(&mut log, selected);
         let violations = if hit { vec![] } else { vec![(Damaged, 1)] };
         assert_eq!(found(&log), violations, "read, {longer}");
-        // An image replaces another one with the same content.
         let (_, mut log, place) = run(3);
         let quiet = log.events[place].at + 600_000;
         let image = miso(&mut log, place).clone();

@@ -1,5 +1,4 @@
-//! Tests the judge of a DPR that hangs. The DPR need not serve the SSI until it restarts, but what is read from it
-//! still has to be right.
+//! Tests the judge of a DPR that hangs: the DPR need not serve the SSI, but what is read still has to be right.
 
 use crate::common;
 
@@ -7,17 +6,15 @@ use bench_judge::{Board, Disturbance, Event, Log, SsiEvent, Violation, Violation
 use common::*;
 
 const MS: u64 = 1_000_000;
-/// The instant, ns, at which the DPR restarts.
 const RESTARTS: u64 = 330 * MS;
-/// The instant, ns, at which the DPR's first image after the restart is put in. By then the flight controller's last
-/// transaction before that instant is over.
+/// The instant, ns, at which the first image after the restart is put in, between two transactions.
 const BACK: u64 = 344_950_000;
 
 fn hung() -> What {
     What::Hung { board: Board::Dpr }
 }
 
-/// Returns a log in which nothing can be read from `from` until the DPR has put in its first image after a restart.
+/// Returns a log in which nothing can be read from `from` until the first image after a restart.
 fn silent(plan: &Plan, from: u64) -> Log {
     let mut log = plan.log();
     blind(&mut log, from, BACK);
@@ -27,15 +24,14 @@ fn silent(plan: &Plan, from: u64) -> Log {
     log
 }
 
-/// The disturbance by which a task of the DPR is dead.
 const DEAD: Disturbance = Disturbance::DeadTask { board: Board::Dpr, task: 0 };
 
-/// Returns the violations that are found in a log in which the DPR hangs from `at` on.
+/// Returns the violations that are found if the DPR hangs from `at` on.
 fn judged_at(log: &Log, at: u64) -> Vec<(Violation, u64)> {
     judged_with(log, at, hung())
 }
 
-/// Returns the violations that are found in a log in which one of the DPR's tasks is dead from `at` on.
+/// Returns the violations that are found if one of the DPR's tasks is dead from `at` on.
 fn judged_dead_at(log: &Log, at: u64) -> Vec<(Violation, u64)> {
     judged_with(log, at, What::Injected { kind: "dead task".into(), disturbs: DEAD, until: at })
 }
@@ -51,8 +47,8 @@ fn a_hang_of_the_dpr_excuses_what_it_does_not_serve() {
     for from in [250 * MS, 253 * MS, 256 * MS, 259 * MS] {
         let mut log = silent(&Plan::new(3, 60), from);
         assert_eq!(judged_at(&log, from), [], "{from}");
-        // The DPR did not become ready after the last transaction before the hang. This is reported only if the DPR had
-        // to be ready before the hang began.
+        // The DPR did not become ready after the last transaction. That counts only if it had to be ready before the
+        // hang.
         let horus = What::Hung { board: Board::Horus };
         let restart =
             log.events.iter().position(|event| event.at == RESTARTS && event.what == dpr_reset(true)).unwrap();
@@ -69,7 +65,7 @@ fn a_hang_excuses_unserved_transactions_until_the_run_ends() {
     plan.end = first + 90 * MS;
     plan.selects.retain(|selected| *selected < plan.end - MS);
     let mut log = plan.log();
-    // The first transaction is served, and those after it are not.
+    // Only the first transaction is served.
     blind(&mut log, first + 1, plan.end);
     log.events.retain(|event| event.at < first || !matches!(event.what, What::Fresh { .. } | What::Ssi(_)));
     assert_eq!(judged_at(&log, first - MS), []);
@@ -83,7 +79,6 @@ fn a_hang_excuses_unserved_transactions_until_the_run_ends() {
     assert_eq!(found(&log), [(NotReady, 1)]);
 }
 
-/// Returns the instant, ns, at which the last transaction before `before` ended.
 fn last_end(log: &Log, before: u64) -> u64 {
     let is_end = |event: &&Event| matches!(event.what, What::Transaction { .. }) && event.at < before;
     log.events.iter().rfind(is_end).unwrap().at
@@ -91,7 +86,7 @@ fn last_end(log: &Log, before: u64) -> u64 {
 
 #[test]
 fn what_had_waited_too_long_when_the_dpr_hung_is_told() {
-    // The DPR keeps the buffers too long, in one case after a transaction and in the other without one.
+    // The DPR keeps the buffers too long, after a transaction or without one.
     let log = Plan::new(3, 60).log();
     let ended = last_end(&log, 258 * MS);
     let unready = silent(&Plan::new(3, 60), ended + 1);

@@ -1,4 +1,4 @@
-//! Tests what each disturbance that the bench makes on purpose excuses, and what it does not excuse.
+//! Tests what each disturbance excuses, and what it does not excuse.
 
 use crate::common;
 
@@ -9,13 +9,12 @@ use profile::air::{CRC_BYTES, LEN_BYTES};
 
 const MS: u64 = 1_000_000;
 
-/// Returns the violations of the SSI. The tests change what was read but not what was forwarded. The violation
-/// `BaseChanged` follows from that, so it is left out.
+/// Returns the violations without `BaseChanged`: the tests change what was read but not what was forwarded.
 fn found(log: &Log) -> Vec<(Violation, u64)> {
     common::found(log).into_iter().filter(|(violation, _)| *violation != Violation::BaseChanged).collect()
 }
 
-/// Returns a log in which the flight controller reads bytes that the DPR did not send, from the instant `from` to `to`.
+/// Returns a log in which the flight controller reads wrong bytes from the instant `from` to `to`.
 fn read_by_wrong_clocks(from: u64, to: u64) -> Log {
     let mut log = Plan::new(3, 60).log();
     for (_, miso) in transactions(&mut log).filter(|(selected, _)| (from..to).contains(selected)) {
@@ -32,7 +31,7 @@ fn misuse_of_the_ssi_excuses_damaged_reads_until_shortly_after_it() {
     assert!(found(&log).contains(&(Violation::Damaged, 30)), "{:?}", found(&log));
     insert(&mut log, from, injected(MISUSE, until));
     assert_eq!(found(&log), []);
-    // If the flight controller reads wrong bytes a moment longer than the excuse lasts, they count as damage.
+    // Wrong bytes count as damage a moment after the excuse has ended.
     let mut log = read_by_wrong_clocks(from, over + 5 * MS);
     insert(&mut log, from, injected(MISUSE, until));
     assert_eq!(found(&log), [(Violation::Damaged, 1)]);
@@ -95,7 +94,7 @@ fn images_of_one_millisecond_with_different_counters_are_distinct() {
     let mut plan = Plan::new(3, 40);
     let place = plan.showing(200);
     let publication = plan.publications[place].clone();
-    // Two images without objects are published 300 µs apart. The second one counts one more rejected object.
+    // Two images without objects are published 300 µs apart. The second counts one more rejected object.
     let values = |rejected| profile::LinkValues { objects_rejected: rejected, ..profile::LinkValues::default() };
     let at = publication.at;
     plan.publications[place].image = plan.image(at, None, values(50));
@@ -106,7 +105,6 @@ fn images_of_one_millisecond_with_different_counters_are_distinct() {
     assert_eq!(found(&plan.log()), []);
 }
 
-/// Applies `change` to the first frame that reached the antenna at or after `at`.
 fn heard(log: &mut Log, at: u64, change: impl Fn(&mut Vec<u8>, &mut bool)) {
     let event = log.events.iter_mut().find(|event| event.at >= at && matches!(event.what, What::Heard { .. }));
     if let Some(Event { what: What::Heard { bytes, whole, .. }, .. }) = event {
@@ -136,8 +134,8 @@ fn a_damaged_length_allows_the_latency_of_a_frame_stored_whole() {
     }
 }
 
-/// Returns the frame's number and the number of objects that the context finds in a frame of one receiver. The frame
-/// broke off after `bytes` bytes unless `whole` is set.
+/// Returns the number of a frame of one receiver, and the number of its objects. Unless `whole`, the frame broke off
+/// after `bytes` bytes.
 fn objects_of(bytes: usize, whole: bool) -> (Option<usize>, usize) {
     let layout = Layout::for_receivers(1).unwrap();
     let frame = common::frame(&common::profile(1, 70));
@@ -187,7 +185,7 @@ fn a_front_end_fault_excuses_misuse_and_field_drops_until_recovery() {
     let dropped = |kind: Disturbance, until| {
         let mut log = Plan::new(3, 40).log();
         insert(&mut log, 299 * MS, injected(kind, until));
-        // The field goes off between two frames: the next tick is at 300 ms.
+        // The field goes off between two frames; the next tick is at 300 ms.
         insert(&mut log, 299 * MS + 1, What::Field { on: false });
         insert(&mut log, 299 * MS + 2, What::Field { on: true });
         kinds(&log).contains(&Violation::FieldDropped)

@@ -90,7 +90,7 @@ fn disturbed_frames_and_cycles_without_a_tick_are_not_measured() {
     plan.upstream.retain(|event| event.what != What::Tick);
     let figures = judged(&plan.log()).figures;
     assert_eq!((figures.sample_to_readable, figures.last_bit_to_readable.is_some()), (None, true));
-    // If the last tick was long before the frame, the time from that tick is not measured either.
+    // If the last tick was long before the frame, the time from the tick is not measured either.
     let mut plan = Plan::new(3, 40);
     plan.upstream.retain(|event| event.what != What::Tick || event.at < 200 * MS);
     assert_eq!(judged(&plan.log()).figures.sample_to_readable.unwrap().max, 4_960_000 + 14_659);
@@ -131,8 +131,7 @@ fn a_frame_begun_during_a_front_end_fault_may_be_late() {
     }
 }
 
-/// If a bit in a frame's buffer is disturbed, the frame may take as long as a frame that the DPR reads only when it is
-/// complete, because the bit may belong to LEN.
+/// The disturbed bit may belong to LEN, so the frame may take as long as one that the DPR reads only at its end.
 #[test]
 fn a_hit_bit_allows_the_latency_of_storing_a_frame_whole() {
     for gps in [1, 3] {
@@ -145,7 +144,6 @@ fn a_hit_bit_allows_the_latency_of_storing_a_frame_whole() {
             let number = plan.showing(200);
             let ended = plan.publications[number].at - TO_FRESH;
             plan.publications[number].at = ended + after;
-            // No transaction is made close to the publication, so that none delays the image.
             plan.selects.retain(|selected| !(ended - MS..ended + MS).contains(selected));
             let mut log = plan.log();
             insert(&mut log, ended - 10 * MS, injected(kind, ended + MS));
@@ -168,7 +166,7 @@ fn a_frame_that_may_be_missed_is_timed_from_its_repetition() {
         let first = plan.upstream.iter().find(|event| event.at == ended && matches!(event.what, What::Heard { .. }));
         let mut again = first.unwrap().clone();
         let What::Heard { started, .. } = &mut again.what else { unreachable!("a frame that was heard") };
-        // The fault ends just before the frame begins, and the front end is being brought up during the frame.
+        // The fault ends just before the frame, and the front end is being brought up during the frame.
         let until = *started - 1_000;
         *started += 850_000;
         again.at += 850_000;
@@ -211,7 +209,6 @@ fn a_sample_dates_from_the_tick_just_before_its_first_frame() {
         })
     };
     let samples = |plan: &Plan| judged(&plan.log()).figures.sample_to_readable;
-    // The next tick comes while the frame is on the air.
     let mut plan = Plan::new(3, 40);
     let number = plan.showing(200);
     let later = 5_200_000;

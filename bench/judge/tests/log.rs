@@ -1,4 +1,4 @@
-//! Tests that a log is judged the same in memory and after it was stored in a file.
+//! Tests that a log is judged the same in memory and after storage.
 
 use crate::common;
 
@@ -14,7 +14,7 @@ fn stored(log: &Log) -> Vec<u8> {
     file
 }
 
-/// Returns one event of each kind, in the order in which the kinds are declared.
+/// Returns one event of each kind, in order of declaration.
 fn one_of_each() -> Vec<What> {
     let text = || "line 1\nline 2 \"\u{e9}\"".to_owned();
     vec![
@@ -74,7 +74,6 @@ fn a_stored_log_reads_back_equal() {
     assert_eq!(Log::read(&*stored(&log)).unwrap(), log);
     let log = Plan::new(5, 20).log();
     assert_eq!(Log::read(&*stored(&log)).unwrap(), log);
-    // The file has the same content if it is written event by event.
     let mut file = vec![];
     let mut writer = LogWriter::new(&mut file, &log.header).unwrap();
     log.events.iter().for_each(|event| writer.take(event).unwrap());
@@ -97,7 +96,6 @@ fn bytes_are_stored_as_two_hexadecimal_digits_each() {
     assert!(serde_json::from_str::<Event>(&line.replace("\"000fa5ff\"", "[0,15]")).is_err());
 }
 
-/// Returns the error that occurs when a log is read from these lines.
 fn error(lines: &[&str]) -> LogError {
     Log::read(lines.join("\n").as_bytes()).unwrap_err()
 }
@@ -119,12 +117,11 @@ fn what_is_no_log_is_told_with_its_line() {
         (&[HEADER, TICK, r#"{"at":11,"what":"tock"}"#], 3),
         (&[HEADER, r#"{"at":-1,"what":"tick"}"#], 2),
     ] {
-        // An empty last line is ignored, so a further line follows it.
+        // The empty line is ignored only at the end.
         let lines = [lines, &[TICK]].concat();
         let error = error(&lines);
         assert!(matches!(error, LogError::Line { line, .. } if line == at), "{lines:?}: {error}");
         assert_eq!(error.to_string(), format!("line {at}"));
-        // The source of the error states what is wrong with the line.
         assert!(std::error::Error::source(&error).is_some());
     }
     let newer = HEADER.replace("\"version\":3", "\"version\":4");
@@ -151,7 +148,6 @@ fn a_log_that_is_cut_off_is_read_up_to_there() {
     }
 }
 
-/// A reader and writer that always fails.
 struct Broken;
 
 impl std::io::Read for Broken {
@@ -174,7 +170,7 @@ fn what_the_file_says_is_passed_on() {
     let error = Log::read(std::io::BufReader::new(Broken)).unwrap_err();
     assert!(matches!(error, LogError::Io(_)));
     assert_eq!(error.to_string(), "the disk is gone");
-    // Reading also fails if the error occurs in the middle of the file.
+    // An error in the middle of the file is also reported.
     let begun = std::io::Read::chain(HEADER.as_bytes(), std::io::Read::chain(&b"\n"[..], Broken));
     assert!(matches!(Log::read(std::io::BufReader::new(begun)), Err(LogError::Io(_))));
     let log = Plan::new(1, 4).log();
@@ -186,7 +182,6 @@ fn what_the_file_says_is_passed_on() {
     assert!(log.write(&mut room[..]).is_ok());
 }
 
-/// Returns a log with violations of many kinds.
 fn spoilt() -> Log {
     let mut log = Plan::new(3, 60).log();
     let places = repeats(&log);
@@ -213,7 +208,7 @@ fn judging_is_a_function_of_the_log_alone() {
     for event in &log.events {
         judge.take(event);
     }
-    // The violations found at the end of the run are added to those found before.
+    // Some violations are found only at the end of the run.
     let counts: Vec<_> = judge.findings().counts().collect();
     let verdict_of_events = judge.clone().finish();
     for (violation, count) in counts {
@@ -283,8 +278,6 @@ fn what() -> impl Strategy<Value = What> {
 }
 
 proptest! {
-    /// Whatever events a log has, in any order, they are judged without a panic, are equal after they were stored and
-    /// read, and have one verdict.
     #[test]
     fn any_log_reads_back_equal_and_has_one_verdict(
         steps in prop::collection::vec((0..20_000_000_u64, what()), 0..60),
@@ -314,7 +307,6 @@ fn the_example_log_has_no_violation_until_it_is_damaged() {
     let verdict = judge(&log);
     assert_eq!(verdict.violations, []);
     assert!(verdict.figures.sample_to_readable.is_some());
-    // Without its ticks the log has violations.
     let events = log.events.iter().filter(|event| event.what != What::Tick).cloned().collect();
     assert_ne!(judge(&Log { header: log.header.clone(), events }).violations, []);
 }

@@ -1,5 +1,3 @@
-//! Tests the decoding of the bytes on the wires.
-
 use crate::common;
 
 use bench_judge::read::{Frame, Reading, State, Values, Window, is_vacant};
@@ -99,7 +97,7 @@ fn a_request_chooses_the_window_of_the_next_transaction_that_is_served() {
     assert_eq!(window.offset(), 0);
     window.transaction(layout, &[&request(96, 180)[..], &[0; 64]].concat(), false);
     assert_eq!(window.offset(), 96);
-    // A busy DPR has not received the request, and the transaction has not shown the window that was requested before.
+    // A busy DPR has not received the request, and has not shown the window that was requested before.
     window.transaction(layout, &request(32, 64), true);
     assert_eq!(window.offset(), 96);
     for nothing in [&[0; 8][..], &[0xFF; 8], &[], &request(96, 180)[..7], &request(96, 400), &[7; 8]] {

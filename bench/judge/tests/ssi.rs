@@ -1,5 +1,5 @@
-//! Tests whether the flight controller makes transactions and whether the DPR serves them. Each test changes a flawless
-//! log in one way.
+//! Tests whether the flight controller makes transactions and the DPR serves them. Each test changes a flawless log in
+//! one way.
 
 use crate::common;
 
@@ -10,13 +10,12 @@ use profile::LinkValues;
 
 const MS: u64 = 1_000_000;
 const CYCLE: u64 = 10 * MS;
-/// The instant, ns, at which an image is announced by FRESH, after the flight controller's last transaction before
-/// that.
+/// The instant, ns, at which an image is put in, between two transactions.
 const BACK: u64 = 344_950_000;
 
 #[test]
 fn a_flawless_run_has_its_figures_and_no_violation() {
-    // With every number of receivers the DPR takes the same time to become ready.
+    // The DPR takes the same time with every number of receivers.
     for (gps, ready) in [(1, TO_READY), (2, TO_READY), (3, TO_READY), (5, TO_READY)] {
         let plan = Plan::new(gps, 60);
         let log = plan.log();
@@ -66,7 +65,7 @@ fn a_restart_keeps_until_when_the_flight_controller_was_silent() {
     }
 }
 
-/// Returns a run in which the flight controller reads nothing from `from` to `to` (ns).
+/// Returns a run without transactions from `from` to `to` (ns).
 fn without_transactions(from: u64, to: u64) -> Plan {
     let mut plan = Plan::new(3, 60);
     let took = plan.transaction_ns();
@@ -84,7 +83,7 @@ fn a_flight_controller_must_read_at_least_every_100_ms() {
     let verdict = judged(&without_transactions(from, from + bounds::NO_TRANSACTION + 1).log());
     assert_eq!(verdict.violations.len(), 1);
     assert_eq!((verdict.violations[0].violation, verdict.violations[0].first_at), (NoTransaction, 351 * MS));
-    // The flight controller makes no transaction for too long twice, the second time until the end of the run.
+    // Transactions are missing twice, the second time until the end of the run.
     let mut log = without_transactions(from, from + 150 * MS).log();
     log.events.retain(|event| event.at < 450 * MS || !matches!(event.what, What::Selected | What::Transaction { .. }));
     log.events
@@ -168,12 +167,12 @@ fn kept_selected_at_a_restart(restart: u64) {
     assert!(never(&log));
 }
 
-/// Returns the log of a run in which the events `what` happen at `at`, and the DPR does nothing until `back`.
+/// Returns the log of a run with the events `what` at `at`, in which the DPR does nothing until `back`.
 fn restarted(at: u64, back: u64, what: &[What]) -> bench_judge::Log {
     restarted_in(&Plan::new(3, 60), at, back, what)
 }
 
-/// Returns the log that [`restarted`] returns, for a run of the given plan.
+/// Like [`restarted`], for a run of this plan.
 fn restarted_in(plan: &Plan, at: u64, back: u64, what: &[What]) -> bench_judge::Log {
     let mut log = plan.log();
     blind(&mut log, at, back);
@@ -198,7 +197,7 @@ fn a_dpr_must_get_ready_in_time_after_a_restart() {
     let mut log = restarted(250 * MS, BACK + 10 * CYCLE, &[power(false)]);
     insert(&mut log, 440 * MS, power(true));
     assert_eq!(found(&log), []);
-    // If the DPR did not restart, the violation is that nothing can be read.
+    // Without a restart, the violation is that nothing can be read.
     assert_eq!(found(&restarted(250 * MS, BACK, &[])), [(Silent, 1)]);
 }
 
@@ -227,7 +226,7 @@ fn a_dpr_that_restarts_counts_anew() {
     let mut plan = Plan::new(3, 60);
     let first = plan.publications.iter().position(|publication| publication.at >= BACK).unwrap();
     let at = plan.publications[first].at;
-    // The DPR's first image has no objects, and its clock and counters are those of a start.
+    // The first image has no objects, and the clock and counters of a start.
     plan.publications[first].image = plan.image(at - 250 * MS, None, LinkValues::default());
     assert_eq!(found(&restarted_in(&plan, 250 * MS, BACK, &[dpr_reset(true)])), []);
     let unasked = found(&restarted_in(&plan, 250 * MS, BACK, &[]));
@@ -240,8 +239,7 @@ fn the_dpr_must_be_ready_again_once_misuse_is_over() {
         let mut plan = Plan::new(3, 60);
         let over = plan.publications[plan.showing(300)].at + 3 * MS;
         let ended = over - sooner;
-        // No other transaction is made close to the end of the misuse. So this transaction ends together with the
-        // misuse, and the image that it read is forwarded.
+        // No other transaction comes close to the end of the misuse, so this one ends together with it.
         plan.selects.retain(|selected| selected.abs_diff(over) > 5 * MS);
         plan.selects.push(ended - plan.transaction_ns());
         plan.selects.sort_unstable();
@@ -269,7 +267,7 @@ fn a_transaction_into_which_the_dpr_restarts_is_not_judged() {
     assert_eq!(found(&log), []);
 }
 
-/// Moves those events of the DPR's SPI peripheral that are in `which` from the instant `from` to `to` (ns).
+/// Moves the events in `which` from the instant `from` to `to` (ns).
 fn moved(log: &bench_judge::Log, from: u64, to: u64, which: &[SsiEvent]) -> bench_judge::Log {
     let mut log = log.clone();
     let mut count = 0;
@@ -299,8 +297,7 @@ fn the_dpr_must_be_ready_10_us_after_a_transaction() {
     assert_eq!(found(&at(bounds::SSI_READY + 1)), [(NotReady, 1)]);
     assert_eq!(verdict.violations[0].first_at, ended);
     assert_eq!(verdict.figures.ready_ns, Some(Max { max: 10_001 }));
-    // The DPR stays busy until the next transaction is over, so it serves neither that transaction nor the one after
-    // it.
+    // The DPR stays busy over the next transaction, so it serves neither that one nor the one after it.
     let mut late = at(2 * CONTROL_CYCLE + 100_000);
     blind(&mut late, ended + 1, ended + 2 * CONTROL_CYCLE + 200_000);
     late.events.retain(|event| {
@@ -310,8 +307,6 @@ fn the_dpr_must_be_ready_10_us_after_a_transaction() {
     assert_eq!(found(&late), [(NotReady, 1)]);
 }
 
-/// While the flight controller misuses the SSI, the DPR may leave a transaction unserved, and may take the buffers late
-/// after it.
 #[test]
 fn buffers_taken_after_a_transaction_owed_nothing_are_not_held_back() {
     for (longer, violations) in [(MS, vec![]), (0, vec![(NotReady, 1)])] {
@@ -354,7 +349,7 @@ fn a_dpr_that_is_never_ready_again_is_one_violation() {
         .retain(|event| event.at <= ended || !matches!(event.what, What::Ssi(SsiEvent::Released | SsiEvent::Ready)));
     assert!(log.events.last().unwrap().at > ended + bounds::SSI_READY);
     assert_eq!(found(&log), [(NotReady, 1)]);
-    // It is not known how long the DPR would have taken to become ready, so this time is not in the figure.
+    // The figure lacks this time, because it is not known how long it would have been.
     assert_eq!(judged(&log).figures.ready_ns, Some(Max { max: TO_READY }));
 }
 
@@ -413,7 +408,6 @@ fn one_transaction_may_meet_the_dpr_busy_and_its_successor_may_not() {
         blind(&mut log, ended, ended + transactions * CONTROL_CYCLE);
         assert_eq!(found(&log), violations, "{transactions}");
     }
-    // Two transactions find the DPR busy, but another one comes between them.
     let mut log = log.clone();
     blind(&mut log, ended, ended + 1);
     blind(&mut log, ended + 2 * CONTROL_CYCLE, ended + 2 * CONTROL_CYCLE + 1);
@@ -432,7 +426,7 @@ fn a_silence_without_a_timely_restart_is_a_violation() {
         log.events.last_mut().unwrap().at = over;
         assert_eq!(found(&log), violations, "{cycles}");
     }
-    // If a DPR hangs, its watchdog restarts it within 100 ms, and another rule judges that.
+    // A DPR that hangs is restarted within 100 ms, and another rule judges that.
     let first = log.events[repeats(&log)[10]].at;
     for (silence, violations) in [(120 * MS, vec![]), (140 * MS, vec![(Silent, 1)])] {
         let mut log = log.clone();
@@ -551,7 +545,7 @@ fn a_runaway_flight_controller_must_be_served_up_to_the_budget() {
             let what = What::Transaction { selected: at, mosi: vec![0; 8].into(), miso: vec![0xFF; 156].into() };
             insert(&mut log, at + 160_000, what);
         }
-        // The profile that is forwarded here is the one that the first transaction with this image read.
+        // The first transaction with this image read the profile that is forwarded here.
         let profile = image[32..].to_vec();
         log.events.retain(|event| match &event.what {
             What::Forwarded { profile: other } | What::Arrived { profile: other, .. } => **other != *profile,
@@ -597,7 +591,7 @@ fn a_silence_before_a_restart_may_last_expiry_plus_start() {
     }
 }
 
-/// Returns whether a DPR that never becomes ready is reported in a log of these events.
+/// Returns whether a DPR that never becomes ready is reported.
 fn never_ready(events: impl IntoIterator<Item = (u64, What)>) -> bool {
     let mut log = Plan::new(3, 0).log();
     log.events.clear();
@@ -615,8 +609,7 @@ fn a_dpr_selected_for_over_a_cycle_need_not_get_ready() {
         let began = due + 1 - CYCLE - longer;
         let selected = [(began, What::Selected), (due + 1, What::Tick), (due + MS, What::End)];
         assert_eq!(never_ready(selected), blamed, "selected, {longer}");
-        // The DPR was deselected just before the end of the time for its start, so it has [`bounds::SSI_READY`] to
-        // become ready.
+        // The DPR was deselected just before the end of the time for its start, and needs [`bounds::SSI_READY`] more.
         let ended = due - 5_000;
         let began = ended - CYCLE - longer;
         let let_go = |after: u64| {
@@ -678,11 +671,11 @@ fn a_restart_of_the_dpr_keeps_supply_violations_and_figures() {
     insert(&mut log, 260 * MS, dpr_reset(true));
     insert(&mut log, 440 * MS, power(true));
     assert_eq!(found(&log), []);
-    // A restart of the DPR while no transactions are made does not cause a second violation.
+    // A restart while no transactions are made does not cause a second violation.
     let mut log = without_transactions(251 * MS, 450 * MS).log();
     insert(&mut log, 400 * MS, dpr_reset(true));
     assert_eq!(found(&log), [(NoTransaction, 1)]);
-    // The greatest time in which the DPR became ready may have been measured before the restart.
+    // The figure may have been measured before the restart.
     let log = restarted(250 * MS, BACK, &[dpr_reset(true)]);
     let place = repeats(&log)[10];
     let ended = log.events[place].at;
@@ -706,7 +699,6 @@ fn a_transaction_must_be_served_while_an_image_is_readable() {
             .map(|event| event.at)
             .collect();
         let since = |at: u64| rises.iter().filter(|rose| **rose <= at).map(|rose| at - rose).min();
-        // The transaction repeats an image, and is not the last one of the run.
         let mut log = log;
         let repeats = |event: &Event| match event.what {
             What::Transaction { selected, .. } if selected > 200 * MS => since(selected).is_some_and(|it| it > 4 * MS),

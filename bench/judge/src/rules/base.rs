@@ -1,15 +1,14 @@
 //! Compares the objects that the base station shows with those that the flight controller forwarded.
 //!
-//! When a transaction reads a complete and intact profile of another cycle than the profile that was forwarded last,
-//! the flight controller has to forward that profile at once. This is not required while [`Excuse::Service`] holds,
-//! because the flight controller itself misbehaves then.
+//! The flight controller has to forward a profile at once when a transaction reads it complete and intact, and when its
+//! cycle is not the last one forwarded. This is not required while [`Excuse::Service`] holds.
 //!
 //! # One cause, one violation
 //!
-//! - Bytes that were changed on the way to the base station are [`Violation::BaseChanged`]. The profile that these
-//!   bytes came from is not reported as missing.
-//! - A profile whose shown objects are of several cycles is [`Violation::BaseMixed`] alone, unless the flight
-//!   controller forwarded it so. In that case the transaction was torn, and another rule reports it.
+//! - A change of bytes on the way to the base station is [`Violation::BaseChanged`] alone: the profile is not reported
+//!   as missing.
+//! - A profile whose shown objects are of several cycles is [`Violation::BaseMixed`] alone. If the flight controller
+//!   forwarded the profile so, the transaction was torn, and another rule reports it.
 //! - In a profile that mixes cycles, an object that is not shown does not count as hidden.
 
 use std::collections::VecDeque;
@@ -20,20 +19,18 @@ use super::Rule;
 use crate::disturbance::Excuse;
 use crate::{Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
-/// The number of profiles that are kept after they were read. A few are enough, because the flight controller forwards
-/// each profile at once.
+/// The flight controller forwards each profile at once, so a few profiles are enough.
 const READ: usize = 4;
 
 /// The rule that compares what the base station shows with what was forwarded; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Base {
-    /// The profiles that the last transactions read.
     read: VecDeque<Vec<u8>>,
     /// The profiles that were forwarded and have not arrived, each with the instant, ns, at which it was forwarded.
     outstanding: VecDeque<(u64, Vec<u8>)>,
-    /// The instants, ns, at which profiles arrived that differ from all that were forwarded.
+    /// The instants, ns, at which profiles arrived that were not forwarded.
     strange: VecDeque<u64>,
-    /// The profile that has to be forwarded at once: the instant, ns, at which it was read, and its timestamp, ms.
+    /// The instant, ns, and the timestamp, ms, of the profile that has to be forwarded at once.
     owed: Option<(u64, u32)>,
     /// The timestamp of the profile that was forwarded last, ms.
     forwarded: Option<u32>,
@@ -95,7 +92,6 @@ impl Rule for Base {
 }
 
 impl Base {
-    /// Reports the profile that had to be forwarded before `now` and was not.
     fn owes(&mut self, now: u64, findings: &mut Findings) {
         if let Some((at, timestamp)) = self.owed.take_if(|(at, _)| *at < now) {
             self.forwarded = Some(timestamp);
@@ -137,8 +133,7 @@ impl Base {
         }
     }
 
-    /// Reports each profile that was forwarded before `until`, has not arrived, and is not explained by a changed
-    /// profile.
+    /// Reports each profile that was forwarded before `until` and has not arrived, intact or changed.
     fn expire(&mut self, until: Option<u64>, findings: &mut Findings) {
         let Some(until) = until else { return };
         while let Some((at, _)) = self.outstanding.pop_front_if(|(at, _)| *at < until) {
@@ -147,12 +142,11 @@ impl Base {
                 findings.add(Violation::BaseMissed, at, || "it did not arrive".into());
             }
         }
-        // A changed profile that arrived before `until` cannot be one that was forwarded after `until`.
+        // A profile that arrived before `until` cannot be one that was forwarded later.
         while self.strange.pop_front_if(|strange| *strange < until).is_some() {}
     }
 }
 
-/// Returns the timestamp of a profile's first valid object, ms.
 fn timestamp(layout: Layout, profile: &[u8]) -> Option<u32> {
     let stamp = |index| {
         let bytes = layout.in_profile(index).and_then(|place| profile.get(place))?;

@@ -1,9 +1,8 @@
-//! Judges restarts, findings, misuse, load, the firmwares' own counters and the bench's own lateness.
+//! Judges restarts, findings, misuse, load, the firmwares' fault counters and the bench's lateness.
 //!
 //! # When a fault counter is a violation
 //!
-//! Besides what is observed from outside, the judge uses what a firmware counts about itself. A fault counter that is
-//! not zero is a violation only if nothing in the log explains the faults:
+//! A fault counter that is not zero is a violation only if nothing in the log explains the faults:
 //!
 //! | explained by | because |
 //! |---|---|
@@ -12,8 +11,7 @@
 //! | the field going off while HORUS runs | HORUS brings its front end up again, and the DPR loses frames |
 //! | a frame that reached the DPR's antenna changed or not at all, for the DPR's counters | no board is at fault |
 //!
-//! When a board starts, its counters start from zero, so what explained earlier faults does not explain any that it
-//! counts from then on.
+//! A board's counters start from zero at its start. Explanations from before the start do not count any more.
 //!
 //! | board | counter | counts |
 //! |---|---|---|
@@ -30,15 +28,13 @@
 //!
 //! # A board that hangs
 //!
-//! The bench can stop a board's core. The board's own watchdog must then restart the board within the longest time that
-//! the watchdog may take, unless the board restarts for another reason or loses its supply before. That one watchdog
-//! reset counts as asked for by the bench. Any other reset of a hung board is judged as usual, since a core that
-//! executes nothing cannot cause one. Until the restart, misuse of the board's front end is not reported. A board that
-//! stays hung is reported once.
+//! The bench can stop a board's core. The board's watchdog must then restart the board within the watchdog's longest
+//! time, unless the board restarts for another reason or loses its supply before. This watchdog reset counts as asked
+//! for. Until the restart, misuse of the board's front end is not reported. A board that stays hung is reported once.
 //!
 //! A board with a dead task ([`Disturbance::DeadTask`]) is judged like a board that hangs, with two differences. Its
-//! watchdog may be fed once more, because the dead task may have checked in just before. And misuse by the tasks that
-//! still run is reported.
+//! watchdog may be fed once more, because the dead task may have checked in just before. Misuse of its front end is
+//! reported, because the other tasks still run.
 
 use std::collections::BTreeMap;
 
@@ -46,7 +42,6 @@ use super::Rule;
 use crate::disturbance::{complaints, front_end_use};
 use crate::{Board, Cause, Context, Disturbance, Event, Figures, Findings, Header, Violation, What, bounds};
 
-/// A violation of HORUS, and the corresponding violation of the DPR.
 #[derive(Clone, Copy)]
 struct Of {
     horus: Violation,
@@ -68,7 +63,6 @@ impl Of {
     }
 }
 
-/// A fault counter of a firmware that is not zero.
 #[derive(Clone, Debug)]
 struct Complaint {
     board: Board,
@@ -81,22 +75,18 @@ struct Complaint {
 #[derive(Clone, Debug)]
 pub struct Boards {
     injected: BTreeMap<String, u64>,
-    /// For HORUS and for the DPR, whether something other than an injected fault explains faults that the board's
-    /// firmware has counted since its last start.
+    /// For HORUS and for the DPR, whether the log explains the faults counted since the last start.
     explained: [bool; 2],
-    /// The faults of a core after which the board has not restarted yet: the board, the instant, ns, and the fault in
-    /// words.
+    /// The core faults after which the board has not restarted yet: the board, the instant, ns, and the fault in words.
     faulted: Vec<(Board, u64, String)>,
-    /// The board whose last restart was not asked for, and the instant of that restart, ns.
+    /// The board and the instant, ns, of the last restart that was not asked for.
     restarted: Option<(Board, u64)>,
-    /// The instant, ns, by which each hung board must have restarted; `None` once it has restarted or been reported.
+    /// The instant, ns, by which each hung board must have restarted; `None` once reported.
     restart_due: [Option<u64>; 2],
-    /// How long each board has been stopped in the past, ns, and the instant, ns, since which it is stopped now. While
-    /// a board is stopped, the activity of its core does not count as load.
+    /// How long each board has been stopped, ns, and the instant, ns, since which it is stopped now.
     stopped: [(u64, Option<u64>); 2],
-    /// Whether HORUS's carrier is on.
     field: bool,
-    /// The last frame that HORUS sent whole; `None` once the frame has reached the antenna.
+    /// The last frame that HORUS sent whole, until it has reached the antenna.
     on_the_way: Option<Vec<u8>>,
     complaints: Vec<Complaint>,
 }
@@ -135,8 +125,7 @@ impl Rule for Boards {
                 let ends_hang = context.running(*board).ended_hang && *cause == Cause::Watchdog;
                 if !asked && !ends_hang {
                     self.restarted = Some((*board, at));
-                    // The board has restarted after a fault of its core, and the report of the restart covers that
-                    // fault.
+                    // The report of the restart covers the core fault that led to the restart.
                     let ended_so = |(of, fault_at, _): &(Board, u64, String)| {
                         of == board && at <= fault_at + bounds::WATCHDOG_LONGEST
                     };
@@ -162,7 +151,7 @@ impl Rule for Boards {
                 }
             }
             What::Sent { bytes, whole, .. } => {
-                // The frame that HORUS sent before this one did not reach the DPR's antenna.
+                // The frame that HORUS sent before has been lost on the air.
                 self.explained[Board::Dpr as usize] |= self.on_the_way.is_some();
                 self.on_the_way = whole.then(|| bytes.to_vec());
             }
@@ -170,15 +159,14 @@ impl Rule for Boards {
                 let as_sent = self.on_the_way.take().is_some_and(|sent| sent == bytes.0);
                 self.explained[Board::Dpr as usize] |= !whole || !as_sent;
             }
-            // Where a lock-up restarts the board, the log has the restart first and this finding after it.
+            // The log has the restart after a lock-up before this finding.
             What::Finding { board, fault: true, text } => {
                 if self.restarted != Some((*board, at)) {
                     self.faulted.push((*board, at, text.clone()));
                 }
             }
             What::Finding { board, text, .. } => findings.add(Of::FINDING.board(*board), at, || text.clone()),
-            // A firmware that cannot read from its front end does not know the front end's state, and goes on using the
-            // front end.
+            // A firmware that cannot read from its front end does not know the front end's state.
             What::Misuse { board, .. } if context.disturbances().excuse(front_end_use(*board), at) => {}
             What::Misuse { board, .. } if context.running(*board).hung.is_some() => {}
             What::Misuse { board, text } => {
@@ -224,27 +212,25 @@ impl Rule for Boards {
 }
 
 impl Boards {
-    /// Records that a hung board must have been restarted by its watchdog at the instant `due`, ns.
+    /// Requires that the watchdog has restarted a hung board by the instant `due`, ns.
     fn restart_by(&mut self, board: Board, due: u64) {
         let restart_due = &mut self.restart_due[board as usize];
         *restart_due = Some(restart_due.map_or(due, |before| before.min(due)));
     }
 
-    /// Records that a board starts at `at`, ns, or loses its supply. The board's counters then start from zero, and a
-    /// frame that HORUS is sending is cut off.
+    /// Records that a board starts or loses its supply; its counters then start from zero.
     fn starts(&mut self, board: Board, at: u64) {
         self.goes_on(board, at);
         self.explained[board as usize] = false;
         self.explained[Board::Dpr as usize] |= board == Board::Horus;
     }
 
-    /// Records that a board executes again from the instant `at` on, ns.
     fn goes_on(&mut self, board: Board, at: u64) {
         let (stopped, since) = &mut self.stopped[board as usize];
         *stopped += since.take().map_or(0, |since| at.saturating_sub(since));
     }
 
-    /// Reports each board that is still hung at `now` although its watchdog should have restarted it.
+    /// Reports each board that is still hung although its watchdog should have restarted it.
     fn pass(&mut self, now: u64, findings: &mut Findings) {
         for board in [Board::Horus, Board::Dpr] {
             if let Some(due) = self.restart_due[board as usize].take_if(|due| now > *due) {
@@ -254,8 +240,7 @@ impl Boards {
     }
 }
 
-/// Returns the longest time, ns, in which the watchdog of a board restarts it if the board hangs `after_start` ns after
-/// its start.
+/// Returns the longest time, ns, in which a watchdog restarts a board that hangs `after_start` ns after its start.
 const fn watchdog_longest(board: Board, after_start: u64) -> u64 {
     match board {
         Board::Horus if after_start < bounds::WATCHDOG_FED => bounds::FIRST_WATCHDOG_LONGEST,
@@ -264,7 +249,7 @@ const fn watchdog_longest(board: Board, after_start: u64) -> u64 {
     }
 }
 
-/// Returns the longest processor time that a start of a board takes, ns.
+/// Returns the longest processor time, ns, of a board's start.
 const fn start_work(board: Board) -> u64 {
     match board {
         Board::Horus => bounds::HORUS_START_WORK,
@@ -272,7 +257,6 @@ const fn start_work(board: Board) -> u64 {
     }
 }
 
-/// Returns whether the counter of this name in a board's firmware counts faults.
 fn counts_faults(board: Board, name: &str) -> bool {
     let name = name.rsplit('.').next().unwrap_or(name);
     match board {
@@ -288,7 +272,7 @@ mod tests {
 
     const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
 
-    /// Returns a run in which the DPR receives every frame, so that nothing explains a fault counter that is not zero.
+    /// Returns a run in which nothing explains a fault counter that is not zero.
     fn run() -> Events {
         let mut events = Events::flawless(3, 10);
         let heard: Vec<_> = events
@@ -409,8 +393,7 @@ mod tests {
     const STAYS: [Violation; 2] = [Violation::HorusStaysHung, Violation::DprStaysHung];
     const RESTARTED: [Violation; 2] = [Violation::HorusRestarted, Violation::DprRestarted];
 
-    /// Returns the violations that are found if a board hangs at 50 ms and `what` happens `after` that, in a run until
-    /// 600 ms.
+    /// Returns the violations if a board hangs at 50 ms and `what` happens `after` that, in a run until 600 ms.
     fn hung(board: Board, after: u64, what: What) -> Vec<(Violation, u64, u64)> {
         let mut events = run();
         events.add(50 * MS, What::Hung { board }).add(50 * MS + after, what).end(600 * MS);
@@ -431,7 +414,6 @@ mod tests {
             assert_eq!(hung(board, longest, bites()), []);
             assert_eq!(hung(board, longest + 1, bites()), [stays], "told once, and it hung until then");
             assert_eq!(hung(board, 600 * MS, bites()), [stays], "it never comes");
-            // The reset of a board that does not hang is not asked for, and neither is that of the other board.
             let mut events = run();
             events.add(70 * MS, bites()).end(600 * MS);
             assert_eq!(broken(&events), [(RESTARTED[nth], 1, 70 * MS)]);
@@ -495,7 +477,6 @@ mod tests {
             assert_eq!(dead(longest, bites()), []);
             assert_eq!(dead(longest + 1, bites()), [(STAYS[nth], 1, 50 * MS + longest)], "told once");
             assert_eq!(dead(20 * MS, reset(board, Cause::Lockup)), [(RESTARTED[nth], 1, 70 * MS)]);
-            // A hang of the board with the dead task does not allow the board a later restart.
             assert_eq!(dead(9 * MS, What::Hung { board })[0], (STAYS[nth], 1, 59 * MS + LONGEST[nth]));
         }
     }
@@ -560,7 +541,7 @@ mod tests {
         assert_eq!(broken(&events), []);
     }
 
-    /// Returns the violations that are found in a run in which both firmwares count faults, with one further change.
+    /// Returns the violations in a run in which both firmwares count faults and one change is made.
     fn complaining(change: impl FnOnce(&mut Events)) -> Vec<Violation> {
         let mut events = run();
         events.add(100 * MS, counter(Board::Horus, "rf_faults", Some(1)));
@@ -580,7 +561,6 @@ mod tests {
         let (of_horus, of_dpr) = ([both[0]], [both[1]]);
         assert_eq!(complaining(|_| {}), both);
         assert_eq!(complaining(|events| _ = events.field(60 * MS, false)), []);
-        // The counters of a board that starts are zero, and the frame that HORUS was sending is cut off.
         assert_eq!(complaining(|events| _ = events.add(9 * MS, What::Power { board: Board::Dpr, on: false })), both);
         assert_eq!(complaining(|events| _ = events.reset(9 * MS, Board::Dpr, true)), both);
         assert_eq!(complaining(|events| _ = events.reset(9 * MS, Board::Horus, true)), of_horus);
@@ -669,7 +649,7 @@ mod tests {
                     *whole = false;
                 }
             }
-            // A whole frame follows, so that the run does not end with the frame that broke off.
+            // A whole frame follows the frame that broke off.
             let bytes = events.events.iter().find_map(|event| match &event.what {
                 What::Sent { bytes, .. } => Some(bytes.clone()),
                 _ => None,

@@ -6,16 +6,13 @@
 //! | states another age than that of the sample that it read last | `ClientAge` |
 //! | has no position although it has read [`bounds::CLIENT_FINDS`] valid ones in sequence | `ClientHides` |
 //!
-//! The age of a sample follows from the instant at which its frame reached the DPR's antenna, and from the slot that
-//! the profile gives that frame. A delay on the air before the antenna cannot be determined. If a sample arrived
-//! several times, its age may count from the first arrival, from the last, or from any instant between them. If
-//! Link-Status stated a lower age when the sample was first read, the client may use that age, because the client
-//! learns a sample's age only from Link-Status and from the time since FRESH rose. Another rule judges whether
-//! Link-Status is right.
+//! A sample's age follows from the instant at which its frame reached the DPR's antenna, and from the frame's slot. A
+//! delay on the air before the antenna is not known. If a sample arrived several times, its age may count from any
+//! instant between the first and the last arrival. The client learns the age only from Link-Status and the time since
+//! FRESH rose, so it may use a lower age that Link-Status stated. Another rule judges Link-Status.
 //!
-//! The client need not use data that are not in sequence or are disturbed, so in those cases this rule does not require
-//! that the client has a position. While [`Excuse::Service`] holds, the flight controller does not do what its client
-//! says, so this rule requires no age. Using a forbidden position is always a violation.
+//! The client need not have a position while data are out of sequence or disturbed. While [`Excuse::Service`] holds, no
+//! age is required. Using a forbidden position is always a violation.
 
 use std::collections::VecDeque;
 
@@ -27,29 +24,25 @@ use crate::expectation::age_at_end;
 use crate::read::{Reading, State, Values};
 use crate::{Context, Event, Findings, Header, Violation, What, bounds};
 
-/// The unit of the age in Link-Status, ns.
 const AGE_UNIT: u64 = 100_000;
 
-/// How long the samples that HORUS sent are kept, ns. A client that uses an older sample is reported, because it uses
-/// none of those that are kept.
+/// How long samples are kept, ns. A client that uses an older sample is reported.
 const KEPT: u64 = 2_000_000_000;
 
-/// A Reported-Position that reached the DPR's antenna.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
     timestamp: u32,
     valid: bool,
-    /// The instant, ns, at which the sample of this Reported-Position was taken.
+    /// The instant, ns, at which the sample was taken.
     at: u64,
 }
 
-/// What the last complete transaction read.
 #[derive(Clone, Copy, Debug)]
 struct Read {
     selected: u64,
-    /// The timestamp of the Reported-Position in the transaction, ms, and whether its position is valid.
+    /// The timestamp of the Reported-Position, ms, and whether its position is valid.
     sample: Option<(u32, bool)>,
-    /// The age that Link-Status stated in this transaction, ns.
+    /// The age that Link-Status stated, ns.
     told: u64,
 }
 
@@ -57,7 +50,7 @@ struct Read {
 #[derive(Clone, Copy, Debug)]
 struct First {
     timestamp: u32,
-    /// The instant, ns, at which the transaction began in which the client first read the sample.
+    /// The instant, ns, at which that transaction began.
     selected: u64,
     /// The earliest instant, ns, at which FRESH can have announced the sample.
     announced: u64,
@@ -66,20 +59,19 @@ struct First {
 }
 
 impl First {
-    /// Returns the least and the greatest age that the sample may have at the instant `at`, ns, according to
-    /// Link-Status and FRESH.
+    /// Returns the least and the greatest age, ns, of the sample at the instant `at`, ns, that Link-Status and FRESH
+    /// allow.
     const fn ages(&self, at: u64) -> (u64, u64) {
         let sealed = AGE_UNIT + bounds::SEALED_BEFORE_FRESH;
         (self.told + (at - self.selected), self.told + sealed + (at - self.announced))
     }
 }
 
-/// A series of valid samples of consecutive cycles.
 #[derive(Clone, Copy, Debug)]
 struct Row {
-    /// The timestamp, ms, of the last sample of the series.
+    /// The timestamp of the last sample, ms.
     timestamp: u32,
-    /// The instant, ns, at which the transaction began in which the client first read the last sample of the series.
+    /// The instant, ns, at which the transaction began that first read the last sample.
     selected: u64,
     count: u32,
 }
@@ -89,14 +81,12 @@ struct Row {
 pub struct Client {
     layout: Layout,
     samples: VecDeque<Sample>,
-    /// The instant, ns, at which FRESH last rose.
     fresh: u64,
     read: Option<Read>,
     /// The series of valid samples of consecutive cycles that ends with the sample read last.
     row: Option<Row>,
-    /// The sample that was read last.
     newest: Option<First>,
-    /// The timestamp, ms, of the sample whose age was reported as wrong.
+    /// The timestamp, ms, of the sample whose wrong age was reported.
     told: Option<u32>,
     hides: bool,
 }
@@ -147,7 +137,7 @@ impl Rule for Client {
 }
 
 impl Client {
-    /// Continues the series of valid samples with the sample that was read last, or begins a new series.
+    /// Continues the series of valid samples with the sample read last, or begins a new series.
     fn follow(&mut self) {
         let Some(Read { selected, sample: Some((timestamp, valid)), .. }) = self.read else { return };
         let row = self.row.filter(|row| selected <= row.selected + bounds::EXPIRY);
@@ -170,8 +160,7 @@ impl Client {
             let ages = of(timestamp).map(|sample| selected - sample.at);
             ages.clone().min().zip(ages.max())
         };
-        // The client cannot recognise data that are older than the data that it read before, nor data that have
-        // expired. Another rule reports such data.
+        // The client cannot recognise expired data, or older data than it read before. Another rule reports these.
         let before = self.newest;
         if let Some((timestamp, _)) = sample
             && before.is_none_or(|before| before.timestamp != timestamp)
@@ -224,9 +213,8 @@ impl Client {
     }
 }
 
-/// Returns the timestamp of Reported-Position and whether its position is valid, if a transaction read both
-/// Reported-Position and Link-Status intact. The position does not count as valid if Link-Status states so great an age
-/// that the sample may become too old for flying before its image expires.
+/// Returns the timestamp and validity of an intact Reported-Position with an intact Link-Status. A position does not
+/// count as valid if its sample may become too old for flying before its image expires.
 fn sample(reading: &Reading) -> Option<(u32, bool)> {
     let placed = reading.objects.first().filter(|placed| placed.index == 0)?;
     match &placed.state {
@@ -246,7 +234,6 @@ mod tests {
     use super::*;
     use crate::testing::{Events, MISUSE, MS, found, header, injected, silent_reported};
 
-    /// Returns when the sample of cycle number `n` was taken, ns.
     const fn sampled(n: u64) -> u64 {
         100 * MS + n * bounds::CYCLE
     }
@@ -269,13 +256,12 @@ mod tests {
         log.add(ended, What::Heard { started: ended - MS, bytes: bytes.into(), whole: true });
     }
 
-    /// Logs a transaction that began at `selected` and read cycle number `n`, and the client's verdict.
+    /// Logs a transaction that began at `selected` and read cycle `n`, and the client's verdict.
     fn read(log: &mut Events, selected: u64, n: u64, valid: bool, position: Option<u64>, age: Option<u64>) {
         read_as(log, selected, (selected - sampled(n)) / AGE_UNIT, n, valid, position, age);
     }
 
-    /// Logs a transaction that began at `selected` and read cycle number `n`, and the client's verdict. Link-Status
-    /// states the age `told`, in its unit.
+    /// Like [`read`], with a Link-Status that states the age `told`, in its unit.
     fn read_as(
         log: &mut Events,
         selected: u64,
@@ -297,8 +283,7 @@ mod tests {
         found(Client::new(&header(1)), &log.log()).0
     }
 
-    /// Returns the violations that are found if cycle 1 arrives and is read `after` its sample, ns, and the client
-    /// states this position and age.
+    /// Returns the violations if cycle 1 is read `after` its sample, ns, and the client states this position and age.
     fn once(after: u64, valid: bool, position: Option<u64>, age: Option<u64>, more: &[(u64, What)]) -> Vec<Violation> {
         let mut log = Events::new(1);
         heard(&mut log, 1, valid);
@@ -333,8 +318,7 @@ mod tests {
         assert_eq!(once(20 * MS, true, Some(1), None, &[]), [], "it says that it does not know");
         let misuse = [(MS, injected(MISUSE, u64::MAX))];
         assert_eq!(once(20 * MS, true, Some(1), Some(0), &misuse), []);
-        // The frame arrives twice, the second time 5 ms late, and the DPR may have shown the first or the second
-        // arrival.
+        // The frame arrives again 5 ms later, and the DPR may have shown either arrival.
         let mut log = Events::new(1);
         heard(&mut log, 1, true);
         let mut again = Events::new(1);
@@ -347,8 +331,7 @@ mod tests {
 
     #[test]
     fn a_sample_older_than_the_last_read_needs_no_age() {
-        // Cycles 1 and 2 arrive. One transaction reads a cycle and states its right age, and the next one states an age
-        // of zero.
+        // Cycles 1 and 2 arrive. One transaction reads a cycle with its right age, and the next states an age of zero.
         let then = |first: u64, next: u64| {
             let mut log = Events::new(1);
             (1..=2).for_each(|n| heard(&mut log, n, true));
@@ -381,8 +364,7 @@ mod tests {
 
     #[test]
     fn the_client_may_count_the_younger_age_that_link_status_reported() {
-        // The sample is read 10 ms after it was taken and 4 ms after FRESH, and the client uses it until 1 ms beyond
-        // the limit.
+        // The sample is read 10 ms after it was taken and 4 ms after FRESH, and used until 1 ms beyond the limit.
         let flown = |fresh: &[u64], told: u64, last: u64| {
             let (first, limit) = (sampled(1) + 10 * MS, bounds::CLIENT_AGE_LIMIT + bounds::CLIENT_AGE_SHORT);
             let mut log = Events::new(1);
@@ -401,7 +383,7 @@ mod tests {
         };
         let fresh = sampled(1) + 6 * MS;
         let wrong = vec![Violation::ClientWrong];
-        // Link-Status states 6 ms, which is the true age, or 4.7 ms, which is 1.3 ms too little.
+        // Link-Status states 6 ms, the true age, or 4.7 ms.
         assert_eq!(flown(&[fresh], 60, 1), wrong);
         assert_eq!(flown(&[fresh], 47, 1), []);
         assert_eq!(flown(&[fresh], 48, 1), wrong, "not young enough");
@@ -432,8 +414,7 @@ mod tests {
         let with = |change: fn(u64) -> (u64, bool)| run(&(1..=finds).map(change).collect::<Vec<_>>(), true);
         assert_eq!(with(|n| (n, n != 3)), [], "one is not valid");
         assert_eq!(with(|n| (n + u64::from(n > 3), true)), [], "one is missing");
-        // The last sample is read `by` later than the others, and Link-Status states the age `told` for all samples, in
-        // its unit.
+        // The last sample is read `by` later than the others; Link-Status always states the age `told`, in its unit.
         let late = |by: u64, told: u64| {
             let mut log = Events::new(1);
             for n in 1..=finds {
@@ -447,7 +428,7 @@ mod tests {
         assert_eq!((late(expired, 0), late(expired + 1, 0)), (1, 0));
         let too_old = (bounds::CLIENT_AGE_LIMIT - bounds::CLIENT_AGE_LONG) / AGE_UNIT;
         assert_eq!((late(0, too_old), late(0, too_old + 1)), (1, 0), "it will not be young enough");
-        // The later samples are read so late that they may come from another start of HORUS, with the same timestamps.
+        // The later samples may come from another start of HORUS, with the same timestamps.
         let mut log = Events::new(1);
         for n in 1..=finds {
             heard(&mut log, n, true);

@@ -8,42 +8,36 @@
 //! | HORUS is warned of a falling supply | its field goes off | [`bounds::SAFE_STATE`] |
 //! | the DPR is warned of a falling supply | transactions read 0xFF | [`bounds::SAFE_STATE`] |
 //!
-//! Both boards continuously compare their flash with its CRC, and do so at their start as well, when they also check
-//! their supply. A board with a fault does not start. Therefore nothing more is required of a board after it has
-//! started or has lost its supply. A stuck bit must be reported while it is stuck, but only while new cycles are shown,
-//! because only then are the buffers used in turn.
+//! Both boards check their flash and their supply at the start, and a board with a fault does not start. Therefore
+//! nothing more is required of a board after it has started or lost its supply. The stuck bit of a buffer must be
+//! reported only while new cycles are shown, because only then are the buffers used in turn.
 //!
-//! The judge cannot tell from outside what a changed bit in other RAM or in a register does. The other rules judge the
-//! consequences of such a bit.
+//! Nothing is required after a bit changes elsewhere in RAM or in a register, because the change may have no effect.
 
 use super::Rule;
 use crate::disturbance::{Excuse, Memory};
 use crate::read::Reading;
 use crate::{Board, Context, Disturbance, Event, Findings, Header, Violation, What, bounds};
 
-/// A stuck bit of one of the DPR's buffers.
 #[derive(Clone, Copy, Debug)]
 struct Stuck {
     /// The instant, ns, until which the bit is stuck.
     until: u64,
     /// The timestamp of the cycle that was last read, ms.
     shown: Option<u32>,
-    /// The number of cycles that have been shown since the bit became stuck.
+    /// The number of cycles shown since the bit became stuck.
     cycles: u32,
 }
 
 /// The rule that judges whether a fault of memory or supply has its consequence; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Integrity {
-    /// The instant, ns, by which each board has to have noticed that its flash was changed; `None` if the board has
-    /// noticed, if the violation has been reported, or if nothing was changed.
+    /// The instant, ns, by which each board has to react to a change of its flash; `None` if no reaction is due.
     flash_due: [Option<u64>; 2],
-    /// The instant, ns, by which each board has to have reacted to the warning that its supply falls; `None` if the
-    /// board has reacted, if the violation has been reported, or if there was no warning.
+    /// The instant, ns, by which each board has to react to a falling supply; `None` if no reaction is due.
     supply_due: [Option<u64>; 2],
-    /// The stuck bit in a buffer of the DPR that Link-Status has to report and has not reported yet.
+    /// The stuck bit that Link-Status still has to report.
     stuck: Option<Stuck>,
-    /// Whether HORUS's carrier is on.
     field: bool,
 }
 
@@ -64,15 +58,14 @@ impl Rule for Integrity {
                         let within = [bounds::HORUS_FLASH_FOUND, bounds::DPR_FLASH_FOUND][*board as usize];
                         self.flash_due[*board as usize].get_or_insert(at + within);
                     }
-                    // If another bit flips once while a bit is stuck, the judge goes on requiring that the stuck bit is
-                    // reported.
+                    // A bit that flips only once does not replace a stuck bit, which must still be reported.
                     (Board::Dpr, Memory::Receive | Memory::Images) if *until > at => {
                         self.stuck = Some(Stuck { until: *until, shown: None, cycles: 0 });
                     }
                     _ => {}
                 }
             }
-            // A front end that is out of order may not accept the command that switches the field off.
+            // A front end with a fault may not accept the command that switches the field off.
             What::Warned { board }
                 if *board == Board::Dpr || self.field && !context.disturbances().excuse(Excuse::Sending, at) =>
             {
@@ -104,8 +97,7 @@ impl Rule for Integrity {
 }
 
 impl Integrity {
-    /// Judges a transaction. If `excused` is set, the bytes that were read may differ from those that the DPR sent, so
-    /// the judge does not require that they are 0xFF throughout.
+    /// Judges a transaction. If `excused`, the bytes may have changed on the wire and need not be 0xFF throughout.
     fn read(&mut self, reading: &Reading, excused: bool, findings: &mut Findings) {
         let due = &mut self.supply_due[Board::Dpr as usize];
         if !excused && !reading.silent && due.take_if(|due| reading.selected > *due).is_some() {
@@ -131,7 +123,7 @@ impl Integrity {
         }
     }
 
-    /// Reports each board that should have reacted to a fault before `now` and has not. Each fault is reported once.
+    /// Reports each board that should have reacted to a fault before `now`, once per fault.
     fn pass(&mut self, now: u64, findings: &mut Findings) {
         for board in [Board::Horus, Board::Dpr] {
             if let Some(due) = self.flash_due[board as usize].take_if(|due| now > *due) {
@@ -164,8 +156,7 @@ mod tests {
         found(Integrity::new(&header(3)), &log.end(end).log()).0
     }
 
-    /// Returns the violations that are found if a bit of `memory` is changed at 5 ns and these events happen, in a run
-    /// until `end`.
+    /// Returns the violations if a bit of `memory` changes at 5 ns, in a run of these events until `end`.
     fn broken(board: Board, memory: Memory, mut events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         events.push((5, injected(Disturbance::Memory { board, memory }, 5)));
         found_in(events, end)
@@ -180,8 +171,7 @@ mod tests {
         transaction(0, LinkStatus::seal(&LinkValues { status, ..LinkValues::default() }).as_bytes().to_vec())
     }
 
-    /// Returns a transaction that shows the cycle of this timestamp (ms) and whose Link-Status reports a RAM fault or
-    /// none.
+    /// Returns a transaction that shows the cycle of this timestamp (ms), with or without a RAM fault in Link-Status.
     fn shows(timestamp: u32, fault: bool) -> What {
         let status = LinkStatusBits::new().with_ram_fault(fault);
         let mut miso = LinkStatus::seal(&LinkValues { status, ..LinkValues::default() }).as_bytes().to_vec();
@@ -276,7 +266,7 @@ mod tests {
         assert_eq!(after(vec![(due, reset(Board::Dpr))]), late);
         assert_eq!(after(vec![(WARNED - 1, off())]), [], "there is no field");
         assert_eq!(after(vec![(WARNED - 1, injected(HORUS_FRONT_END, WARNED))]), [], "its front end is out of order");
-        // A board that is starting checks its supply only when it has started.
+        // The board checks its supply only after its start.
         let due = WARNED - MS + bounds::START + bounds::SAFE_STATE;
         let starting = |switched: u64| after(vec![(WARNED - MS, reset(board)), (switched, off())]);
         assert_eq!(starting(due), []);

@@ -1,4 +1,4 @@
-//! The rules of the judge. Each rule is a type that processes every event of a run and records violations.
+//! The rules of the judge. Each is a type that processes every event of a run and records violations.
 //!
 //! | file | what it judges |
 //! |---|---|
@@ -37,12 +37,12 @@ fn ms(at: u64) -> String {
     format!("{:.6} ms", at as f64 / 1e6)
 }
 
-/// Returns whether counter or timestamp `a` is after `b`, both of which wrap.
+/// Returns whether the counter or timestamp `a` is after `b`; both wrap.
 fn is_later(a: u32, b: u32) -> bool {
     (1..1 << 31).contains(&a.wrapping_sub(b))
 }
 
-/// A rule, which processes every event of a run and records violations.
+/// A rule of the judge.
 pub trait Rule {
     /// Returns the state of the rule before anything has happened.
     ///
@@ -51,7 +51,7 @@ pub trait Rule {
     /// Panics if no profile has the header's number of receivers.
     fn new(header: &Header) -> Self;
 
-    /// Processes the next event, which `context` includes already.
+    /// Processes the next event; `context` is the state after that event.
     fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings);
 
     /// Ends the run: judges what could not be judged before its end, and adds the rule's figures.
@@ -60,7 +60,7 @@ pub trait Rule {
 
 macro_rules! rules {
     ($($name:ident: $rule:ty,)*) => {
-        /// All rules, each of which processes every event.
+        /// All rules.
         #[derive(Clone, Debug)]
         pub struct Rules {
             $($name: $rule,)*

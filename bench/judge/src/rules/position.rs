@@ -1,14 +1,13 @@
 //! Judges whether the position that HORUS sends is where the aircraft was, and whether HORUS sends a position at all.
 //!
-//! In a run of simulated receivers, the log has the aircraft's true place at each tick ([`What::Aircraft`]). A valid
-//! Reported-Position has to lie within [`bounds::POSITION_OFF_M`] of the aircraft's place at some instant of the last
-//! [`bounds::POSITION_OLDEST`]. While some receivers are disturbed, but fewer than a quorum, this limit is widened by
-//! [`bounds::AGREEMENT_M`], because a disturbed receiver agrees with the others if it is within that distance of them.
-//! Nothing is required while at least a quorum of receivers is disturbed, nor while one of only one or two receivers is
-//! disturbed, because then no majority contradicts the disturbed one.
+//! In a run of simulated receivers, the log has the aircraft's true position at each tick ([`What::Aircraft`]). A valid
+//! Reported-Position has to lie within [`bounds::POSITION_OFF_M`] of a position of the aircraft in the last
+//! [`bounds::POSITION_OLDEST`]. While fewer receivers than a quorum are disturbed, [`bounds::AGREEMENT_M`] is added to
+//! this limit, because a disturbed receiver may agree with the others. Nothing is required while a quorum of receivers
+//! is disturbed, or one of two receivers, or the only one.
 //!
-//! A position that is missing for [`bounds::POSITION_WITHIN`] is reported, unless a violation was found since the last
-//! position that keeps HORUS from having one, because one cause is reported once.
+//! A position that is missing for [`bounds::POSITION_WITHIN`] is reported, unless a violation since the last position
+//! explains its absence.
 
 use std::collections::VecDeque;
 
@@ -20,7 +19,7 @@ use crate::disturbance::Excuse;
 use crate::read::{State, Values};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
-/// The violations that explain why HORUS has no position, or does not send it.
+/// The violations that explain why HORUS sends no position.
 const EXPLAIN: &[Violation] = &[
     Violation::NotRead,
     Violation::NotConfigured,
@@ -39,7 +38,7 @@ const EXPLAIN: &[Violation] = &[
     Violation::HorusStaysHung,
 ];
 
-/// The place of the aircraft at an instant.
+/// The aircraft's position at an instant.
 #[derive(Clone, Copy, Debug)]
 struct Truth {
     at: u64,
@@ -53,9 +52,8 @@ pub struct Position {
     truths: VecDeque<Truth>,
     /// The instant, ns, since which HORUS has sent no valid position.
     waits_since: u64,
-    /// The number of violations that explain a missing position, as counted at that instant.
+    /// The number of violations found before that instant that explain a missing position.
     explained: u64,
-    /// Whether the missing position has been reported.
     told: bool,
     worst_mm: Option<u64>,
 }
@@ -122,7 +120,6 @@ impl Position {
         (0..self.receivers).filter(|receiver| disturbances.excuse_of(*receiver, Excuse::Position, at)).count()
     }
 
-    /// Records that HORUS has sent no valid position since the instant `at`, ns.
     fn wait(&mut self, at: u64, findings: &Findings) {
         (self.waits_since, self.explained, self.told) = (at, explaining(findings), false);
     }
@@ -134,7 +131,6 @@ impl Position {
         }
     }
 
-    /// Judges a valid position that HORUS has sent in a frame whose first bit was at `started`, ns.
     fn sent(&mut self, started: u64, values: &ReportedValues, context: &Context, findings: &mut Findings) {
         let mut before = self.truths.iter().rev().filter(|truth| truth.at <= started);
         let Some(now) = before.clone().next().copied() else { return };
@@ -164,7 +160,6 @@ impl Position {
     }
 }
 
-/// Returns the number of violations found so far that explain why there is no position.
 fn explaining(findings: &Findings) -> u64 {
     findings.counts().filter(|(violation, _)| EXPLAIN.contains(violation)).map(|(_, count)| count).sum()
 }
@@ -176,10 +171,10 @@ mod tests {
     use crate::{Disturbance, Figures as AllFigures};
 
     const HOME: (i64, i64, i64) = (47_500_000_000, 8_700_000_000, 500_000);
-    /// The number of 1e-9 degrees in a metre to the north here, exact to 0.1 %.
+    /// The number of 1e-9 degrees in a metre to the north, exact to 0.1 %.
     const METRE: i64 = 8_993;
 
-    /// Returns a Reported-Position that lies this many mm north of home and above it.
+    /// Returns a Reported-Position this many mm north of home and above it.
     fn reported(timestamp: u32, north_mm: i64, up_mm: i64) -> ReportedValues {
         let silent = silent_reported(timestamp);
         let status = silent.status.with_position_valid(true);
@@ -193,8 +188,8 @@ mod tests {
         }
     }
 
-    /// Returns the verdict on a run of `cycles` ticks from 20 ms on. At each tick the aircraft is where `truth` says
-    /// (mm north), and HORUS sends the position that `says` returns.
+    /// Returns the verdict on a run of `cycles` ticks. At each tick the aircraft is where `truth` says (mm north), and
+    /// HORUS sends the position that `says` returns.
     fn run(
         gps: usize,
         cycles: u64,
@@ -232,7 +227,6 @@ mod tests {
             let worst = figures.voter.worst_mm.unwrap() as i64;
             assert!((worst - north).abs() <= north / 500 + 1, "{worst}");
         }
-        // A 2D fix has no height.
         let flat = |_: u64| Some((0, 0));
         assert_eq!(run(1, 1, |_| 0, flat, vec![]).0, []);
     }
@@ -240,7 +234,7 @@ mod tests {
     #[test]
     fn a_position_may_be_as_old_as_a_solution_may_be_valid() {
         let oldest = bounds::POSITION_OLDEST / bounds::CYCLE;
-        // The aircraft leaves after the first tick, and HORUS goes on sending the place of that tick.
+        // The aircraft leaves after the first tick, and HORUS goes on sending the old position.
         let leaves = |number: u64| if number == 1 { 0 } else { 50_000 };
         assert_eq!(run(1, 1 + oldest, leaves, |_| Some((0, 0)), vec![]).0, []);
         let late = run(1, 2 + oldest, leaves, |_| Some((0, 0)), vec![]).0;
@@ -256,7 +250,7 @@ mod tests {
             (3, vec![0, 1], None),
             (5, vec![0, 3], Some(40)),
             (5, vec![0, 1, 4], None),
-            // The number of the disturbed receiver is beyond the receivers that are fitted.
+            // The disturbed receiver is not fitted.
             (1, vec![1], Some(10)),
         ] {
             let events = || who.iter().map(|receiver| disturbed(*receiver)).collect::<Vec<_>>();
@@ -270,8 +264,7 @@ mod tests {
 
     #[test]
     fn a_position_that_is_missing_for_too_long_is_told_once() {
-        // The run goes on for 9 ms after its last tick, so with this number of ticks it ends just after a position is
-        // due.
+        // The run ends 9 ms after its last tick, just after a position is due.
         let late = bounds::POSITION_WITHIN / bounds::CYCLE - 1;
         let none = |cycles: u64, events| run(3, cycles, |_| 0, |_| None, events).0;
         assert_eq!(none(late - 1, vec![]), []);
@@ -283,7 +276,7 @@ mod tests {
         assert_eq!(none(late, vec![(50 * MS, What::Hung { board: Board::Horus })]), [], "it hangs");
         assert_eq!(none(late, vec![disturbed(0)]), told, "two others are well");
         assert_eq!(none(late, vec![disturbed(0), disturbed(1)]), []);
-        // HORUS sent a position once, 30 ms after the first tick.
+        // HORUS sends one position, 30 ms after the first tick.
         let lost = |number: u64| (number == 4).then_some((0, 0));
         assert_eq!(run(3, late, |_| 0, lost, vec![]).0, []);
         assert_eq!(run(3, late + 5, |_| 0, lost, vec![]).0.len(), 1);

@@ -1,16 +1,14 @@
-//! Judges whether HORUS reads the bytes that its receivers offer, and whether it sets the receivers so that they send
-//! positions.
+//! Judges whether HORUS reads the bytes that its receivers offer, and whether it sets the receivers to send positions.
 //!
-//! A receiver on a bus keeps its bytes until HORUS reads them. [`What::Offered`] reports that the receiver has bytes,
-//! and [`What::Fed`] reports which of them crossed the bus. While HORUS has no supply, starts or hangs, and while
-//! [`Excuse::Polling`] holds for the receiver, HORUS need not read; after that it must. Bytes that a receiver offers
-//! while it is being read, from the first bit on the bus to the last, count as read. A receiver that is not read is
-//! reported once for each [`bounds::READ_WITHIN`].
+//! A receiver on a bus offers its bytes ([`What::Offered`]) until HORUS reads them ([`What::Fed`]). HORUS need not read
+//! while it has no supply, starts or hangs, nor while [`Excuse::Polling`] holds for the receiver. Bytes that a receiver
+//! offers while it is being read count as read. A receiver that is not read is reported once for each
+//! [`bounds::READ_WITHIN`].
 //!
-//! A simulated receiver reports its settings ([`What::Settings`]). If the receiver sends no positions, HORUS must set
-//! it to send them within [`bounds::SETTINGS_TOLD`] of the later of two instants: HORUS's start, and the instant at
-//! which the receiver ceased to send them. This is not required while [`Excuse::Settings`] holds for the receiver. The
-//! violation is reported once.
+//! A simulated receiver reports its settings ([`What::Settings`]). If it sends no positions, HORUS must set it to send
+//! them within [`bounds::SETTINGS_TOLD`]. That time begins at HORUS's start, or later when the receiver ceases to send
+//! positions. This is not required while [`Excuse::Settings`] holds for the receiver, and the violation is reported
+//! once.
 
 use super::Rule;
 use crate::disturbance::Excuse;
@@ -19,12 +17,11 @@ use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 /// The rule that judges whether HORUS reads and sets its receivers; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Receivers {
-    /// For each receiver, the instant, ns, since which it has offered bytes of which none has been read.
+    /// For each receiver, the instant, ns, since which it has offered bytes without being read.
     waiting: Vec<Option<u64>>,
-    /// For each receiver, the instant, ns, at which the last byte that was read from it had crossed the bus.
+    /// For each receiver, the instant, ns, at which the last byte was read from it.
     read_until: Vec<u64>,
-    /// For each receiver, the instant, ns, since which it has sent no positions; `None` if it sends them, if the
-    /// violation has been reported, or if the receiver has not reported its settings.
+    /// For each receiver, the instant, ns, since which it sends no positions; `None` otherwise, or once reported.
     unset: Vec<Option<u64>>,
 }
 
@@ -73,8 +70,7 @@ impl Rule for Receivers {
 }
 
 impl Receivers {
-    /// Reports each receiver whose bytes have waited too long at `now`, and each that should have been set to send
-    /// positions by `now`.
+    /// Reports the receivers that should have been read, or set to send positions, by `now`.
     fn pass(&mut self, now: u64, context: &Context, findings: &mut Findings) {
         for (number, waiting) in (1..).zip(&mut self.waiting) {
             if let Some(since) = waiting.take_if(|since| now > *since + bounds::READ_WITHIN) {
@@ -104,7 +100,6 @@ mod tests {
     use crate::Disturbance;
     use crate::testing::{Events, MS, found, header, injected};
 
-    /// The first instant from which on receivers must be read, ns.
     const FROM: u64 = bounds::START;
     const DUE: u64 = FROM + bounds::READ_WITHIN;
 
@@ -116,8 +111,7 @@ mod tests {
         What::Fed { receiver, byte_ns: 1, bytes: vec![1].into(), clean: false, since: Some(0) }
     }
 
-    /// Returns the violations that are found if GPS2 offers bytes at `at` and these events happen, in a run until
-    /// `end`.
+    /// Returns the violations that are found if GPS2 offers bytes at `at`, in a run of these events until `end`.
     fn broken(at: u64, events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         let mut log = Events::new(3);
         log.add(at, offered());
@@ -134,7 +128,6 @@ mod tests {
         assert_eq!(broken(FROM, vec![(DUE, fed(1))], DUE + 1), []);
         assert_eq!(broken(FROM, vec![(DUE, fed(0))], DUE + 1), [NOT_READ], "another one's");
         assert_eq!(broken(FROM, vec![(DUE - 1, offered())], DUE + 1), [NOT_READ], "the first counts");
-        // A reading lasts 1 ns here. The bytes are offered after such a reading, and then during one.
         assert_eq!(broken(FROM, vec![(FROM - 1, fed(1))], DUE + 1), [NOT_READ], "read before");
         assert_eq!(broken(FROM, vec![(FROM, fed(1)), (FROM, offered())], DUE + 1), []);
         let long = What::Fed { receiver: 1, byte_ns: 1_000, bytes: vec![1; 10].into(), clean: false, since: Some(0) };
@@ -142,7 +135,6 @@ mod tests {
             let during = vec![(FROM, long.clone()), (FROM + after, offered())];
             assert_eq!(broken(FROM, during, DUE + after + 1).len(), expected, "{after}");
         }
-        // The violation is reported again for bytes that are offered later.
         let again = vec![(DUE + 1, offered())];
         assert_eq!(broken(FROM, again, DUE + bounds::READ_WITHIN + 2), [(Violation::NotRead, 2, DUE)]);
     }
@@ -178,7 +170,7 @@ mod tests {
         }
     }
 
-    /// Returns the violations that are found about GPS2's settings if these events happen, in a run until `end`.
+    /// Returns the violations that are found about GPS2's settings in a run of these events until `end`.
     fn unset(events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         let mut log = Events::new(3);
         events.into_iter().for_each(|(at, what)| _ = log.add(at, what));

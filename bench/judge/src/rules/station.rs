@@ -1,8 +1,8 @@
-//! Judges what the base station states about the drone by the profiles that have arrived there.
+//! Judges the age and the alarms that the base station states about the drone.
 //!
-//! The age that the base station states is that of the Reported-Position that it shows, which is the newest that
-//! arrived. This rule compares that age with HORUS's tick. It also judges the alarms that follow from the age, from a
-//! silence and from Reported-Position's status:
+//! The age is that of the Reported-Position that the base station shows, the newest that arrived. This rule compares
+//! that age with HORUS's tick. It also judges the alarms that follow from the age, from a silence and from
+//! Reported-Position's status:
 //!
 //! | alarm | holds if |
 //! |---|---|
@@ -12,16 +12,14 @@
 //! | `emergency-fired`, `motors-cut`, `switched-to-redundant`, `inputs-contradict` | Reported-Position states this |
 //! | `degraded`, `no-crystal`, `horus-memory-fault` | Reported-Position states this |
 //!
-//! Close to a limit of time either value is right. The station need not show a profile that does not continue the
-//! profiles before, because that profile may come from another sender. Therefore it is certain what the station shows
-//! only once profiles have arrived in sequence for [`bounds::STATION_SETTLES`], or [`bounds::CLIENT_FINDS`] profiles if
-//! they are the first of all. Only then does a silence certainly end. While HORUS runs without its crystal, its clock
-//! cannot be compared with the station's, and no age is required.
+//! Close to a limit of time either value is right. A profile that does not continue the sequence may come from another
+//! sender, and the station need not show it. Therefore it is certain what the station shows only after profiles have
+//! arrived in sequence for [`bounds::STATION_SETTLES`] ([`bounds::CLIENT_FINDS`] profiles if they are the first of
+//! all). Only then does a silence certainly end. While HORUS runs without its crystal, no age is required.
 //!
-//! The station can recognise that HORUS has started anew if the timestamps step back, or if HORUS states another reason
-//! for its last reset. Otherwise it cannot detect the start (documentation of the base station). It may then go on
-//! counting by the clock of the previous start, and so take the sample to be older than it is by the time for which
-//! HORUS did not run.
+//! The station recognises a new start of HORUS only if the timestamps step back or the reason of the last reset changes
+//! (docs/base-station.md). Otherwise the station may take a sample to be older than it is, by the time for which HORUS
+//! did not run.
 
 use std::collections::VecDeque;
 
@@ -31,17 +29,16 @@ use super::Rule;
 use crate::read::Frame;
 use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 
-/// The number of ticks that are kept, with the timestamps that were sent after them.
 const TICKS: usize = 256;
 
-/// The sample that arrived last. From its timestamp the station may compute the ages of later samples.
+/// The sample that arrived last. The station may compute the ages of later samples from its timestamp.
 #[derive(Clone, Copy, Debug)]
 struct Last {
     timestamp: u32,
     reason: Option<ResetReason>,
-    /// The sample's tick, ns, and the number of the start of HORUS in which that tick came.
+    /// The sample's tick, ns, and the number of HORUS's start in which that tick came.
     tick: (u64, u64),
-    /// How much older than it is the station may take the sample to be, ns.
+    /// By how much, ns, the station may overstate the sample's age.
     late: u64,
 }
 
@@ -50,14 +47,12 @@ struct Last {
 struct Newest {
     timestamp: u32,
     status: ReportedStatus,
-    /// If known, the tick of the sample, ns, and how much older than it is the station may take the sample to be, ns.
+    /// If known, the tick of the sample, ns, and by how much, ns, the station may overstate the sample's age.
     tick: Option<(u64, u64)>,
-    /// The profiles in sequence that end with this one: their number, and the instant, ns, at which the first of them
-    /// arrived.
+    /// The number of profiles in sequence up to this one, and the instant, ns, at which the first of them arrived.
     row: (u32, u64),
-    /// Whether the first of these profiles is the first that arrived in the run.
+    /// Whether the first profile of this sequence is the first that arrived in the run.
     first: bool,
-    /// The instant, ns, at which this profile arrived.
     at: u64,
 }
 
@@ -66,15 +61,14 @@ struct Newest {
 pub struct Station {
     layout: Layout,
     tick: Option<u64>,
-    /// The number of HORUS's starts so far.
     starts: u64,
-    /// The Reported-Positions that HORUS sent: the timestamp, ms, the tick, ns, and the number of HORUS's start.
+    /// The Reported-Positions that HORUS sent: timestamp, ms, tick, ns, and number of HORUS's start.
     sent: VecDeque<(u32, (u64, u64))>,
     newest: Option<Newest>,
     last: Option<Last>,
-    /// The instant, ns, at which a profile that the station can show last arrived.
+    /// The instant, ns, at which the last profile arrived that the station can show.
     arrived: u64,
-    /// The alarm or the age that was wrong in the last statement. It is not reported again while it stays wrong.
+    /// The alarm or the age that was wrong in the last statement; not reported again while it stays wrong.
     told: Option<&'static str>,
 }
 
@@ -131,7 +125,7 @@ impl Station {
         let values = object.values();
         let follows = |before: Newest| {
             let step = values.timestamp.wrapping_sub(before.timestamp);
-            // Steps of more than one cycle are allowed, because the flight controller may not have read a cycle.
+            // The flight controller need not read every cycle, so up to three may be missing.
             step > 0 && step % CYCLE_MS == 0 && step <= 4 * CYCLE_MS
         };
         let before = self.newest.filter(|before| follows(*before));
@@ -142,8 +136,7 @@ impl Station {
         self.newest = Some(Newest { timestamp: values.timestamp, status: values.status, tick, row, first, at });
     }
 
-    /// Records that a sample has arrived, with its tick, ns, and the number of HORUS's start. Returns how much older
-    /// than it is the station may take the sample to be, ns.
+    /// Records that a sample has arrived. Returns by how much, ns, the station may overstate its age.
     fn late(&mut self, timestamp: u32, reason: Option<ResetReason>, tick: (u64, u64)) -> u64 {
         let step = |last: Last| timestamp.wrapping_sub(last.timestamp);
         let goes_on = self.last.filter(|last| step(*last).cast_signed() >= 0 && last.reason == reason);
@@ -163,8 +156,7 @@ impl Station {
         })
     }
 
-    /// Returns the age, ns, that the sample shown by the station has at `at`, and the age that the station may state at
-    /// most.
+    /// Returns the age, ns, of the sample shown at the instant `at`, and the greatest that the station may state.
     fn ages(&self, at: u64) -> Option<[u64; 2]> {
         let shown = self.shown().filter(|shown| !shown.status.without_crystal())?;
         let (tick, late) = shown.tick?;
@@ -176,7 +168,7 @@ impl Station {
         self.ages(at).is_some_and(|ages| told_us.is_none_or(|told| ages.into_iter().all(is_off(told))))
     }
 
-    /// Returns the name of an alarm that is given and must not be, or that must be given and is not.
+    /// Returns an alarm that is given wrongly, or that is missing.
     fn wrong_alarm(&self, at: u64, alarms: &[String]) -> Option<&'static str> {
         let holds = |name: &str| alarms.iter().any(|alarm| alarm == name);
         let after = |age: u64, limit: u64| match age {
@@ -229,8 +221,8 @@ mod tests {
         alarms.iter().map(|name| (*name).to_owned()).collect()
     }
 
-    /// Returns the violations that are found if the last of [`CYCLES`] cycles arrive with the status that `of` returns,
-    /// and the station then makes these statements at their instants.
+    /// Returns the violations if [`CYCLES`] cycles arrive with the status that `of` returns, and the station then makes
+    /// these statements.
     fn broken(
         of: impl Fn(ReportedStatus) -> ReportedStatus,
         cycles: u64,
@@ -239,7 +231,7 @@ mod tests {
         broken_after(8 * MS, of, cycles, says)
     }
 
-    /// Returns the violations that [`broken`] returns, with each profile arriving `takes` ns after its tick.
+    /// Like [`broken`], with each profile arriving `takes` ns after its tick.
     fn broken_after(
         takes: u64,
         of: impl Fn(ReportedStatus) -> ReportedStatus,
@@ -286,8 +278,7 @@ mod tests {
         ] {
             assert_eq!(told(age), expected, "{age:?}");
         }
-        // In the first case it is not certain yet what the station shows, and in the second case HORUS runs without its
-        // crystal.
+        // Too few profiles have arrived in the first case, and HORUS runs without its crystal in the second.
         let few = u64::from(bounds::CLIENT_FINDS) - 1;
         assert_eq!(broken(same, few, &[(at, Some(0), &[])]), []);
         assert_eq!(broken(|it| it.with_without_crystal(true), CYCLES, &[(at, Some(0), &["no-crystal"])]), []);
@@ -302,7 +293,6 @@ mod tests {
 
     #[test]
     fn what_comes_after_another_sequence_is_shown_for_certain_after_a_while() {
-        // The first profile of all is from another start of HORUS.
         let settles = bounds::STATION_SETTLES / bounds::CYCLE;
         let found = |cycles: u64| {
             let mut station = Station::new(&header(1));
@@ -387,11 +377,11 @@ mod tests {
 
     #[test]
     fn after_a_restart_of_horus_ages_may_follow_the_earlier_clock() {
-        // The profiles that arrive are stamped 10 ms to 100 ms. HORUS then starts anew, is away for [`AWAY`], and its
+        // The profiles that arrive are stamped 10 ms to 100 ms. HORUS is then off for [`AWAY`] and starts anew, and its
         // profiles arrive from the timestamp `first` on.
         const AWAY: u64 = 1_000 * MS;
         let settles = bounds::STATION_SETTLES / bounds::CYCLE;
-        // With `earlier`, a profile that is stamped 90 s, from an earlier start of HORUS, arrived before.
+        // With `earlier`, a profile stamped 90 s from an earlier start of HORUS arrived before.
         let told_after = |earlier: bool, starts: bool, first: u32, reason: ResetReason, age: u64, alarms: &[&str]| {
             let mut log = Events::new(1);
             let mut cycle = |tick: u64, stamp: u32, reason: ResetReason| {

@@ -1,8 +1,7 @@
-//! Makes the log of a run in which nothing goes wrong. Tests then change that log.
+//! Makes the log of a flawless run, which tests then change.
 //!
 //! A [`Plan`] describes what the DPR publishes and when the flight controller reads. [`Plan::log`] derives the events
-//! on the wires from the plan. A change of the plan therefore changes all events that follow from it, whereas a change
-//! of the log changes only that event.
+//! from it. A change of the plan changes all events that follow from it; a change of the log changes only one event.
 #![allow(dead_code, reason = "not every test uses all of it")]
 
 use bench_judge::disturbance::{Conduct, Harm, Memory};
@@ -12,9 +11,7 @@ use profile::{
     air,
 };
 
-/// The instant of HORUS's first tick, ns.
 pub(crate) const FIRST_TICK: u64 = 20_000_000;
-/// The instant of the DPR's first image, ns.
 pub(crate) const FIRST_IMAGE: u64 = 6_000_000;
 /// The time from the end of a cycle's last frame to FRESH, ns.
 pub(crate) const TO_FRESH: u64 = 60_000;
@@ -24,18 +21,15 @@ pub(crate) const HELD_BEFORE: u64 = 1_000;
 pub(crate) const RELEASED_AFTER: u64 = 500;
 /// The time from the end of a transaction until the DPR is ready for the next one, ns.
 pub(crate) const TO_READY: u64 = 3_000;
-/// The flight controller's control cycle, ns. It is not quite 4 ms, so that transactions begin at every phase of
-/// HORUS's cycle.
+/// The control cycle, ns. It is not quite 4 ms, so that transactions begin at every phase of HORUS's cycle.
 pub(crate) const CONTROL_CYCLE: u64 = 3_997_000;
-/// The number of cycles that the DPR needs to find the sequence. It does not show these cycles.
+/// The number of cycles that find the sequence, which the DPR does not show.
 pub(crate) const SEARCH: u32 = 3;
 
-/// An image of the DPR, and the instant at which it is published.
 #[derive(Clone, Debug)]
 pub(crate) struct Publication {
     /// The instant, ns, at which FRESH rises for the image.
     pub(crate) at: u64,
-    /// The image that becomes readable.
     pub(crate) image: Vec<u8>,
 }
 
@@ -46,17 +40,15 @@ pub(crate) struct Plan {
     pub(crate) layout: Layout,
     /// The events of HORUS and of the air.
     pub(crate) upstream: Vec<Event>,
-    /// The DPR's images, in order of time.
     pub(crate) publications: Vec<Publication>,
-    /// The instants at which chip select falls, ns.
+    /// The instants, ns, at which chip select falls.
     pub(crate) selects: Vec<u64>,
     pub(crate) end: u64,
 }
 
-/// Returns a profile in which no receiver has sent anything, so that there is no position.
+/// Returns a profile without a position: no receiver has sent anything.
 pub(crate) fn profile(gps: usize, stamp: u32) -> Vec<u8> {
     fn of<const N: usize>(stamp: u32) -> Vec<u8> {
-        // The values are those that HORUS sends for a receiver that has sent nothing.
         let absent = GpsValues::absent(stamp);
         let silent = GpsValues { status: absent.status.with_stale(true), ..absent };
         let status = ReportedStatus::new().with_degraded(true);
@@ -99,7 +91,6 @@ fn event(at: u64, what: What) -> Event {
 }
 
 impl Plan {
-    /// Returns a flawless run of `cycles` cycles of HORUS.
     pub(crate) fn new(gps: usize, cycles: u32) -> Self {
         let layout = Layout::for_receivers(gps).unwrap();
         let end = FIRST_TICK + u64::from(cycles) * bounds::CYCLE;
@@ -150,7 +141,7 @@ impl Plan {
         plan
     }
 
-    /// Returns an image that is published at `at` and shows the cycle with the timestamp `stamp`.
+    /// Returns the image published at `at` that shows the cycle with the timestamp `stamp`.
     pub(crate) fn image(&self, at: u64, stamp: Option<u32>, values: LinkValues) -> Vec<u8> {
         let status = LinkStatusBits::new()
             .with_link_up(stamp.is_some())
@@ -166,19 +157,17 @@ impl Plan {
         [link.as_bytes().as_slice(), &objects].concat()
     }
 
-    /// Returns the number of the publication that shows the cycle with the timestamp `stamp`.
+    /// Returns the index of the publication that shows the cycle with the timestamp `stamp`.
     pub(crate) fn showing(&self, stamp: u32) -> usize {
         let place = self.layout.in_image(0).unwrap();
         let shows = |image: &[u8]| image[place.clone()].starts_with(&stamp.to_le_bytes());
         self.publications.iter().position(|publication| shows(&publication.image)).unwrap()
     }
 
-    /// Returns the duration of a transaction, ns.
     pub(crate) fn transaction_ns(&self) -> u64 {
         3_000 + 1_000 * self.layout.image_len() as u64
     }
 
-    /// Returns the log of the events on the wires.
     pub(crate) fn log(&self) -> Log {
         let mut events = self.upstream.clone();
         let took = self.transaction_ns();
@@ -186,7 +175,7 @@ impl Plan {
         let mut publications = self.publications.iter().peekable();
         let mut forwarded = None;
         for selected in self.selects.iter().copied().chain([u64::MAX]) {
-            // These images are published before the transaction, which may begin while one of them is being put in.
+            // The transaction may begin while one of these images is being put in.
             let mut busy = false;
             let before = |publication: &&Publication| publication.at.saturating_sub(HELD_BEFORE) <= selected;
             while let Some(publication) = publications.next_if(before) {
@@ -213,8 +202,7 @@ impl Plan {
                 }
                 continue;
             }
-            // An image that is published during the transaction is announced at once, but put in only after the
-            // transaction's end.
+            // An image that is published during the transaction is announced at once, but put in after the transaction.
             let mut ready = ended + TO_READY;
             while let Some(publication) =
                 publications.next_if(|publication| publication.at - HELD_BEFORE <= ended + TO_READY)
@@ -246,7 +234,6 @@ impl Plan {
     }
 }
 
-/// The state of the SSI in the DPR: its buffers and its image.
 struct Ssi {
     held: bool,
     image: Option<Vec<u8>>,
@@ -263,8 +250,7 @@ impl Ssi {
         }
     }
 
-    /// Puts an image in while no transaction is under way. Returns whether the transaction that begins at `selected`
-    /// finds the DPR busy because of that.
+    /// Puts an image in between transactions. Returns whether the next transaction then finds the DPR busy.
     fn put_in(&mut self, publication: &Publication, selected: u64, events: &mut Vec<Event>) -> bool {
         let Publication { at, image } = publication;
         let released = at + RELEASED_AFTER;
@@ -284,8 +270,7 @@ impl Ssi {
     }
 }
 
-/// The violations that the rules of the SSI and of the base station report. In these logs the DPR states no more about
-/// itself and HORUS than these rules need, so the violations of other rules are ignored.
+/// The violations of the SSI and of the base station. The logs lack what the other rules need.
 const OURS: [Violation; 20] = [
     Violation::Answered,
     Violation::NoTransaction,
@@ -309,32 +294,27 @@ const OURS: [Violation; 20] = [
     Violation::BaseHidden,
 ];
 
-/// Returns the verdict of the rules of the SSI and of the base station.
 pub(crate) fn judged(log: &Log) -> Verdict {
     let mut verdict = judge(log);
     verdict.violations.retain(|broken| OURS.contains(&broken.violation));
     verdict
 }
 
-/// Returns the kinds of violations that judging finds, and how often each occurred.
 pub(crate) fn found(log: &Log) -> Vec<(Violation, u64)> {
     judged(log).violations.iter().map(|broken| (broken.violation, broken.count)).collect()
 }
 
-/// Inserts an event into the log where its instant belongs.
 pub(crate) fn insert(log: &mut Log, at: u64, what: What) {
     let rank = what.rank();
     let place = log.events.partition_point(|event| (event.at, event.what.rank()) <= (at, rank));
     log.events.insert(place, event(at, what));
 }
 
-/// Sorts the events after some were moved.
 pub(crate) fn sort(log: &mut Log) {
     log.events.sort_by_key(|event| (event.at, event.what.rank()));
 }
 
-/// Returns for each transaction the instant, ns, at which chip select fell, and the bytes that it read, so that a test
-/// can change them.
+/// Returns the instant, ns, at which each transaction began, and its bytes, for a test to change.
 pub(crate) fn transactions(log: &mut Log) -> impl Iterator<Item = (u64, &mut Vec<u8>)> {
     log.events.iter_mut().filter_map(|event| match &mut event.what {
         What::Transaction { selected, miso, .. } => Some((*selected, &mut miso.0)),
@@ -342,13 +322,11 @@ pub(crate) fn transactions(log: &mut Log) -> impl Iterator<Item = (u64, &mut Vec
     })
 }
 
-/// Returns the event of a restart of the DPR.
 pub(crate) fn dpr_reset(asked: bool) -> What {
     What::Reset { board: Board::Dpr, cause: Cause::Pin, asked }
 }
 
-/// Returns the indices in the log of the transactions that read the same image as the one before, so nothing is
-/// forwarded after them.
+/// Returns the indices of the transactions that repeat an image, after which nothing is forwarded.
 pub(crate) fn repeats(log: &Log) -> Vec<usize> {
     let mut last: Option<&[u8]> = None;
     let mut places = vec![];
@@ -361,8 +339,7 @@ pub(crate) fn repeats(log: &Log) -> Vec<usize> {
     places
 }
 
-/// Returns the bytes that a transaction read, so that a test can change them; `place` is the index of the transaction
-/// in the log.
+/// Returns the bytes of the transaction at index `place`, for a test to change.
 pub(crate) fn miso(log: &mut Log, place: usize) -> &mut Vec<u8> {
     match &mut log.events[place].what {
         What::Transaction { miso, .. } => &mut miso.0,
@@ -388,7 +365,7 @@ pub(crate) fn blind(log: &mut Log, from: u64, to: u64) {
     }
 }
 
-/// Returns a flawless log, and the index in it of a transaction after which nothing is forwarded.
+/// Returns a flawless log, and the index of a transaction after which nothing is forwarded.
 pub(crate) fn run(gps: usize) -> (Plan, Log, usize) {
     let plan = Plan::new(gps, 40);
     let log = plan.log();
@@ -396,8 +373,7 @@ pub(crate) fn run(gps: usize) -> (Plan, Log, usize) {
     (plan, log, place)
 }
 
-/// Returns the last image that differs from the one that the transaction at index `place` read, among the images read
-/// before.
+/// Returns the last image read before the transaction at index `place` that differs from its image.
 pub(crate) fn image_before(log: &Log, place: usize) -> Vec<u8> {
     let mut log = log.clone();
     let now = miso(&mut log, place).clone();
@@ -408,18 +384,13 @@ pub(crate) fn image_before(log: &Log, place: usize) -> Vec<u8> {
     before.unwrap()
 }
 
-/// The disturbance by which the DPR's front end does not answer.
 pub(crate) const DPR_FRONT_END: Disturbance = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Silent };
-/// The disturbance by which HORUS's front end does not answer.
 pub(crate) const HORUS_FRONT_END: Disturbance = Disturbance::FrontEnd { board: Board::Horus, harm: Harm::Silent };
-/// The disturbance by which the flight controller makes transactions that it must not make.
 pub(crate) const MISUSE: Disturbance = Disturbance::FlightController { conduct: Conduct::Misuse };
-/// The disturbance of a bit of a buffer into which frames are received.
 pub(crate) const RECEIVE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Receive };
-/// The disturbance of a bit of an image.
 pub(crate) const IMAGE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Images };
 
-/// Returns the event that states that the bench disturbs this until `until`, ns.
+/// Returns the event that the bench disturbs this until the instant `until`, ns.
 pub(crate) fn injected(disturbs: Disturbance, until: u64) -> What {
     What::Injected { kind: format!("{disturbs:?}"), disturbs, until }
 }

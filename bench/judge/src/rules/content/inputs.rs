@@ -1,14 +1,12 @@
 //! Judges whether the state that HORUS reports agrees with the pins from which HORUS reads it.
 //!
-//! This module is written from decision 18. HORUS has three inputs, each of which is a pair of pins that HORUS samples
-//! once per cycle, within [`bounds::SAMPLED_AFTER_TICK`] after the tick. The samples of a cycle determine the state
-//! that HORUS reports in the Reported-Position of the next cycle. HORUS accepts a reading of a pair when three samples
-//! in a row have that reading. Ten samples without three equal ones in a row are a contradiction. The state that HORUS
-//! reports is that of the most severe input that is not inactive.
+//! This module is written from decision 18. HORUS has three inputs, each a pair of pins that HORUS samples once per
+//! cycle, within [`bounds::SAMPLED_AFTER_TICK`] after the tick. The next cycle's Reported-Position shows the state that
+//! follows from the samples. HORUS accepts a reading after three equal samples in a row. Ten samples without three
+//! equal ones in a row are a contradiction. HORUS's state is that of the most severe input that is not inactive.
 //!
-//! If a pair changes while HORUS may be sampling it, every outcome is allowed. After an irregular tick it is not known
-//! how often HORUS has sampled, so the judge requires nothing of a pair until enough later samples determine
-//! the reading of that pair.
+//! If a pair changes during the sampling, every outcome is allowed. After an irregular tick the number of samples is
+//! not known, so nothing is required until later samples determine the reading.
 
 use std::collections::VecDeque;
 
@@ -18,13 +16,12 @@ use crate::bounds;
 
 /// The number of inputs: relay, motor cut, emergency measure.
 const INPUTS: usize = 3;
-/// The number of samples of an input on which the reading that HORUS accepts can depend: the last ten, and two before
-/// them, because the first of the ten may complete a row of three equal samples that the two samples before it began.
+/// The last ten samples, and two before them that may belong to a row of three, determine the reading.
 const SAMPLES: usize = 12;
-/// The number of samples of uncertain value beyond which there are too many outcomes to judge.
+/// With more uncertain samples than this there are too many outcomes to judge.
 const MOST_UNSURE: usize = 6;
 
-/// The reading of a pair of pins: its input is active or inactive, or the pins contradict each other.
+/// The reading of a pair of pins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Says {
     Inactive,
@@ -34,33 +31,30 @@ enum Says {
 
 #[derive(Clone, Debug)]
 struct Pair {
-    /// The present reading of the pair of pins.
     now: Says,
-    /// The reading of the pair at the last tick and each later reading, each with the instant from which it holds, ns.
+    /// The reading at the last tick and each later one, with the instant, ns, from which it holds.
     since_tick: Vec<(u64, Says)>,
-    /// For each of the last [`SAMPLES`] samples, the readings of the pair that HORUS may have obtained.
+    /// For each of the last [`SAMPLES`] samples, the readings that HORUS may have obtained.
     samples: VecDeque<Vec<Says>>,
 }
 
-/// The inputs from which HORUS's state follows.
 #[derive(Clone, Debug)]
 pub(super) struct Inputs {
     pairs: [Pair; INPUTS],
-    /// The instant of HORUS's last tick, ns.
     tick: Option<u64>,
-    /// Whether the stored samples are all samples since HORUS's start.
+    /// Whether `samples` has every sample since HORUS's start.
     from_start: bool,
 }
 
 impl Inputs {
-    /// Returns the state in which every pair of pins says that its input is inactive.
+    /// Returns the state in which every input is inactive.
     pub(super) fn new() -> Self {
         let pair = |_| Pair { now: Says::Inactive, since_tick: vec![], samples: VecDeque::new() };
         Self { pairs: std::array::from_fn(pair), tick: None, from_start: true }
     }
 
-    /// Records that from the instant `at` on, ns, the pins of an input have these levels: `active` is the level of the
-    /// pin that is high while the input is active, and `inactive` that of the other pin.
+    /// Records the levels of an input's pins from the instant `at` on, ns. The pin `active` is high while the input is
+    /// active, the pin `inactive` while it is inactive.
     pub(super) fn levels(&mut self, at: u64, input: usize, active: bool, inactive: bool) {
         let Some(pair) = self.pairs.get_mut(input) else { return };
         pair.now = match (active, inactive) {
@@ -71,7 +65,6 @@ impl Inputs {
         pair.since_tick.push((at, pair.now));
     }
 
-    /// Discards all samples of the inputs, because HORUS starts anew.
     pub(super) fn forget(&mut self) {
         for pair in &mut self.pairs {
             pair.since_tick.clear();
@@ -80,8 +73,7 @@ impl Inputs {
         (self.tick, self.from_start) = (None, true);
     }
 
-    /// Records a tick of HORUS. If the tick is not irregular, it is the first one, or the tick before it was one cycle
-    /// ago.
+    /// Records a tick of HORUS. Unless `irregular`, it is the first tick, or comes one cycle after the tick before.
     pub(super) fn tick(&mut self, at: u64, irregular: bool) {
         for pair in &mut self.pairs {
             if irregular {
@@ -105,13 +97,13 @@ impl Inputs {
         self.tick = Some(at);
     }
 
-    /// Returns whether HORUS has certainly accepted a reading of each pair of pins at the tick. Only then must HORUS
-    /// report the state `Monitoring` once it has a position.
+    /// Returns whether HORUS has certainly accepted a reading of each input. Only then must HORUS report `Monitoring`
+    /// once it has a position.
     pub(super) fn is_known(&self) -> bool {
         self.pairs.iter().all(|pair| pair.taken(self.from_start).is_some_and(|taken| !taken.contains(&None)))
     }
 
-    /// Returns why HORUS's state at the tick cannot be `state`, in words.
+    /// Returns, in words, why HORUS's state cannot be `state`.
     pub(super) fn wrong(&self, state: Option<HorusState>) -> Option<String> {
         let mut taken = [const { vec![] }; INPUTS];
         for (pair, taken) in self.pairs.iter().zip(&mut taken) {
@@ -130,8 +122,7 @@ impl Inputs {
     }
 }
 
-/// Returns the states that HORUS may report if it has accepted these readings of its inputs, the most severe input
-/// first.
+/// Returns the states that HORUS may report for these accepted readings, the most severe input first.
 fn shown(taken: [Option<Says>; INPUTS]) -> Vec<HorusState> {
     let active = [HorusState::EmergencyFired, HorusState::MotorsCut, HorusState::SwitchedToRedundant];
     for (taken, active) in taken.into_iter().zip(active) {
@@ -144,13 +135,12 @@ fn shown(taken: [Option<Says>; INPUTS]) -> Vec<HorusState> {
     if taken.contains(&None) {
         return vec![HorusState::Starting];
     }
-    // Which of these three states HORUS reports depends on the voted position.
+    // The voted position decides between these three states.
     vec![HorusState::Starting, HorusState::Monitoring, HorusState::PositionLost]
 }
 
 impl Pair {
-    /// Returns the readings of the pair that HORUS may have accepted; `None` among them means that HORUS may not have
-    /// accepted a reading yet. Returns `None` in place of a list if the readings are not known.
+    /// Returns the readings that HORUS may have accepted (`None` for no reading yet), or `None` if they are not known.
     fn taken(&self, from_start: bool) -> Option<Vec<Option<Says>>> {
         if self.samples.iter().filter(|says| says.len() > 1).count() > MOST_UNSURE {
             return None;
@@ -164,8 +154,7 @@ impl Pair {
         }
         let mut taken = vec![];
         for sequence in sequences {
-            // A row of three equal samples with ten samples after it is too old to count; it is not found here, because
-            // only twelve samples are kept.
+            // A row of three with ten later samples is too old to count, and twelve samples do not contain it.
             let three = sequence.windows(3).rposition(|three| three.iter().all(|one| *one == three[0]));
             let one = match three {
                 Some(at) => Some(sequence[at]),
@@ -198,8 +187,8 @@ mod tests {
         HorusState::PositionLost,
     ];
 
-    /// Returns the states that HORUS may report at each of `ticks` ticks from 100 ms on, if the pins of input `input`
-    /// have these levels from these instants (ms) on.
+    /// Returns the states that HORUS may report at `ticks` ticks from 100 ms on, for levels of `input` from instants
+    /// (ms) on.
     fn allowed(input: usize, levels: &[(f64, bool, bool)], ticks: u64) -> Vec<Vec<HorusState>> {
         let mut state = Inputs::new();
         let mut levels = levels.iter().peekable();
@@ -230,12 +219,11 @@ mod tests {
     #[test]
     fn an_active_input_shows_three_samples_later() {
         for (input, of) in [(0, SwitchedToRedundant), (1, MotorsCut), (2, EmergencyFired)] {
-            // The input changes between the ticks of 140 and 150 ms. The ticks of 150, 160 and 170 ms sample it, and
-            // that of 180 ms shows it.
+            // The ticks of 150, 160 and 170 ms sample the change, and the tick of 180 ms shows it.
             let shown = allowed(input, &[(145.0, true, false)], 10);
             assert_eq!(shown[7], SOUND);
             assert_eq!(shown[8..], [[of], [of]]);
-            // A change between the tick and the end of the sampling time may be sampled or not.
+            // A change between the tick and the end of the sampling may be sampled or not.
             let shown = allowed(input, &[(150.1, true, false)], 10);
             assert_eq!(shown[7], SOUND);
             assert_eq!(shown[8], [Starting, Monitoring, of, HorusState::PositionLost]);
@@ -253,7 +241,6 @@ mod tests {
 
     #[test]
     fn a_pair_that_does_not_settle_is_a_contradiction_after_ten_samples() {
-        // Ticks 0 to 9 sample the pair from the start, and tick 10 shows a contradiction.
         let chatter: Vec<(f64, bool, bool)> =
             (0..20).map(|n| (95.0 + 10.0 * f64::from(n), n % 2 == 0, n % 2 != 0)).collect();
         let shown = allowed(1, &chatter, 15);
@@ -263,8 +250,7 @@ mod tests {
 
     #[test]
     fn a_settled_pair_that_chatters_is_a_contradiction_after_ten_samples() {
-        // Ticks 0 to 4 (100 to 140 ms) sample the pair as inactive. From tick 5 on at most two samples in a row are
-        // equal.
+        // Ticks 0 to 4 sample the pair as inactive. From tick 5 on at most two samples in a row are equal.
         let chatter: Vec<(f64, bool, bool)> =
             (0..12).map(|n| (145.0 + 20.0 * f64::from(n), n % 2 == 0, n % 2 != 0)).collect();
         let shown = allowed(1, &chatter, 17);
@@ -274,8 +260,7 @@ mod tests {
 
     #[test]
     fn a_pair_with_too_many_possible_samples_is_not_judged() {
-        // From tick 5 on each change may be sampled at its tick or not. Six changes make 64 outcomes, and seven are too
-        // many.
+        // From tick 5 on each change may be sampled or not. Six changes make 64 outcomes; seven are too many.
         let changes = |count: u32| -> Vec<(f64, bool, bool)> {
             (0..count).map(|n| (150.2 + 10.0 * f64::from(n), n % 2 == 0, n % 2 != 0)).collect()
         };
@@ -305,7 +290,6 @@ mod tests {
         state.tick(0, true);
         for number in 1..=12_u64 {
             assert!(state.wrong(Some(MotorsCut)).is_none(), "{number}: nothing is asked yet");
-            // Each sample of the pair differs from the one before.
             state.levels(number * bounds::CYCLE - MS, 1, number % 2 == 0, number % 2 != 0);
             state.tick(number * bounds::CYCLE, false);
             state.levels(number * bounds::CYCLE, 1, number % 2 == 0, number % 2 != 0);

@@ -1,41 +1,33 @@
-//! Judges what HORUS states about itself in Reported-Position: why it last started, whether it runs on its crystal, and
-//! whether its memory has a fault.
+//! Judges what HORUS states about itself in Reported-Position: the reason of its start, its crystal and its memory.
 //!
 //! | bits | right value |
 //! |---|---|
 //! | 13-15 | the cause of the last reset in the log, or power-on; any reason for a cause that HORUS cannot report |
 //! | 7 | 0 if the external oscillator worked at HORUS's last start, else 1; either if that changed during the start |
-//! | 12 | 0 until HORUS's memory or program was disturbed; after its first 1 it stays 1 until the next start |
+//! | 12 | 0 until HORUS's memory or program was disturbed; a first 1 stays 1 until the next start |
 //!
-//! This rule does not judge whether, and when, HORUS finds a fault of its memory: HORUS checks its memory in passes,
-//! and the log does not state where a bit was hit.
+//! This rule does not require that HORUS finds a fault of its memory: the log does not state where a bit was hit.
 
 use profile::{ReportedStatus, ResetReason};
 
 use crate::{Board, Cause, Disturbance, What, bounds};
 
-/// What is known of HORUS's last start, its memory and its crystal.
 #[derive(Clone, Debug)]
 pub(super) struct Itself {
-    /// The reason of HORUS's last start; `None` if the log states a cause that HORUS cannot report.
+    /// The reason of HORUS's last start; `None` for a cause that HORUS cannot report.
     reason: Option<ResetReason>,
-    /// Whether HORUS's memory was hit on purpose.
     hit: bool,
-    /// Whether HORUS has reported a memory fault since its start.
     said: bool,
-    /// The instant, ns, at which HORUS last started.
     since: u64,
-    /// Whether HORUS's external oscillator works now.
     crystal: bool,
-    /// Whether HORUS's external oscillator worked when HORUS last started.
+    /// Whether the oscillator worked at HORUS's last start.
     started_with: bool,
-    /// Whether the oscillator failed, or recovered, while HORUS was starting, so that HORUS may have started with or
-    /// without it.
+    /// Whether the oscillator failed, or recovered, while HORUS was starting.
     unsure: bool,
 }
 
 impl Itself {
-    /// Returns what is known of HORUS just after its supply has come on.
+    /// Returns the state just after HORUS's supply has come on.
     pub(super) const fn new() -> Self {
         Self {
             reason: Some(ResetReason::PowerOn),
@@ -48,7 +40,6 @@ impl Itself {
         }
     }
 
-    /// Updates the state with the next event of the log.
     pub(super) fn take(&mut self, at: u64, what: &What) {
         match what {
             What::Power { board: Board::Horus, .. } => *self = Self { reason: Some(ResetReason::PowerOn), ..*self },
@@ -71,12 +62,12 @@ impl Itself {
         (self.since, self.started_with, self.unsure) = (at, self.crystal, false);
     }
 
-    /// Returns whether HORUS's RAM still holds what it held before the last start.
+    /// Returns whether HORUS's RAM kept its content over the last start.
     pub(super) fn keeps_ram(&self) -> bool {
         self.reason != Some(ResetReason::PowerOn)
     }
 
-    /// Returns, in words, what Reported-Position's status states wrongly about the crystal.
+    /// Returns, in words, what the status states wrongly about the crystal.
     pub(super) fn wrong_crystal(&self, status: ReportedStatus) -> Option<&'static str> {
         match (status.without_crystal(), self.started_with) {
             _ if self.unsure => None,
@@ -86,7 +77,7 @@ impl Itself {
         }
     }
 
-    /// Returns, in words, what is wrong in a Reported-Position's status besides the bit of the crystal.
+    /// Returns, in words, what else is wrong in a Reported-Position's status.
     pub(super) fn wrong(&mut self, status: ReportedStatus) -> Option<String> {
         let told = status.reset_reason();
         if told.is_none() || self.reason.is_some_and(|reason| told != Some(reason)) {
@@ -101,8 +92,7 @@ impl Itself {
     }
 }
 
-/// Returns the reason that HORUS must state for a restart; `None` for a cause that HORUS's microcontroller cannot
-/// report.
+/// Returns the reason that HORUS must state for a restart; `None` for a cause that HORUS cannot report.
 const fn reason(cause: Cause) -> Option<ResetReason> {
     Some(match cause {
         Cause::PowerOn => ResetReason::PowerOn,
@@ -189,8 +179,7 @@ mod tests {
         let crystal = |works| What::Crystal { board: Board::Horus, works };
         let reset = || What::Reset { board: Board::Horus, cause: Cause::Pin, asked: true };
         let started = bounds::START;
-        // This closure returns whether HORUS may report that it has a crystal, and whether it may report that it has
-        // none.
+        // Returns whether HORUS may report a crystal, and whether it may report that it has none.
         let allowed = |events: Vec<(u64, What)>| {
             let mut itself = Itself::new();
             events.iter().for_each(|(at, what)| itself.take(*at, what));

@@ -2,33 +2,29 @@
 //!
 //! # How it is judged
 //!
-//! The judge finds the messages of each receiver in the bytes of its line, and for each message the instant at which
-//! its last byte had crossed the line. For each kind of message, a GPS object must show the newest message that had
-//! arrived [`bounds::MESSAGE_TAKEN`] before the tick of the object's cycle, or a message that arrived later, up to
-//! [`bounds::SAMPLED_AFTER_TICK`] after that tick. The object's values and status are compared bit by bit. `track`
-//! determines which status bits a message of a certain age may have at a tick; close to a limit both values of a bit
-//! are right. HORUS may have missed a message that was on a disturbed line, whose bytes came before the first tick
-//! since HORUS's start, or that lies within bytes which look like the beginning of another message. Such a message may
-//! count as the newest or not.
+//! The judge finds the messages in the bytes of each receiver's line, and the instant at which each message had
+//! arrived. For each kind of message, a GPS object must show a certain message. This is the newest message that had
+//! arrived [`bounds::MESSAGE_TAKEN`] before the tick, or one that arrived later, up to [`bounds::SAMPLED_AFTER_TICK`]
+//! after the tick. Values and status are compared bit by bit. `track` determines which status bits a message of a
+//! certain age may have. HORUS may have missed a message in three cases: its line was disturbed, its bytes came before
+//! HORUS's first tick, or it lies within bytes that look like another message.
 //!
 //! # What is not judged
 //!
-//! - An object is not judged if its timestamp does not follow from that of the cycle before; rule `cycle` reports such
-//!   a timestamp.
-//! - Ages are not judged for two seconds after a missing or irregular tick, or after a timestamp that jumped, because
-//!   HORUS counts its time in ticks.
-//! - What HORUS states about its receivers, its vote and its inputs is not judged while [`Excuse::Content`] holds.
-//! - Reported-Position is not judged in a cycle in which a GPS object was blamed or is missing, and in the cycle after
-//!   it. Otherwise `vote` determines what Reported-Position and the bits *excluded* must be. HORUS's state is judged in
-//!   every cycle (`inputs`), and so are the reason of its last reset and the faults of its memory (`itself`).
+//! - An object whose timestamp does not continue that of the cycle before; rule `cycle` reports the timestamp.
+//! - Ages, for two seconds after a missing or irregular tick or after a timestamp that jumped: HORUS counts its time in
+//!   ticks.
+//! - What HORUS states about its receivers, its vote and its inputs, while [`Excuse::Content`] holds.
+//! - Reported-Position, in a cycle with a wrong or missing GPS object and in the cycle after it. Otherwise `vote`
+//!   judges Reported-Position and the bits *excluded*. HORUS's state (`inputs`) and its statements about itself
+//!   (`itself`) are judged in every cycle.
 //!
-//! No message that HORUS receives states the dynamic model by which a receiver navigates. `models` judges the model by
-//! the settings that the receiver itself reports in the log.
+//! No message to HORUS states the dynamic model; `models` judges it by the settings that the receiver reports in the
+//! log.
 //!
-//! One object is reported at most once for its values and once for its status. If no message agrees with the values and
-//! none agrees with the status, the judge reports the status as wrong in two cases: the values are those of a message
-//! that the status calls valid, or the values are absent and the status calls no message valid. Otherwise it reports
-//! the values as wrong.
+//! One object is reported at most once for its values and once for its status. If both are wrong, the judge reports the
+//! status in two cases: the values are those of a message that the status calls valid, or the values are absent and the
+//! status calls no message valid. Otherwise the judge reports the values.
 
 mod inputs;
 mod itself;
@@ -54,36 +50,33 @@ use track::{Age, FOUND_LATE, Held, Track};
 use ubx::{Kind, Message, Reader};
 use vote::{Ram, Seen, Vote};
 
-/// The status bit which says that a message from the receiver arrived within the last 250 ms.
+/// The status bit of a receiver from which a message arrived within the last 250 ms.
 const HEARD: u16 = 1 << 7;
-/// The status bit by which the voter marks a receiver as excluded; `vote` judges it.
+/// The status bit of a receiver that the voter has excluded; `vote` judges this bit.
 const EXCLUDED: u16 = 1 << 9;
-/// The first of the status bits that state the age of the solution.
+/// The lowest of the status bits that state the age of the solution.
 const AGE_SHIFT: u16 = 10;
-/// How long the ages of solutions are not known after an irregular tick, ns. This is longer than the longest time for
-/// which a solution stays valid.
+/// How long, ns, the ages of solutions are not known after an irregular tick: longer than a solution is valid.
 const UNTIMED: u64 = 2_000_000_000;
 
-/// The line of one receiver, and the receiver's messages.
 #[derive(Clone, Debug)]
 struct Line {
     reader: Reader,
-    /// The messages that HORUS may not have taken yet, in order of arrival.
+    /// The messages that HORUS may not have taken yet.
     arriving: VecDeque<Message>,
     tracks: [Track; 3],
     /// The instant, ns, at which the last message arrived that HORUS has certainly taken.
     heard: Option<u64>,
     /// The latest instant, ns, at which HORUS may have found the last message that it may have taken.
     may_have_heard: Option<u64>,
-    /// The instant, ns, at which the last valid position arrived.
     solution: Option<u64>,
-    /// The instants, ns, at which the valid positions arrive that are still crossing the line.
+    /// The instants, ns, at which the valid positions will arrive that are still crossing the line.
     solutions: VecDeque<u64>,
-    /// The number of bytes that the receiver has not sent yet, if it is on a bus.
+    /// The number of bytes that a receiver on a bus has not sent yet.
     waiting: u64,
     /// The instant, ns, until which HORUS may drop the bytes that it reads.
     doubtful: u64,
-    /// Whether HORUS may also drop the first bytes that it reads after that instant.
+    /// Whether HORUS may also drop the first bytes that it reads after `doubtful`.
     unproven: bool,
 }
 
@@ -103,13 +96,12 @@ impl Line {
         }
     }
 
-    /// Records that HORUS may take the bytes that it reads up to the instant `until`, ns, for old ones and drop them,
-    /// and also the first bytes that it reads after that instant.
+    /// Allows HORUS to drop what it reads until the instant `until`, ns, and the first bytes that it reads after that.
     fn doubt(&mut self, until: u64) {
         (self.doubtful, self.unproven) = (self.doubtful.max(until), true);
     }
 
-    /// Records that a receiver on a bus has further bytes that HORUS can read.
+    /// Records that a receiver on a bus has further bytes for HORUS.
     fn offered(&mut self, at: u64, bytes: &[u8]) {
         self.waiting += bytes.len() as u64;
         if self.waiting > bounds::READ_AT_ONCE {
@@ -117,9 +109,9 @@ impl Line {
         }
     }
 
-    /// Records that HORUS reads `bytes` bytes of a receiver on a bus from the instant `at` to `end`, ns, and that these
-    /// bytes have waited in the receiver since `since`, ns. Returns `Some(true)` if HORUS must use the bytes,
-    /// `Some(false)` if it may use them, and `None` if it must not.
+    /// Records that HORUS reads `bytes` bytes of a receiver on a bus from the instant `at` to `end`, ns. The bytes have
+    /// waited since the instant `since`, ns. Returns `Some(true)` if HORUS must use the bytes, `Some(false)` if it may,
+    /// and `None` if it must not.
     fn read(&mut self, (at, end): (u64, u64), bytes: u64, since: u64, clean: bool) -> Option<bool> {
         self.waiting = self.waiting.saturating_sub(bytes);
         let news = clean && end <= since + bounds::NEWS;
@@ -143,14 +135,13 @@ impl Line {
         });
     }
 
-    /// Records the valid positions whose last byte has arrived by `now`, ns.
     fn pass(&mut self, now: u64) {
         while let Some(arrived) = self.solutions.pop_front_if(|arrived| *arrived <= now) {
             self.solution = Some(arrived);
         }
     }
 
-    /// Discards the messages that HORUS had taken before, because HORUS restarts at the instant `at`.
+    /// Discards the messages that HORUS had taken before its restart at the instant `at`.
     fn forget(&mut self, at: u64) {
         self.arriving.retain(|message| message.arrived > at);
         self.tracks.iter_mut().for_each(Track::clear);
@@ -159,8 +150,7 @@ impl Line {
         self.unproven = true;
     }
 
-    /// Returns whether the receiver may have sent two messages of one kind between the GPS object of one cycle and that
-    /// of the next.
+    /// Returns whether the receiver may have sent two messages of one kind between the GPS objects of two cycles.
     fn hurried(&self, tick: u64) -> bool {
         let by = tick + bounds::SAMPLED_AFTER_TICK;
         let newest = |kind: Kind| {
@@ -171,16 +161,15 @@ impl Line {
         Kind::ALL.into_iter().any(|kind| newest(kind) > 1)
     }
 
-    /// Returns whether HORUS may have received, by the instant `at`, a position that the GPS objects of `tick` need not
-    /// show.
+    /// Returns whether HORUS may have received, by `at`, a position that the GPS objects of `tick` may lack.
     fn heard_since(&self, tick: u64, at: u64) -> bool {
         let positions = self.arriving.iter().filter(|message| message.said.is_some_and(|it| it.0 == Kind::Position));
         positions.into_iter().any(|message| message.arrived <= at && message.arrived + bounds::MESSAGE_TAKEN > tick)
             || self.tracks[Kind::Position as usize].newest() + bounds::MESSAGE_TAKEN > tick
     }
 
-    /// Determines for each message that had arrived by the instant `by` whether HORUS has certainly taken it, or may
-    /// have missed it for good. A message is certain only if it began at `first_tick` or later.
+    /// Determines for each message that had arrived by `by` whether HORUS has certainly taken it. A message that began
+    /// before `first_tick` is uncertain.
     fn settle(&mut self, by: u64, first_tick: Option<u64>) {
         while let Some(message) = self.arriving.pop_front_if(|message| message.arrived <= by) {
             let Message { begun, arrived, sure, said } = message;
@@ -196,8 +185,8 @@ impl Line {
         }
     }
 
-    /// Returns the messages from which HORUS may have taken the position in a GPS object of `tick`, and whether that
-    /// position is certainly still valid at the next tick.
+    /// Returns the messages from which the position in a GPS object of `tick` may come, and whether the position
+    /// certainly stays valid until the next tick.
     fn held(&self, tick: u64, values: &GpsValues) -> (Vec<Held>, bool) {
         let mut track = self.tracks[Kind::Position as usize].clone();
         for message in self.arriving.iter().take_while(|message| message.arrived <= tick + bounds::SAMPLED_AFTER_TICK) {
@@ -209,7 +198,7 @@ impl Line {
         (track.held(tick, numbers).collect(), track.lasts(tick, numbers))
     }
 
-    /// Returns what is wrong with a GPS object of `tick`, in words: first its content, then its status.
+    /// Returns, in words, what is wrong with the content and with the status of a GPS object of `tick`.
     fn faults(
         &self,
         tick: u64,
@@ -264,7 +253,7 @@ impl Line {
     }
 }
 
-/// Returns the numbers in a GPS object that come from a message of this kind, as bits.
+/// Returns the bits of the numbers in a GPS object that come from this kind of message.
 fn numbers(kind: Kind, values: &GpsValues) -> [u64; 3] {
     match kind {
         Kind::Position => [values.latitude, values.longitude, values.altitude].map(f64::to_bits),
@@ -273,7 +262,6 @@ fn numbers(kind: Kind, values: &GpsValues) -> [u64; 3] {
     }
 }
 
-/// The ticks of HORUS since its last start.
 #[derive(Clone, Copy, Debug, Default)]
 struct Ticks {
     since: u64,
@@ -281,21 +269,19 @@ struct Ticks {
     first: Option<u64>,
     last: Option<u64>,
     before: Option<u64>,
-    /// The instant, ns, until which the ages of solutions are not known.
     untimed: u64,
-    /// The number of ms by which HORUS's timestamps are ahead of a clock that counts 10 ms for each tick.
+    /// By how many ms HORUS's timestamps are ahead of a clock that counts 10 ms for each tick.
     ahead: u32,
 }
 
-/// The objects that HORUS sent in the cycle of a tick, and what the judge found wrong in them.
+/// The objects of one cycle, and what was wrong with them.
 #[derive(Clone, Debug, Default)]
 struct Sent {
     tick: u64,
     reported: Option<ReportedValues>,
     gps: [Option<Seen>; MAX_RECEIVERS],
-    /// Whether a GPS object of the cycle was wrong.
     blamed: bool,
-    /// Whether the cycle's timestamps do not follow from those of the cycle before.
+    /// Whether the cycle's timestamps do not continue those of the cycle before.
     misstamped: bool,
 }
 
@@ -311,7 +297,7 @@ pub struct Content {
     models: Models,
     vote: Vote,
     voter: Voter,
-    /// Whether a disturbance since HORUS's last start may have made HORUS's vote differ from its receivers' messages.
+    /// Whether a disturbance since HORUS's last start may have changed HORUS's vote.
     unjudged: bool,
 }
 
@@ -375,8 +361,7 @@ impl Rule for Content {
             What::Fed { receiver, byte_ns, bytes, clean, since } => {
                 let Some(line) = self.lines.get_mut(*receiver) else { return };
                 line.pass(at);
-                // The frames of a tick end less than two cycles after the tick, so no object still to come depends on
-                // whether an older message had arrived.
+                // A frame ends less than two cycles after its tick, so no later object can depend on these messages.
                 line.settle(at.saturating_sub(4 * bounds::CYCLE), self.ticks.first);
                 let taken = match since {
                     None => Some(*clean),
@@ -416,7 +401,6 @@ impl Rule for Content {
 }
 
 impl Content {
-    /// Judges a frame that HORUS has sent.
     fn sent(&mut self, at: u64, started: u64, frame: &Frame, disturbances: &Disturbances, findings: &mut Findings) {
         let Ticks { count, first, last, before, untimed, .. } = self.ticks;
         let (tick, number) = match (last, before) {
@@ -443,7 +427,7 @@ impl Content {
             match &object.state {
                 State::Valid { values: Values::Reported(values), .. } => {
                     voter.reported(values.status);
-                    // The profile of the last tick shows the inputs that were sampled at the tick before that one.
+                    // A profile shows the inputs that were sampled at the tick before its own.
                     if last == Some(tick)
                         && let Some(what) = inputs.wrong(values.status.state())
                     {

@@ -1,30 +1,26 @@
 //! Judges whether each receiver that gives HORUS a valid position navigates by the right dynamic model.
 //!
-//! A receiver itself states its model ([`What::Settings`]). A receiver whose position HORUS shows as valid has to
-//! navigate by [`bounds::DYNAMIC_MODEL`] once [`bounds::SETTINGS_TOLD`] has passed since HORUS's start or since the
-//! receiver changed to another model, unless [`Excuse::Settings`] holds for that receiver. Each change is reported
-//! once. A receiver that states no model, such as a recorded one, is not judged.
+//! A receiver states its model itself ([`What::Settings`]). A receiver whose position HORUS shows as valid must use
+//! [`bounds::DYNAMIC_MODEL`]. This is required once [`bounds::SETTINGS_TOLD`] has passed since HORUS's start or since
+//! the last change of the model, unless [`Excuse::Settings`] holds for the receiver. Each change is reported once. A
+//! receiver that states no model, such as a recorded one, is not judged.
 
 use crate::disturbance::Excuse;
 use crate::{Disturbances, What, bounds};
 
-/// The dynamic models by which the receivers navigate.
 #[derive(Clone, Debug)]
 pub(super) struct Models {
-    /// The dynamic model by which each receiver navigates; `None` if the receiver has not stated one.
+    /// The model of each receiver; `None` if the receiver has not stated one.
     known: Vec<Option<u8>>,
-    /// The instant, ns, since which each receiver has had a wrong dynamic model; `None` if its model is right, or if
-    /// the wrong model has been reported.
+    /// The instant, ns, since which each receiver has had a wrong model; `None` if it has not, or once reported.
     other: Vec<Option<u64>>,
 }
 
 impl Models {
-    /// Returns the state in which no model of any of `receivers` receivers is known.
     pub(super) fn new(receivers: usize) -> Self {
         Self { known: vec![None; receivers], other: vec![None; receivers] }
     }
 
-    /// Updates the models with an event that happened at `at`, ns.
     pub(super) fn take(&mut self, at: u64, what: &What) {
         if let What::Settings { receiver, model, .. } = what
             && let Some(known) = self.known.get_mut(*receiver)
@@ -34,8 +30,8 @@ impl Models {
         }
     }
 
-    /// Returns the wrong dynamic model by which a receiver (counted from 0) navigates at the instant `at`, ns, if HORUS
-    /// has run since `since`, ns, and should have set the right model by now. A wrong model is returned once.
+    /// Returns, once, the wrong model of a receiver (from 0) that HORUS, started at `since`, should have set right by
+    /// `at`, ns.
     pub(super) fn wrong(&mut self, receiver: usize, at: u64, since: u64, disturbances: &Disturbances) -> Option<u8> {
         let other = self.other.get_mut(receiver)?;
         let due = (*other)?.max(since) + bounds::SETTINGS_TOLD;
@@ -53,7 +49,7 @@ mod tests {
 
     const LATE: u64 = bounds::SETTINGS_TOLD;
 
-    /// Returns the wrong model that is reported of GPS2 at `at`, if HORUS has run since `since`.
+    /// Returns the wrong model reported of GPS2 at `at`, for a HORUS that runs since `since`.
     fn told(events: &[(u64, What)], at: u64, since: u64) -> Option<u8> {
         let (mut models, mut disturbances) = (Models::new(2), Disturbances::default());
         for (at, what) in events {

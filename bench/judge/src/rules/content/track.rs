@@ -7,35 +7,32 @@ use gnss_sim::ubx::WEEK_MS;
 use super::ubx::{Kind, MessageContent, Motion, STALE};
 use crate::bounds;
 
-/// The number of steps of a receiver's time of week from which HORUS determines the period of the receiver's messages.
-/// The period lies between the shortest and the longest of these steps, so a message that is lost or comes too soon
+/// The number of steps of the time of week from which HORUS determines a receiver's period. A lost message therefore
 /// affects the period only for a while.
 const STEPS: usize = 4;
-/// The longest time after a message's arrival, ns, at which HORUS may still find that message in the bytes of its line.
+/// How long after a message's arrival, ns, HORUS may still find it in the bytes of its line.
 pub(super) const FOUND_LATE: u64 = 200_000_000;
-/// The greatest number of messages that are kept because each may be the last one that HORUS has taken. If there are
-/// more, the oldest is dropped.
+/// The greatest number of messages that are kept because each may be the last that HORUS has taken.
 const MOST_CANDIDATES: usize = 64;
 
-/// The period of a receiver's messages, as HORUS determines it (docs/design.md#validity).
+/// A receiver's period, as HORUS determines it (docs/design.md#validity).
 #[derive(Clone, Debug)]
 struct Pace {
     time_of_week: Option<u32>,
-    /// The last steps of the time of week from one message to the next, ms.
+    /// The last steps of the time of week, ms.
     steps: VecDeque<u32>,
 }
 
 impl Pace {
-    /// Returns the period before the receiver's first two messages: the longest one that is allowed.
+    /// Returns the period before the receiver's first two messages: the longest allowed.
     fn new() -> Self {
         Self { time_of_week: None, steps: VecDeque::from([bounds::LONGEST_PERIOD_MS]) }
     }
 
-    /// Records a message that HORUS has taken.
     fn taken(&mut self, time_of_week: u32) {
         let Some(before) = self.time_of_week.replace(time_of_week) else { return };
         let step = (time_of_week % WEEK_MS + WEEK_MS - before % WEEK_MS) % WEEK_MS;
-        // A time of week that is repeated, that follows too soon or that steps back does not count for the period.
+        // A time of week that repeats, steps back or follows too soon does not count.
         if (bounds::SHORTEST_PERIOD_MS..WEEK_MS / 2).contains(&step) {
             if self.steps.len() == STEPS {
                 self.steps.pop_front();
@@ -44,14 +41,13 @@ impl Pace {
         }
     }
 
-    /// Records a message that HORUS may have taken or not. The period may then be any allowed one, until [`STEPS`]
-    /// further steps are certain.
+    /// Records a message that HORUS may have taken. The period is uncertain until [`STEPS`] further steps are certain.
     fn doubted(&mut self) {
         let any = [bounds::SHORTEST_PERIOD_MS, bounds::LONGEST_PERIOD_MS].repeat(STEPS / 2);
         *self = Self { time_of_week: None, steps: any.into() };
     }
 
-    /// Returns the shortest and the longest period that the receiver may have, ns.
+    /// Returns the shortest and the longest possible period, ns.
     fn range(&self) -> (u64, u64) {
         let ns = |ms: Option<&u32>| u64::from(ms.copied().unwrap_or_default()) * 1_000_000;
         (ns(self.steps.iter().min()), ns(self.steps.iter().max()))
@@ -63,14 +59,14 @@ impl Pace {
 struct Candidate {
     said: MessageContent,
     time_of_week: u32,
-    /// The earliest and the latest instant, ns, at which the content of this message may have been new. A message that
-    /// repeats a time of week is as old as the first message with that time of week.
+    /// The earliest and the latest instant, ns, at which the content may have been new. A message that repeats a time
+    /// of week is as old as the first message with it.
     born: (u64, u64),
-    /// The earliest and the latest instant, ns, at which HORUS may have received this message.
+    /// The earliest and the latest instant, ns, at which HORUS may have received the message.
     arrived: (u64, u64),
 }
 
-/// The possible ages of a message or position by HORUS's clock, ns.
+/// The possible ages, ns, of a message or position by HORUS's clock.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Age {
     pub(super) least: u64,
@@ -78,67 +74,61 @@ pub(super) struct Age {
 }
 
 impl Age {
-    /// Returns the age at `tick` of a message that arrived between the two instants of `born`. HORUS's clock may be off
-    /// by 2 % while HORUS has no crystal. HORUS counts the age in whole milliseconds, from the instant at which it
-    /// takes the message.
+    /// Returns the age at `tick` of a message that arrived between the instants `born`, in whole milliseconds of
+    /// HORUS's clock, which may be off by 2 % without its crystal.
     pub(super) fn at(tick: u64, born: (u64, u64)) -> Self {
         let (least, most) = (tick.saturating_sub(born.1 + bounds::MESSAGE_TAKEN), tick.saturating_sub(born.0));
         let off = |age: u64| age / (bounds::CYCLE / bounds::TICK_TOLERANCE) + 1_000_000;
         Self { least: least.saturating_sub(off(least)), most: most + off(most) }
     }
 
-    /// Returns this age at an instant that is `by` ns later.
     pub(super) fn later(self, by: u64) -> Self {
         Self { least: self.least + by, most: self.most + by }
     }
 
-    /// Compares the age with a limit that itself lies between `least` and `most`, ns. Returns whether the age may be at
-    /// most that limit, and whether it may be greater.
+    /// Returns whether the age may be within, and whether it may exceed, a limit between `least` and `most`, ns.
     pub(super) fn within(self, least: u64, most: u64) -> [bool; 2] {
         [self.least <= most, self.most > least]
     }
 }
 
-/// A message whose position a GPS object shows, as it is at a tick.
+/// A message whose position a GPS object shows, as of a tick.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Held {
     pub(super) motion: Motion,
-    /// The age of the message at the tick.
     pub(super) age: Age,
-    /// The time from the message's time of week to the tick, modulo a week, ns. The judge's clock begins at an
+    /// The time, ns, from the message's time of week to the tick, modulo a week. The judge's clock begins at an
     /// arbitrary instant, so only differences between receivers are meaningful.
     pub(super) since_epoch: i64,
 }
 
-/// The length of a week, ns.
 pub(super) const WEEK: i64 = WEEK_MS as i64 * 1_000_000;
 
 impl Held {
-    /// Returns the same message as it is at a tick `by` ns later.
+    /// Returns the same message as of a tick `by` ns later.
     pub(super) fn later(self, by: u64) -> Self {
         Self { age: self.age.later(by), since_epoch: (self.since_epoch + by as i64) % WEEK, ..self }
     }
 }
 
-/// Which parts of a GPS object agree with the messages that the object may show.
+/// Whether a GPS object agrees with the messages that it may show.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Agreement {
-    /// Whether the values and the status bits agree with one message.
+    /// Whether values and status agree with one message.
     pub(super) both: bool,
-    /// Whether the object's values agree with a message, perhaps with other status bits.
+    /// Whether the values agree with a message.
     pub(super) values: bool,
-    /// Whether the object's status bits agree with a message, perhaps with other values.
+    /// Whether the status agrees with a message.
     pub(super) status: bool,
-    /// Whether the object's values are the numbers of a message, even of a message that is not valid.
+    /// Whether the values are the numbers of a message, even of one that is not valid.
     pub(super) raw: bool,
 }
 
-/// The messages of one kind that HORUS may have taken.
 #[derive(Clone, Debug)]
 pub(super) struct Track {
     kind: Kind,
     candidates: Vec<Candidate>,
-    /// Whether HORUS may hold no message: it has taken none, or the last one is too old to matter.
+    /// Whether HORUS may hold no message, or only one that is too old to matter.
     none: bool,
     pace: Pace,
 }
@@ -148,14 +138,12 @@ impl Track {
         Self { kind, candidates: vec![], none: true, pace: Pace::new() }
     }
 
-    /// Discards all messages and the period, because HORUS has started anew.
     pub(super) fn clear(&mut self) {
         self.candidates.clear();
         self.none = true;
         self.pace = Pace::new();
     }
 
-    /// Records a message that HORUS has certainly taken, because it arrived long enough ago.
     pub(super) fn taken(&mut self, time_of_week: u32, said: MessageContent, arrived: u64) {
         let born = self.born(time_of_week, (arrived, arrived));
         self.candidates.clear();
@@ -164,14 +152,13 @@ impl Track {
         self.pace.taken(time_of_week);
     }
 
-    /// Records a message that HORUS may have taken, and will not take any more if it has not.
+    /// Records a message that HORUS has either taken or missed for good.
     pub(super) fn doubted(&mut self, time_of_week: u32, said: MessageContent, arrived: u64) {
         self.possible(time_of_week, said, (arrived, arrived + FOUND_LATE));
         self.pace.doubted();
     }
 
-    /// Records a message that HORUS may have taken by now. The message does not count for the period until it is
-    /// certain whether HORUS has taken it.
+    /// Records a message that HORUS may have taken by now. It does not count for the period yet.
     pub(super) fn arriving(&mut self, time_of_week: u32, said: MessageContent, arrived: u64) {
         self.possible(time_of_week, said, (arrived, arrived));
     }
@@ -191,8 +178,7 @@ impl Track {
         self.candidates.push(Candidate { said, time_of_week, born, arrived });
     }
 
-    /// Returns the earliest and the latest instant, ns, at which the content of a message was new. The message arrived
-    /// between the two instants of `arrived`.
+    /// Returns the earliest and the latest instant, ns, at which the content of a message was new.
     fn born(&self, time_of_week: u32, arrived: (u64, u64)) -> (u64, u64) {
         let others = self.none || self.candidates.iter().any(|candidate| candidate.time_of_week != time_of_week);
         let same = self.candidates.iter().filter(|candidate| candidate.time_of_week == time_of_week);
@@ -202,15 +188,13 @@ impl Track {
             .unwrap_or(arrived)
     }
 
-    /// Returns the latest instant, ns, at which the newest of the messages that HORUS may have taken can have arrived;
-    /// 0 if there is none.
+    /// Returns the latest instant, ns, at which the newest possible message can have arrived; 0 without a message.
     pub(super) fn newest(&self) -> u64 {
         self.candidates.iter().map(|candidate| candidate.arrived.1).max().unwrap_or(0)
     }
 
-    /// Returns the motion and the age of the position in a GPS object of `tick`, once for each message that has these
-    /// values. If a message repeats a time of week, HORUS may count the age from the first message with that time of
-    /// week or from the repeated one.
+    /// Returns the motion and the age of the position in a GPS object of `tick`, for each message with these values. Of
+    /// a repeated time of week, HORUS may count the age from the first message or from the repeated one.
     pub(super) fn held(&self, tick: u64, values: [u64; 3]) -> impl Iterator<Item = Held> {
         let shows = move |candidate: &&Candidate| candidate.said.motion.is_some() && candidate.said.values == values;
         self.candidates.iter().filter(shows).filter_map(move |Candidate { said, time_of_week, born, arrived }| {
@@ -222,8 +206,7 @@ impl Track {
         })
     }
 
-    /// Returns whether the position in a GPS object of `tick` is certainly still valid at the next tick, if no newer
-    /// message arrives.
+    /// Returns whether the position in a GPS object of `tick` certainly stays valid until the next tick.
     pub(super) fn lasts(&self, tick: u64, values: [u64; 3]) -> bool {
         let (least, most) = self.pace.range();
         let slack = bounds::VALID_BEYOND_PERIOD;
@@ -235,8 +218,8 @@ impl Track {
         })
     }
 
-    /// Returns whether a GPS object of `tick` may state `code` as the age of its solution. If HORUS's ticks were not
-    /// regular (`timed` is not set), only whether there is a solution is judged.
+    /// Returns whether a GPS object of `tick` may state `code` as the age of its solution. Unless `timed`, HORUS's
+    /// ticks are irregular, and the code need only say whether there is a solution.
     pub(super) fn may_tell_age(&self, tick: u64, timed: bool, code: u64) -> bool {
         let is_of = |candidate: &Candidate| {
             let age = Age::at(tick, candidate.born);
@@ -246,8 +229,8 @@ impl Track {
         (self.none && code == bounds::AGE_NEVER) || self.candidates.iter().any(is_of)
     }
 
-    /// Compares the values and the status of a GPS object of `tick` with the messages that the object may show. If
-    /// HORUS's ticks were not regular (`timed` is not set), the ages of the messages are not known.
+    /// Compares a GPS object of `tick` with the messages that it may show. Unless `timed`, HORUS's ticks are irregular,
+    /// and the messages may have any age.
     pub(super) fn agreement(&self, tick: u64, timed: bool, status: u16, values: [u64; 3]) -> Agreement {
         let status = status & self.kind.mask();
         let mut agreement = Agreement::default();

@@ -1,8 +1,7 @@
 //! Finds a receiver's messages in the bytes of its line.
 //!
 //! This module is written from the u-blox 8 / M8 receiver description (UBX-13003221), chapter UBX Protocol, from
-//! docs/design.md#validity, and from decision 15, which states what a receiver must report for its position to be
-//! valid.
+//! docs/design.md#validity, and from decision 15 (when a position is valid).
 
 use std::f64::consts::PI;
 
@@ -11,35 +10,34 @@ use profile::{ABSENT_F32, ABSENT_F64};
 
 use crate::bounds;
 
-/// The longest message, in bytes, that HORUS certainly receives. HORUS's buffer has 256 bytes.
+/// The longest message, bytes, that HORUS certainly receives; HORUS's buffer has 256 bytes.
 const LONGEST: usize = 256;
 
-/// The content of one message: its three numbers, as their bits, and the status bits that follow from the message.
+/// The numbers of one message, and the status bits that follow from it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct MessageContent {
-    /// The status bits that a GPS object must show while this message is young enough.
+    /// The status bits of a GPS object while the message is young enough.
     pub(super) status: u16,
-    /// The numbers that a GPS object must show while this message is young enough; NaN for a number that is not valid.
+    /// The numbers, as bits, of a GPS object while the message is young enough; NaN for a number that is not valid.
     pub(super) values: [u64; 3],
-    /// The numbers that the message states, whether they are valid or not.
+    /// The numbers, as bits, that the message states, valid or not.
     pub(super) raw: [u64; 3],
-    /// The velocity and accuracy of the message's valid position; `None` without a valid position.
+    /// The velocity and accuracy; `None` without a valid position.
     pub(super) motion: Option<Motion>,
 }
 
-/// The velocity and the accuracies in a NAV-PVT message with a valid position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Motion {
-    /// The receiver's velocity north, east and down, mm/s.
+    /// The velocity north, east and down, mm/s.
     pub(super) velocity: [i32; 3],
-    /// The accuracies that the receiver states, horizontal and vertical, mm.
+    /// The stated accuracies, horizontal and vertical, mm.
     pub(super) accuracy: [u32; 2],
 }
 
 impl Motion {
-    /// Returns whether HORUS may use a position with this velocity and these accuracies. Its speed must be at most 200
-    /// m/s. Its accuracies must be stated, at most 30 m horizontally and, unless it is a 2D fix, at most 50 m
-    /// vertically (decision 15).
+    /// Returns whether HORUS may use a position with this velocity and these accuracies. The speed must be at most 200
+    /// m/s. The accuracies must be stated, at most 30 m horizontally and, except for a 2D fix, at most 50 m vertically
+    /// (decision 15).
     fn is_credible(self, fix: u8) -> bool {
         let squares: i64 = self.velocity.iter().map(|axis| i64::from(*axis).pow(2)).sum();
         let limits = bounds::WORST_ACCURACY_MM;
@@ -53,7 +51,6 @@ impl Motion {
     }
 }
 
-/// The kind of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// NAV-PVT, with latitude, longitude and altitude.
@@ -76,7 +73,7 @@ impl Kind {
         }
     }
 
-    /// Returns the status bit of a GPS object which says that the values from this kind of message are valid.
+    /// Returns the status bit that calls the values of this kind of message valid.
     pub(super) const fn valid(self) -> u16 {
         match self {
             Self::Position => 1 << 4,
@@ -85,7 +82,7 @@ impl Kind {
         }
     }
 
-    /// Returns the bits of the NaN that stands in place of an unknown number of this kind of message.
+    /// Returns the bits of the NaN for an absent number of this kind of message.
     pub(super) const fn absent(self) -> u64 {
         match self {
             Self::Position => ABSENT_F64.to_bits(),
@@ -94,48 +91,44 @@ impl Kind {
     }
 }
 
-/// The status bit which says that the solution is older than the receiver's period allows.
+/// The status bit of a solution that is older than the receiver's period allows.
 pub(super) const STALE: u16 = 1 << 8;
 
 /// A message with a right checksum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Message {
-    /// The instant, ns, at which the message's first byte began to cross the line.
+    /// The instant, ns, at which the message's first byte began.
     pub(super) begun: u64,
-    /// The instant, ns, at which the message's last byte had crossed the line.
+    /// The instant, ns, at which the message's last byte had arrived.
     pub(super) arrived: u64,
-    /// Whether HORUS must have read the message: none of its bytes was disturbed, and no earlier bytes look like a
-    /// longer message.
+    /// Whether HORUS must have read the message: undisturbed, and not within what looks like a longer message.
     pub(super) sure: bool,
-    /// The message's kind, its time of week (ms) and its content; `None` for a kind that HORUS does not read.
+    /// The kind, the time of week (ms) and the content; `None` for a kind that HORUS does not read.
     pub(super) said: Option<(Kind, u32, MessageContent)>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Crossing {
-    /// The instant, ns, at which the byte began to cross the line.
     from: u64,
-    /// The instant, ns, at which the byte had crossed the line.
     to: u64,
     clean: bool,
 }
 
-/// Finds messages in the bytes of one line.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Reader {
-    /// The bytes that have crossed the line, from the first one that may begin an incomplete message.
+    /// The bytes from the first one that may begin an incomplete message.
     bytes: Vec<u8>,
     crossings: Vec<Crossing>,
-    /// The instant, ns, at which the last byte had crossed the line.
+    /// The instant, ns, at which the last byte had arrived.
     last: Option<u64>,
-    /// The number of bytes at the beginning of `bytes` that may belong to an earlier message whose checksum never
-    /// becomes right. HORUS may find the messages within these bytes late, or never.
+    /// The number of bytes at the beginning of `bytes` in which HORUS may find messages late or never. These bytes may
+    /// belong to an earlier message with a wrong checksum.
     doubtful: usize,
 }
 
 impl Reader {
-    /// Processes `bytes`, which begin to cross the line at `at`, ns, and take `byte_ns` each; `clean` is set if they
-    /// are undisturbed. Passes each message that ends within these bytes to `found`.
+    /// Processes `bytes`, which begin at the instant `at`, ns, and take `byte_ns` each; `clean` means undisturbed.
+    /// Passes each message that ends within these bytes to `found`.
     pub(super) fn feed(&mut self, at: u64, byte_ns: u64, bytes: &[u8], clean: bool, mut found: impl FnMut(Message)) {
         if self.last.is_some_and(|last| at > last + bounds::SILENCE_ENDS) {
             self.bytes.clear();
@@ -149,8 +142,7 @@ impl Reader {
 
         self.last = self.crossings.last().map(|byte| byte.to).or(self.last);
 
-        // HORUS may wait in vain for bytes up to two positions: the end that a message with a wrong checksum claims
-        // (`doubtful`), and the end of an incomplete message (`waiting`).
+        // HORUS may wait in vain for the end of a wrong message (`doubtful`), or of an incomplete one (`waiting`).
         let (mut doubtful, mut waiting) = (self.doubtful, 0);
         let (mut open, mut start) = (None, 0);
         while let Some(rest) = self.bytes.get(start..).filter(|rest| !rest.is_empty()) {
@@ -168,7 +160,6 @@ impl Reader {
                 }
                 Claim::Right(length) => start + length,
             };
-            // A message that ended in earlier bytes has been found already.
             if let (Claim::Right(_), true) = (claim, end > before) {
                 let crossings = &self.crossings[start..end];
                 let flows = |pair: &[Crossing]| pair[1].from <= pair[0].to + bounds::SILENCE_MAY_END;
@@ -189,18 +180,16 @@ impl Reader {
     }
 }
 
-/// The result of reading a string of bytes as the beginning of a message.
+/// What a string of bytes begins with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Claim {
-    /// The bytes begin no message.
+    /// No message.
     None,
-    /// The bytes begin an incomplete message. The message has this many bytes, or more if its length field has not
-    /// arrived.
+    /// An incomplete message of at least this many bytes.
     Open(usize),
-    /// The bytes begin a message that is too long for HORUS, or whose checksum is wrong. HORUS waits until this many
-    /// bytes have arrived.
+    /// A message of this many bytes that is too long for HORUS, or whose checksum is wrong. HORUS waits for its end.
     Wrong(usize),
-    /// The bytes begin with a complete message of this many bytes.
+    /// A complete message of this many bytes.
     Right(usize),
 }
 
@@ -214,7 +203,7 @@ impl Claim {
                 match bytes.get(SYNC.len()..length) {
                     _ if length > LONGEST => Self::Wrong(LONGEST),
                     None => Self::Open(length),
-                    // Zeros alone have the checksum zero, but they are not a message, because no message has class 0.
+                    // Zeros alone have a right checksum, but no message has class 0.
                     Some(checked) => match checked.split_last_chunk::<2>() {
                         Some((covered, sum)) if checksum(covered) == *sum && checked[0] != 0 => Self::Right(length),
                         _ => Self::Wrong(length),
@@ -226,7 +215,6 @@ impl Claim {
     }
 }
 
-/// Returns the content of a whole message, if HORUS reads its kind.
 fn said(message: &[u8]) -> Option<(Kind, u32, MessageContent)> {
     let (class, id) = (message[2], message[3]);
     let payload = &message[6..message.len() - 2];
@@ -249,7 +237,7 @@ fn said(message: &[u8]) -> Option<(Kind, u32, MessageContent)> {
                 // A 2D fix has no altitude.
                 && (fix == 2 || bounds::ALTITUDE_MM.contains(&height))
                 && motion.is_credible(fix);
-            // One division of two exact numbers gives the float64 nearest to the decimal number.
+            // One division of two exact numbers gives the nearest float64.
             let altitude = if fix == 2 { ABSENT_F64 } else { f64::from(height) / 1e3 };
             let raw = [f64::from(latitude) / 1e7, f64::from(longitude) / 1e7, altitude].map(f64::to_bits);
             let values = if valid { raw } else { [ABSENT_F64.to_bits(); 3] };
@@ -281,7 +269,6 @@ fn said(message: &[u8]) -> Option<(Kind, u32, MessageContent)> {
 }
 
 impl MessageContent {
-    /// Returns the content of a message that states no number.
     pub(super) const fn nothing(kind: Kind) -> Self {
         let absent = [kind.absent(); 3];
         Self { status: 0, values: absent, raw: absent, motion: None }

@@ -1,17 +1,16 @@
-//! Defines a series of values by its extremes, and judges the jitter between two starts of HORUS.
+//! Keeps the extremes of series of times, and judges the jitter between two starts of HORUS.
 
 use profile::Layout;
 
 use crate::{Context, Findings, Span, Violation, bounds};
 
-/// A value and when it occurred, ns.
+/// A value, and the instant, ns, at which it occurred.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Sample {
     value: u64,
     at: u64,
 }
 
-/// A series of values, of which the extremes, the sum and the number are kept.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Series {
     extremes: Option<(Sample, Sample)>,
@@ -33,8 +32,7 @@ impl Series {
         self.extremes.map(|(min, max)| Span { min: min.value, max: max.value })
     }
 
-    /// Returns the series' span and the instant of the extreme value that is farther from the mean. Returns `None` if
-    /// the series does not spread by more than `bound`, peak to peak.
+    /// Returns the span and the extreme farther from the mean; `None` for a spread of at most `bound`.
     fn beyond(&self, bound: u64) -> Option<Outlier> {
         let (min, max) = self.extremes?;
         let span = self.span().filter(|span| span.width() > bound)?;
@@ -44,7 +42,6 @@ impl Series {
     }
 }
 
-/// A series whose spread is too great.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Outlier {
     span: Span,
@@ -52,19 +49,14 @@ struct Outlier {
     bound: u64,
 }
 
-/// The times that may vary only a little while HORUS runs. The two numbers that a frame may have in its cycle have a
-/// series each.
+/// The times that may vary only a little; the first and the second frame of a cycle have separate series.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Jitter {
-    /// The times between two ticks, ns.
     pub(super) ticks: Series,
-    /// The times from the tick to the transmit command, ns.
     pub(super) command: [Series; 2],
-    /// The times from the tick to the first preamble bit, ns.
     pub(super) air: [Series; 2],
 }
 
-/// The greatest jitter of each kind over all starts of HORUS.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Worst {
     ticks: Option<Outlier>,
@@ -73,11 +65,10 @@ pub(super) struct Worst {
 }
 
 impl Worst {
-    /// Judges the jitter since HORUS's last start, because HORUS restarts or the run is over.
+    /// Judges the jitter since HORUS's last start, at its next start or the end of the run.
     ///
-    /// If the transmit command scatters, its frame scatters, too. Therefore only the first of tick, command and air
-    /// that exceeds its bound is reported. The time between cycles is not judged, since it scatters at least as much as
-    /// ticks and frames do.
+    /// A transmit command that scatters makes its frame scatter. Therefore only the first of tick, command and air that
+    /// exceeds its bound is reported. The time between cycles is not judged, since it scatters at least as much.
     pub(super) fn start_over(&mut self, jitter: &Jitter, layout: Layout, context: &Context) {
         let command = if context.worst_case() {
             bounds::TICK_TO_COMMAND_JITTER_PESSIMISTIC
@@ -111,7 +102,7 @@ impl Worst {
     }
 }
 
-/// Keeps the greater of two outliers in `worst`. Returns whether there is an outlier in `new`.
+/// Keeps the greater outlier in `worst`. Returns whether `new` is an outlier.
 fn note(worst: &mut Option<Outlier>, new: Option<Outlier>) -> bool {
     if let Some(new) = new
         && worst.is_none_or(|worst| worst.span.width() < new.span.width())

@@ -2,40 +2,36 @@
 //!
 //! # What is required
 //!
-//! From each start of HORUS (power-on or reset) to the next one, ticks come every 10 ms; the first comes within
-//! [`bounds::START`]. A frame belongs to the last tick before the frame's first bit. Each tick is followed by the
-//! frames of its cycle, in their order, before the next tick. Each frame begins within [`bounds::COMMAND_TO_AIR`] after
-//! its transmit command. The frames consist of whole, valid objects, and the objects' timestamps advance by 10 ms for
-//! each tick since the start.
+//! From each start of HORUS (power-on or reset) to the next, ticks come every 10 ms, the first within
+//! [`bounds::START`]. Each tick is followed by the frames of its cycle, in their order, before the next tick. A frame
+//! belongs to the last tick before its first bit, and begins within [`bounds::COMMAND_TO_AIR`] after its transmit
+//! command. The frames consist of whole, valid objects. The objects' timestamps advance by 10 ms for each tick since
+//! the start.
 //!
 //! # One cause, one violation
 //!
-//! - A restart, whether asked for or not, cuts off a transmit command or a frame, and switches the field off; neither
-//!   is reported. If ticks and frames are missing for at most [`bounds::WATCHDOG_LONGEST`] before a reset that was not
-//!   asked for, HORUS was hung, and only that reset is reported.
-//! - Each of these counts as a frame of the cycle, so that no missing frame is reported in addition: a command without
-//!   its frame, a frame that broke off, a frame without a command, a frame that does not consist of whole objects, and
-//!   a frame that is one too many for its cycle.
-//! - If the field drops, no frame is required until the end of the cycle in which it comes back, and a frame that the
-//!   drop cuts off is not reported. After a lost frame, HORUS brings its front end up again and takes the field down
-//!   for that, within [`bounds::FIELD_RECOVERY`]; then only the lost frame is reported.
-//! - While [`Excuse::Sending`] holds, none of these is reported: commands without frames, frames that break off or are
-//!   missing, and a field that drops. What HORUS sends is still judged, and rule `shown` judges how soon the link
-//!   recovers.
+//! - A restart may cut off a transmit command or a frame and switches the field off; neither is reported. If ticks and
+//!   frames are missing for at most [`bounds::WATCHDOG_LONGEST`] before a reset that was not asked for, HORUS was hung,
+//!   and only the reset is reported.
+//! - These count as a frame of the cycle, so that no missing frame is reported as well: a command without its frame, a
+//!   frame without a command, a frame that broke off or does not consist of whole objects, and an extra frame.
+//! - If the field drops, no frame is required until the end of the cycle in which the field comes back. HORUS may
+//!   switch the field off within [`bounds::FIELD_RECOVERY`] after a lost frame, to bring its front end up again. Then
+//!   only the lost frame is reported.
+//! - While [`Excuse::Sending`] holds, missing frames, broken frames, commands without frames and a dropped field are
+//!   not reported. What HORUS sends is still judged.
 //! - From the instant at which the bench stops HORUS's core until HORUS's next start, no ticks, commands and frames are
-//!   required. A frame that was begun or commanded before that instant may break off or not come, and the field may be
-//!   switched off. What HORUS sends is still judged, and so are the ticks that HORUS's timer goes on making. Ticks and
-//!   frames that were missing before the hang are reported, since the watchdog's reset that ends the hang is not
-//!   reported.
-//! - No frames are required of a cycle if the tick after it does not come in time. A tick that was missing or irregular
-//!   may count in the timestamps or not. The next timestamp shows whether it does, and the timestamps after that have
-//!   to continue that one.
-//! - If a frame begins more than a cycle after the last tick, it belongs to a tick that is missing or late. That tick
-//!   is reported, and the frame is not reported as one too many.
-//! - Cycles with a violation do not count for the jitter. If several of tick, command, air and period scatter too much,
-//!   only the first in this order is reported, because the others follow from it.
-//! - If the GPS objects of a frame have the right timestamp and Reported-Position has a wrong one, that is a violation
-//!   of [`content`](super::content).
+//!   required. A frame begun or commanded before may break off or not come, and the field may go off. What HORUS sends
+//!   is still judged, and so are the ticks of HORUS's timer. What was missing before the hang is reported, since the
+//!   watchdog's reset is not.
+//! - No frames are required of a cycle if the next tick does not come in time. A missing or irregular tick may count in
+//!   the timestamps or not: the next timestamp shows whether it does, and the later ones have to continue that one.
+//! - A frame that begins more than a cycle after the last tick belongs to a missing or late tick. The tick is reported,
+//!   and not an extra frame.
+//! - Cycles with a violation do not count for the jitter. If several of tick, command and air scatter too much, only
+//!   the first in this order is reported, because the others follow from it.
+//! - If only the timestamp of Reported-Position is wrong in a frame with GPS objects, [`content`](super::content)
+//!   reports that.
 
 mod jitter;
 #[cfg(test)]
@@ -49,21 +45,17 @@ use crate::read::{Frame, State};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
 use jitter::{Jitter, Series, Worst};
 
-/// How long after a reset a rise of chip select may be a consequence of that reset, ns: some clock cycles of HORUS's
-/// 144 MHz.
+/// How long, ns, after a reset chip select may rise because of the reset: some clock cycles of HORUS's 144 MHz.
 const LETS_GO: u64 = 100;
 
-/// A transmit command whose frame has not ended.
 #[derive(Clone, Copy, Debug)]
 struct Command {
     at: u64,
-    /// Whether the command's frame may be missing, because the field was off or went off while the frame may have been
-    /// on the air, or because HORUS hung.
+    /// Whether the command's frame may be missing, because the field was off during the frame or HORUS hung.
     cut_off: bool,
 }
 
-/// The numbers that a tick may have, counted from 1 at HORUS's start. More than one number is possible only after ticks
-/// that were missing or irregular.
+/// The numbers, from 1 at HORUS's start, that a tick may have: several only after a missing or irregular tick.
 #[derive(Clone, Copy, Debug, Default)]
 struct Number {
     least: u64,
@@ -71,10 +63,9 @@ struct Number {
 }
 
 impl Number {
-    /// Returns whether a cycle with one of these numbers has the timestamp `timestamp` (ms). If so, the other numbers
-    /// are removed.
+    /// Returns whether a cycle with one of these numbers has this timestamp (ms). If so, drops the other numbers.
     fn is_stamped(&mut self, timestamp: u32) -> bool {
-        // A tick's number and its timestamp wrap together, after 2^32 ms.
+        // The number and the timestamp wrap together, after 2^32 ms.
         let least = (self.least * u64::from(CYCLE_MS)) as u32;
         let ahead = timestamp.wrapping_sub(least);
         let steps = u64::from(ahead / CYCLE_MS);
@@ -86,19 +77,17 @@ impl Number {
     }
 }
 
-/// A tick and the frames of its cycle.
 #[derive(Clone, Copy, Debug)]
 struct Tick {
     at: u64,
     number: Number,
-    /// Whether a violation was found in the tick's cycle.
+    /// Whether the cycle has a violation.
     blamed: bool,
-    /// Whether the tick's frames may be missing, because the field had dropped and was off for some of the cycle, or
-    /// because HORUS hung.
+    /// Whether frames may be missing, because the field was off in the cycle or HORUS hung.
     cut_off: bool,
-    /// For each frame, the instant of its command and the instant at which its first preamble bit began, ns.
+    /// For each frame, the instants, ns, of its command and of its first preamble bit.
     frames: [Option<(u64, u64)>; 2],
-    /// The number of frames that have something wrong with them, and so are not among `frames`.
+    /// The number of frames with a violation, which are not among `frames`.
     others: usize,
 }
 
@@ -108,44 +97,36 @@ impl Tick {
     }
 }
 
-/// A tick or frames that are missing.
 #[derive(Clone, Copy, Debug)]
 enum Missing {
-    /// The tick after the tick at this instant is missing; `None` stands for the first tick after the start.
+    /// The instant of the tick before the missing one; `None` if the first tick after the start is missing.
     Tick { after: Option<u64> },
-    /// Frames of a cycle are missing: the instant of the cycle's tick, the number of frames that were sent, and the
-    /// number that is required.
+    /// The instant of the cycle's tick, the number of frames sent, and the number required.
     Frames { of: u64, sent: usize, wanted: usize },
 }
 
-/// What is known of HORUS between one start and the next.
 #[derive(Clone, Debug)]
 struct Run {
     since: u64,
     powered: bool,
-    /// Whether HORUS hangs because the bench stopped its core.
     hung: bool,
-    /// The tick before the last one.
     before: Option<Tick>,
     tick: Option<Tick>,
-    /// Whether the next tick is overdue and has been recorded as missing.
+    /// Whether the next tick is overdue and recorded as missing.
     tick_missing: bool,
-    /// The transmit commands whose frames have not ended, in order of time.
+    /// The transmit commands whose frames have not ended.
     commands: Vec<Command>,
-    /// Whether HORUS's carrier is on.
     field: bool,
-    /// Whether HORUS's carrier has dropped and is still off.
+    /// Whether the carrier has dropped and is still off.
     dropped: bool,
-    /// The instant, ns, at which HORUS's carrier last came back.
+    /// The instant, ns, at which the carrier last came back.
     back: Option<u64>,
-    /// The instant, ns, at which a frame of HORUS was last lost.
+    /// The instant, ns, at which a frame was last lost.
     lost: Option<u64>,
-    /// The instant, ns, at which the first bit of the last cycle's first frame began; `None` if a violation was found
-    /// in that cycle.
+    /// The instant, ns, at which the last cycle's first frame began; `None` if that cycle had a violation.
     led: Option<u64>,
     jitter: Jitter,
-    /// The ticks and frames that are missing since the last frame, each with the instant at which the judge noticed it.
-    /// They are not reported until it is known whether HORUS was hung.
+    /// What is missing since the last frame, and since when; reported once a hang of HORUS is ruled out.
     missing: Vec<(u64, Missing)>,
 }
 
@@ -169,14 +150,12 @@ impl Run {
         }
     }
 
-    /// Returns the tick to which a command or frame belongs that began at the instant `began`. This may be the tick
-    /// before the last one, since the log has a frame only at its end.
+    /// Returns the tick, the last or the last but one, of a command or frame that began at the instant `began`.
     fn tick_of(&mut self, began: u64) -> Option<&mut Tick> {
         self.tick.iter_mut().chain(&mut self.before).find(|tick| began >= tick.at)
     }
 }
 
-/// The figures that are measured over all starts of HORUS.
 #[derive(Clone, Copy, Debug, Default)]
 struct Measured {
     frames_sent: u64,
@@ -227,7 +206,7 @@ impl Rule for Cycle {
                 self.cut_off(event.at);
             }
             What::Tick => self.tick(event.at, disturbances, findings),
-            // A reset makes chip select rise, whatever HORUS was sending, so this rise is no command.
+            // A reset makes chip select rise, so this rise is no command.
             What::Command if event.at < self.run.since + LETS_GO => {}
             What::Command => {
                 let cut_off = self.run.dropped || self.run.hung;
@@ -240,7 +219,7 @@ impl Rule for Cycle {
                     self.measured.bit_rate = u64::from(*bit_rate);
                     self.measured.air_time_ns = self.measured.air_time_ns.max(event.at - started);
                 }
-                // A frame that HORUS had begun before its last start is not judged.
+                // A frame from before HORUS's last start is not judged.
                 if let Some(frame) = context.frame()
                     && *started >= self.run.since + bounds::COMMAND_TO_AIR
                 {
@@ -266,7 +245,7 @@ impl Rule for Cycle {
 }
 
 impl Cycle {
-    /// Records each tick and each frame that should have come before `now` as missing.
+    /// Records what should have come before `now` as missing.
     fn pass(&mut self, now: u64, disturbances: &Disturbances, findings: &mut Findings) {
         let run = &mut self.run;
         if !run.powered {
@@ -291,7 +270,6 @@ impl Cycle {
         }
     }
 
-    /// Begins a new run, because HORUS starts or loses its supply.
     fn restart(&mut self, at: u64, powered: bool, asked: bool, context: &Context, findings: &mut Findings) {
         if asked {
             self.tell_missing(findings);
@@ -354,11 +332,11 @@ impl Cycle {
         });
     }
 
-    /// Ends the present cycle at `now`, because the next tick has come. `in_time` is set if that tick came in time.
+    /// Ends the present cycle at the next tick, `now`, which came in time or not (`in_time`).
     fn close(&mut self, now: u64, in_time: bool) {
         let run = &mut self.run;
         let Some(tick) = &mut run.tick else { return };
-        // A frame that is still on the air is in the log only once it has ended.
+        // A frame that is still on the air is not in the log yet.
         let under_way = run.commands.iter().filter(|command| command.at >= tick.at).count();
         let (sent, wanted) = (tick.sent(), self.layout.frames());
         if in_time && !tick.cut_off && sent + tick.others + under_way < wanted {
@@ -368,8 +346,7 @@ impl Cycle {
         }
     }
 
-    /// Adds the times of a cycle to the series of the jitter, if all of them are known and no violation was found in
-    /// the cycle.
+    /// Adds a cycle's times to the series of the jitter, if all are known and the cycle has no violation.
     fn measure(&mut self, tick: Option<Tick>) {
         let (run, measured) = (&mut self.run, &mut self.measured);
         let led = run.led.take();
@@ -390,7 +367,6 @@ impl Cycle {
         }
     }
 
-    /// Judges the jitter in the time from HORUS's last start until now.
     fn conclude(&mut self, context: &Context) {
         let (before, tick) = (self.run.before, self.run.tick);
         self.measure(before);
@@ -420,7 +396,7 @@ impl Cycle {
         }
     }
 
-    /// Marks the commands and frames that are under way at the instant `at` as possibly cut off.
+    /// Records that the commands and frames under way at the instant `at` may be cut off.
     fn cut_off(&mut self, at: u64) {
         if let Some(tick) = &mut self.run.tick {
             tick.cut_off = true;
@@ -430,7 +406,7 @@ impl Cycle {
         }
     }
 
-    /// Judges a frame that has ended on the air, and that began after HORUS's last start.
+    /// Judges a frame that began after HORUS's last start.
     fn sent(
         &mut self,
         at: u64,
@@ -492,8 +468,7 @@ impl Cycle {
         }
     }
 
-    /// Returns the instant of the command whose frame began at `started`. Earlier commands that are still waiting have
-    /// no frame and are reported.
+    /// Returns the instant of the command of the frame begun at `started`. Reports earlier commands without a frame.
     fn command_of(&mut self, started: u64, disturbances: &Disturbances, findings: &mut Findings) -> Option<u64> {
         let given = self.run.commands.iter().take_while(|command| command.at <= started).count();
         let mut own = None;
@@ -509,12 +484,12 @@ impl Cycle {
     }
 }
 
-/// Returns the instant, ns, by which the frame of a command must have ended.
+/// Returns the instant, ns, by which a command's frame must have ended.
 const fn whole_by(command: &Command) -> u64 {
     command.at + bounds::COMMAND_TO_AIR + bounds::FRAME_LONGEST
 }
 
-/// Judges the objects of a frame in a cycle that has one of these numbers. Returns whether all objects are right.
+/// Judges the objects of a frame in a cycle with one of these numbers. Returns whether all are right.
 fn objects_are_right(at: u64, frame: &Frame, number: &mut Number, findings: &mut Findings) -> bool {
     let mut right = true;
     for object in &frame.objects {
@@ -526,8 +501,7 @@ fn objects_are_right(at: u64, frame: &Frame, number: &mut Number, findings: &mut
         right = false;
         findings.add(Violation::SentInvalid, at, || format!("object {} at {}: {why}", object.index, ms(at)));
     }
-    // GPS objects are judged first. If the frame has any, only they are judged here, and rule `content` compares the
-    // timestamp of Reported-Position with theirs.
+    // Rule `content` compares Reported-Position's timestamp with those of the GPS objects, which are judged here.
     let mut against = false;
     for object in frame.objects.iter().rev() {
         let Some(timestamp) = object.timestamp().filter(|_| object.index > 0 || !against) else { continue };

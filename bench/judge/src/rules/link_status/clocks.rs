@@ -5,25 +5,23 @@ use std::collections::VecDeque;
 use crate::bounds;
 use crate::expectation::{Certainty, Delivery};
 
-/// The longest time, ns, after which the DPR must have noticed that HORUS's clock has become implausible or plausible:
-/// two intervals of comparison, each at most a second and one step long.
+/// How long, ns, the DPR may take to notice a change of HORUS's clock: two comparisons, each of at most a second and a
+/// step.
 const NOTICED: u64 = 2 * (bounds::CLOCK_WINDOW + (bounds::MAX_MISSED as u64 + 1) * bounds::CYCLE) + 100_000_000;
 
-/// The cycles in sequence over which HORUS's clock is compared with the DPR's: those of about the last second.
+/// The cycles of about the last second, over which HORUS's clock is compared with the DPR's.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Clocks {
-    /// For each cycle, its timestamp, ms, and the instant, ns, at which its sample was taken.
+    /// The timestamp, ms, of each cycle, and the instant, ns, of its sample.
     samples: VecDeque<(u32, u64)>,
-    /// The instant, ns, of the last cycle at the end of a second in which the clocks of HORUS and the DPR may have
-    /// disagreed.
+    /// The instant, ns, of the last cycle at which the clocks may have disagreed over the last second.
     disagreed: Option<u64>,
-    /// The instant, ns, of the last cycle at the end of a second in which the clocks of HORUS and the DPR may have
-    /// agreed.
+    /// The instant, ns, of the last cycle at which the clocks may have agreed over the last second.
     agreed: u64,
 }
 
 impl Clocks {
-    /// Returns whether Link-Status must, may or must not call HORUS's clock implausible after this frame.
+    /// Returns whether Link-Status calls HORUS's clock implausible after this frame.
     pub(super) fn frame(&mut self, frame: &Delivery) -> Certainty {
         let Some(timestamp) = frame.timestamp else { return self.said(frame.sampled) };
         let second = self.samples.back().is_some_and(|(last, _)| *last == timestamp);
@@ -34,7 +32,7 @@ impl Clocks {
             self.samples.push_back((timestamp, frame.sampled));
             self.compare();
         } else if frame.received == Certainty::Must {
-            // The DPR does not hold a sequence, so Link-Status does not call HORUS's clock implausible.
+            // Without a sequence, Link-Status does not call HORUS's clock implausible.
             *self = Self::default();
         }
         if frame.shown < Certainty::Must {
@@ -43,7 +41,6 @@ impl Clocks {
         self.said(frame.sampled)
     }
 
-    /// Compares the clocks of HORUS and the DPR over the second that ends with the last cycle.
     fn compare(&mut self) {
         let Some(&(now, at)) = self.samples.back() else { return };
         let full = |sample: Option<&(u32, u64)>| {

@@ -6,16 +6,14 @@ use profile::{Layout, LinkValues};
 use crate::bounds;
 use crate::expectation::{Certainty, Delivery};
 
-/// The number of frames that the DPR must count as missed if it received exactly the frames that were recorded here.
+/// The number of frames that the DPR must count as missed.
 #[derive(Clone, Copy, Debug)]
 struct Missed {
     frames: u64,
-    /// The last frame that was certainly received: the instant of its sample, ns, its end, ns, and its number in the
-    /// cycle.
+    /// The last frame certainly received: the instant of its sample, ns, its end, ns, and its number in the cycle.
     last: Option<(u64, u64, u64)>,
     total: u64,
-    /// The greatest number of further missed frames if the DPR received some of the frames that it may have received
-    /// since the last certain one.
+    /// How many more frames the DPR may have missed, of those since the last certain one.
     perhaps: u64,
     /// The last frame that may have been received: the instant of its sample, ns, and its number in the cycle.
     maybe: Option<(u64, u64)>,
@@ -26,9 +24,9 @@ impl Missed {
         Self { frames: layout.frames() as u64, last: None, total: 0, perhaps: 0, maybe: None }
     }
 
-    /// Returns the number of frames that have become overdue between the last certain frame and the instant `at`, ns.
-    /// The frames of the next cycle are overdue [`bounds::FRAME_DEADLINE`] after the last frame, and the second frame
-    /// of the same cycle is overdue after [`bounds::SECOND_FRAME`].
+    /// Returns the number of frames that are overdue at the instant `at`, ns, since the last certain frame. The next
+    /// cycle's frames are overdue [`bounds::FRAME_DEADLINE`] after the last frame, the same cycle's second frame after
+    /// [`bounds::SECOND_FRAME`].
     fn overdue(&self, at: u64) -> u64 {
         let Some((_, ended, number)) = self.last else { return 0 };
         let passed = at.saturating_sub(ended);
@@ -39,8 +37,8 @@ impl Missed {
         }
     }
 
-    /// Returns the number of frames that were due between the last certain frame and `frame`, if the samples of these
-    /// two are `more` ns farther apart than recorded.
+    /// Returns the number of frames that were due between the last certain frame and `frame`. `more`, ns, is added to
+    /// the time between their samples.
     fn between(&self, frame: &Delivery, more: i64) -> u64 {
         self.last.map_or(0, |(sampled, _, number)| self.due((sampled, number), frame, more))
     }
@@ -51,14 +49,12 @@ impl Missed {
         (cycles * self.frames + frame.number as u64).saturating_sub(number + 1)
     }
 
-    /// Returns the greatest number of frames that may have been missed before `frame`, whichever of the uncertain
-    /// frames before it were received.
+    /// Returns the greatest number of frames that may have been missed before `frame`.
     fn at_most(&self, frame: &Delivery, more: i64) -> u64 {
         let since_maybe = self.maybe.map_or(0, |maybe| self.perhaps + self.due(maybe, frame, more));
         self.between(frame, more).max(since_maybe).max(self.perhaps)
     }
 
-    /// Records a frame that was certainly received.
     fn frame(&mut self, frame: &Delivery, band: i64) {
         let overdue = self.overdue(frame.ended.saturating_add_signed(band));
         self.total += self.at_most(frame, band).max(overdue);
@@ -66,14 +62,13 @@ impl Missed {
         (self.perhaps, self.maybe) = (0, None);
     }
 
-    /// Records a frame that may have been received.
     fn maybe(&mut self, frame: &Delivery, band: i64) {
         self.perhaps = self.at_most(frame, band);
         self.maybe = Some((frame.sampled, frame.number as u64));
     }
 }
 
-/// The least and the greatest value that each counter of Link-Status may have since the DPR's start.
+/// The least and the greatest value of each counter of Link-Status since the DPR's start.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Counters {
     layout: Layout,
@@ -81,13 +76,12 @@ pub(super) struct Counters {
     rejected: [u64; 2],
     received: [u64; 2],
     missed: [Missed; 2],
-    /// Whether the DPR has certainly received a frame.
     sure: bool,
-    /// How often it was not certain what the DPR counted.
+    /// How often it was uncertain what the DPR counted.
     doubts: u64,
 }
 
-/// An image's counters, and the possible values at its instant. The counters of later images are compared with these.
+/// An image's counters and their possible values, with which the counters of later images are compared.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Baseline {
     values: LinkValues,
@@ -118,7 +112,6 @@ impl Counters {
         self.received = [self.received[0] + u64::from(sure), self.received[1] + 1];
         let [least, most] = &mut self.missed;
         let clear = least.between(frame, -BAND) == most.between(frame, BAND);
-        // Before the DPR has certainly received a frame, it need not count any frame as missed.
         self.sure |= sure;
         if self.sure {
             least.frame(frame, -BAND);
@@ -131,16 +124,14 @@ impl Counters {
         self.doubts += u64::from(!sure || must != may || !clear);
     }
 
-    /// Returns the least and the greatest number of missed frames that an image may state. The image was published at
-    /// `at`, ns, up to `publication` after the frame or deadline that caused it.
+    /// Returns the least and the greatest number of missed frames in an image published at `at`, ns.
     fn missed(&self, at: u64, publication: u64) -> [u64; 2] {
         let [least, most] = &self.missed;
         let least = least.total + least.overdue(at.saturating_sub(publication + bounds::SEQUENCE_BAND));
         [least, most.total + most.overdue(at + bounds::SEQUENCE_BAND).max(most.perhaps)]
     }
 
-    /// Returns whether the counters in `values` are possible in an image that was published at `at`, ns. If the image
-    /// may also include the next frame, `next` has the counters after that frame.
+    /// Returns whether an image published at `at`, ns, may have these counters; `next` includes one more frame.
     pub(super) fn fit(&self, values: &LinkValues, at: u64, publication: u64, next: Option<&Self>) -> bool {
         let missed = self.missed_until(at, publication, next);
         within(values.objects_accepted, self.accepted)
@@ -154,22 +145,20 @@ impl Counters {
         [least, next.map_or(most, |next| most.max(next.missed(at, publication)[1]))]
     }
 
-    /// Returns whether the objects accepted and rejected add up to the number of objects in the frames received.
+    /// Returns whether the objects accepted and rejected add up to those in the frames received.
     pub(super) fn add_up(&self, values: &LinkValues) -> bool {
         let places = self.layout.frame(0).map_or(0, Place::count) as u64;
         u64::from(values.objects_accepted) + u64::from(values.objects_rejected)
             == places * u64::from(values.frames_received)
     }
 
-    /// Returns the counters of this image, which was published at `at`, ns, for comparison with those of later images;
-    /// `None` if a frame was overdue at that instant.
+    /// Returns this image's counters as a reference for later ones; `None` if a frame was overdue at `at`, ns.
     pub(super) fn baseline(&self, values: &LinkValues, at: u64) -> Option<Baseline> {
         let overdue = self.missed.iter().any(|missed| missed.overdue(at + bounds::SEQUENCE_BAND) > 0);
         (!overdue).then_some(Baseline { values: *values, counters: *self })
     }
 
-    /// Returns whether the counters in `values` have advanced since the earlier image `before` as the frames since then
-    /// require. Returns true if it was not certain what the DPR counted.
+    /// Returns whether the counters have advanced since the image `before` as they must; true if that is uncertain.
     pub(super) fn follow(
         &self,
         before: &Baseline,

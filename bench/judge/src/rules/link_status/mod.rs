@@ -1,11 +1,10 @@
 //! Compares Link-Status with the signals on the wires and the frames on the air.
 //!
-//! Link-Status must be right at the instant at which its image was published, which is the last rise of FRESH before
-//! chip select fell. The [expectation](crate::expectation) that determines which cycles the DPR shows also determines
-//! which frames the DPR had received by that instant; where this is not certain, either value is right. If a frame
-//! ended shortly before FRESH rose, the image may include the frame or not, unless the image shows an object of that
-//! frame or nothing but that frame can have caused the image. There is one `Snapshot` after each frame. Several
-//! snapshots may therefore belong to an image, and the image has to fit one of them.
+//! Link-Status must be right at the publication of its image, the last rise of FRESH before chip select fell. The
+//! [expectation](crate::expectation) determines which frames the DPR had received by then. Where this is uncertain,
+//! either value is right. An image may include a frame that ended shortly before FRESH rose, or not. It certainly
+//! includes the frame if it shows one of the frame's objects, or if only that frame can have caused the image. There is
+//! one `Snapshot` after each frame, and the image has to fit one of the possible snapshots.
 //!
 //! # What each violation compares
 //!
@@ -16,16 +15,14 @@
 //! | `LinkFlags` | the frames at the antenna, the DPR's last start, and the injected faults |
 //! | `LinkTime` | the time since the DPR's start |
 //!
-//! This rule requires nothing of an image that is already reported as another violation: FRESH did not announce the
-//! image, or the image is older than FRESH says (rule `ssi`), or it lacks objects that it must show (rule `shown`). If
-//! an image lacks an object, bits 0 and 1 of the status may have the value that fits the image or the value that fits
-//! the frames at the antenna; they are wrong only if they contradict both.
+//! This rule requires nothing of an image that another rule reports: one that FRESH did not announce, that is older
+//! than FRESH says (both rule `ssi`), or that lacks objects (rule `shown`). If an image lacks an object, bits 0 and 1
+//! of the status may fit either the image or the frames at the antenna.
 //!
-//! While [`Excuse::Hearing`] holds, only the time, the reason of the last reset, and the report of a front end that
-//! does not answer are judged. From [`bounds::FRONT_END_TOLD`] after a front end has ceased to answer until it answers
-//! again, Link-Status must say that the front end is at fault, that the link is not up, and that not all objects were
-//! accepted. While [`Excuse::LinkCounters`] holds, the counters of an image are compared only with those of the image
-//! before.
+//! While [`Excuse::Hearing`] holds, only the time, the reason of the last reset, and the report of a silent front end
+//! are judged. From [`bounds::FRONT_END_TOLD`] after a front end has ceased to answer, Link-Status must say that the
+//! front end is at fault, the link is down and not all objects were accepted. While [`Excuse::LinkCounters`] holds,
+//! counters are compared only with those of the image before.
 
 mod clocks;
 mod counters;
@@ -47,60 +44,53 @@ use crate::expectation::{Certainty, Delivery};
 use crate::read::{Reading, State};
 use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 
-/// The number of frames, and of rises of FRESH, that are kept. It is large because a transaction may be long.
+/// The number of frames, and of rises of FRESH, that are kept: a transaction may be long.
 const REMEMBERED: usize = 64;
 
-/// The uncertainty of the instants from which the age is computed, ns: the resolution of the DPR's clock, the time that
-/// its front end needs to detect the end of a frame, and the scatter of HORUS's front end (2.3 µs).
+/// The uncertainty of the age, ns: the DPR's clock, its detection of a frame's end, and HORUS's front end (2.3 µs).
 const INSTANTS: u64 = 30_000;
 
-/// The unit of the age in Link-Status, ns.
 const AGE_UNIT: u64 = 100_000;
 
-/// The tolerance, ns, of the one second for which Link-Status reports a restart of HORUS. It covers the time until a
-/// frame is committed, and the crystals.
+/// The tolerance, ns, of the second for which Link-Status reports a restart: the commit and the crystals.
 const RESTART_BAND: u64 = 2_000_000;
 
 /// A Reported-Position that the DPR accepted, or may have accepted.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
-    /// The instant, ns, at which the sample of this Reported-Position was taken.
+    /// The instant, ns, at which the sample was taken.
     at: u64,
-    /// How much newer than it is the DPR may take the sample to be, ns. This is the delay on the air, which the DPR
-    /// cannot detect.
+    /// By how much, ns, the DPR may understate the sample's age: the delay on the air, which the DPR cannot detect.
     delay: u64,
-    /// How much older than it is the DPR may take the sample to be, ns. If a front end does not report the instant at
-    /// which a frame ended, the DPR assumes the longest possible time since then.
+    /// By how much, ns, the DPR may overstate the sample's age. Without the instant at which a frame ended, the DPR
+    /// assumes the longest possible time.
     unsure: u64,
 }
 
 impl Sample {
-    /// Returns a sample that stands for this sample, for `other`, which is not older, and for all samples between the
-    /// two.
+    /// Returns a sample that stands for this one, for `other`, which is not older, and for all between them.
     fn or(self, other: Self) -> Self {
         let newest = self.delay.max(other.at.saturating_sub(self.at) + other.delay);
         Self { at: self.at, delay: newest, unsure: self.unsure.max(other.unsure) }
     }
 }
 
-/// What the DPR may hold after a frame, as Link-Status reports it.
 #[derive(Clone, Debug)]
 struct Snapshot {
     frame: Option<Delivery>,
     counters: Counters,
-    /// The samples of which one is that of the last accepted Reported-Position.
+    /// The samples that may be the last accepted one.
     samples: Vec<Sample>,
-    /// Whether the DPR may not have accepted any Reported-Position.
+    /// Whether the DPR may not have accepted any sample.
     none: bool,
-    /// The objects of the cycle that the DPR must have accepted: bit n stands for object n.
+    /// The objects of the cycle that the DPR must have accepted; bit n is object n.
     must: u8,
-    /// The objects of the cycle that the DPR may have accepted: bit n stands for object n.
+    /// The objects of the cycle that the DPR may have accepted; bit n is object n.
     may: u8,
-    /// The instant, ns, until which the DPR must hold the sequence, and the instant until which it may hold it.
+    /// The instants, ns, until which the DPR must, and may, hold the sequence.
     held: (u64, u64),
     frozen: Certainty,
-    /// The last instant, ns, at which the DPR certainly took a cycle for a restart of HORUS, and the last at which it
-    /// may have done so.
+    /// The last instants, ns, at which the DPR certainly, and possibly, took a cycle for a restart of HORUS.
     restarted: [Option<u64>; 2],
     implausible: Certainty,
 }
@@ -110,15 +100,14 @@ impl Snapshot {
         self.frame.as_ref().map_or(0, |frame| frame.ended)
     }
 
-    /// Records that a Reported-Position of this sample was certainly accepted (`must`), or may have been accepted.
+    /// Records that the DPR certainly (`must`) or possibly accepted this sample.
     fn accept(&mut self, sample: Sample, must: bool) {
         if must {
             self.samples.clear();
             self.none = false;
         }
         self.samples.push(sample);
-        // There are too many samples, so the oldest two become one sample, which stands for both and for all between
-        // them.
+        // The oldest two samples become one, which stands for both and for all between them.
         if let [oldest, second, ..] = self.samples[..]
             && self.samples.len() > REMEMBERED
         {
@@ -133,18 +122,17 @@ pub struct LinkStatus {
     layout: Layout,
     publication: u64,
     clocks: Clocks,
-    /// The snapshot after each frame, the oldest first. The DPR's start adds a snapshot without a frame.
+    /// The snapshot after each frame and after the DPR's start, the oldest first.
     snapshots: VecDeque<Snapshot>,
     fresh: VecDeque<u64>,
     baseline: Option<Baseline>,
     time: Time,
     reasons: Reasons,
-    /// Whether HORUS's field is at the DPR's antenna, and the instant, ns, at which the field last came or went.
+    /// Whether HORUS's field is at the DPR's antenna, and the instant, ns, of the last change.
     field: (bool, u64),
-    /// The bytes of the transaction that was judged last. A transaction that reads the same bytes again is not judged,
-    /// because a rise of FRESH between the two announced no new image.
+    /// The bytes of the transaction that was judged last, which are not judged again.
     last: Vec<u8>,
-    /// The bytes of the image that FRESH announced last.
+    /// The bytes that FRESH announced last.
     offered: Vec<u8>,
 }
 
@@ -181,8 +169,7 @@ impl Rule for LinkStatus {
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Hearing) => self.may_have_missed(event.at),
             What::FieldHeard { on } if *on != self.field.0 => self.field = (*on, event.at),
             What::Fresh { high: true, offered } => {
-                // If FRESH rises again for the same image, that is not a publication, and rule `ssi` reports it. Two
-                // images are equal only if their Link-Status, which is at offset 0, is equal.
+                // A further rise of FRESH for the same image is no publication, and rule `ssi` reports it.
                 let offered = offered.as_ref().map_or(&[][..], |bytes| &bytes.0);
                 if context.window().offset() == 0 && !offered.is_empty() && offered == self.offered {
                     return;
@@ -223,8 +210,7 @@ impl LinkStatus {
         }
     }
 
-    /// Records that the DPR may fail to receive from the instant `at` on. The DPR may not have read a frame completely
-    /// that ended just before.
+    /// Records that the DPR may fail to receive from `at` on, also a frame that ended just before.
     fn may_have_missed(&mut self, at: u64) {
         let mut newest = self.snapshots.iter_mut().rev();
         let (Some(last), Some(before)) = (newest.next(), newest.next()) else { return };
@@ -234,8 +220,7 @@ impl LinkStatus {
         }
     }
 
-    /// Records a frame that has reached the antenna. The DPR may be wrong by `unsure` ns about the instant at which the
-    /// frame ended.
+    /// Records a frame that has reached the antenna. The DPR may be wrong by `unsure` ns about the frame's end.
     fn heard(&mut self, frame: Delivery, unsure: u64, context: &Context) {
         let Some(last) = self.snapshots.back() else { return };
         let mut next = last.clone();
@@ -269,14 +254,12 @@ impl LinkStatus {
         }
     }
 
-    /// Judges the Link-Status that a transaction read.
     fn read(&mut self, reading: &Reading, context: &Context, findings: &mut Findings) {
         let dpr = context.running(Board::Dpr);
         let Some(Ok(values)) = &reading.link else { return };
         let before = |rose: &&u64| **rose <= reading.selected;
         let Some(&published) = self.fresh.iter().rev().find(before) else { return };
-        // Every deadline publishes an image. So if this image has not been replaced for longer than a deadline, FRESH
-        // did not announce it.
+        // Every deadline publishes an image, so FRESH did not announce an image that is older than a deadline.
         let announced = reading.selected <= published + bounds::FRAME_DEADLINE + self.publication;
         if !dpr.powered || published < dpr.since || !announced {
             return;
@@ -286,7 +269,6 @@ impl LinkStatus {
         if self.last == reading.miso {
             return;
         }
-        // While the DPR may fail to receive, it is not known which frames an image includes.
         let candidates = if disturbances.excuse(Excuse::Hearing, published) {
             None
         } else {
@@ -294,7 +276,7 @@ impl LinkStatus {
             Some(candidates)
         };
         self.last.clone_from(&reading.miso);
-        // An image that replaces a damaged image states the same time as the damaged one.
+        // The image that replaces a damaged image states the same time.
         let mut of_the_start = None;
         if !disturbances.excuse(Excuse::UnsoundImage, published) {
             if let Some(words) = self.time.wrong(values.timestamp, published, dpr.since) {
@@ -321,16 +303,14 @@ impl LinkStatus {
         }
         let no_field = self.no_field(published, dpr.since, disturbances);
         let flags = |snapshot| self.wrong_flags(snapshot, values.status, reading, published, context, no_field);
-        // If no snapshot fits, the flag that is reported is the one that contradicts the last snapshot, which includes
-        // every frame.
+        // If no snapshot fits, the judge reports what contradicts the last snapshot, which includes every frame.
         let wrong = of_candidates.try_fold(String::new(), |_, snapshot| flags(snapshot));
         if let Some(words) = wrong.filter(|_| of_the_start.is_none()) {
             findings.add(Violation::LinkFlags, reading.selected, || words);
         }
     }
 
-    /// Returns the indices of the snapshots that may belong to an image that was published at `published`; `None` if
-    /// the image is a violation that another rule reports.
+    /// Returns the indices of the possible snapshots of an image; `None` if another rule reports the image.
     fn candidates(&self, reading: &Reading, published: u64) -> Option<Vec<usize>> {
         let newest = |of: &dyn Fn(&Snapshot) -> bool| self.snapshots.iter().rposition(of);
         let last = newest(&|it| it.ended() <= published)?;
@@ -341,7 +321,7 @@ impl LinkStatus {
                 newest(&|it| it.ended() <= published && it.frame.as_ref().is_some_and(|it| shows(reading, it)))?;
             let frame_of = |index: usize| self.snapshots.get(index).and_then(|snapshot| snapshot.frame.as_ref());
             let same_cycle = frame_of(last).zip(frame_of(shown)).is_some_and(|(last, shown)| last.completes(shown));
-            // The image shows a cycle that is older than FRESH says, so the image is judged by another rule.
+            // The image's cycle is older than FRESH says, and another rule judges it.
             if shown < first || shown < last && self.is_cause(last) && !same_cycle {
                 return None;
             }
@@ -353,8 +333,8 @@ impl LinkStatus {
         Some((first..=last).collect())
     }
 
-    /// Returns whether only this snapshot's frame can have caused an image that was published just after it: the frame
-    /// is the last of its cycle, and no deadline passed at about the same instant.
+    /// Returns whether only this snapshot's frame can have caused an image published just after it. The frame then is
+    /// the last of its cycle, and no deadline passed at about the same instant.
     fn is_cause(&self, index: usize) -> bool {
         let frame_of = |index: usize| self.snapshots.get(index).and_then(|snapshot| snapshot.frame.as_ref());
         let Some(frame) = frame_of(index) else { return false };
@@ -363,8 +343,7 @@ impl LinkStatus {
         let (deadline, belongs) = if is_last(before) {
             (bounds::FRAME_DEADLINE, true)
         } else {
-            // Unless both frames are of one cycle, the image of the first frame is published before the second frame is
-            // processed, and the image of the second frame after that.
+            // If the frames are of two cycles, the first one's image is published before the second frame is processed.
             (bounds::SECOND_FRAME, frame.completes(before) && frame.shown == before.shown)
         };
         let in_time = frame.ended + bounds::SEQUENCE_BAND < before.ended + deadline;
@@ -397,7 +376,6 @@ impl LinkStatus {
         fits
     }
 
-    /// Returns, in words, which flags of Link-Status contradict a snapshot.
     fn wrong_flags(
         &self,
         snapshot: &Snapshot,
@@ -431,8 +409,7 @@ impl LinkStatus {
             true => Certainty::May,
             false => Certainty::Never,
         };
-        // If there has long been a carrier without frames, the DPR cannot distinguish a sender that does not send from
-        // a front end that does not receive.
+        // After a long silence the DPR cannot tell a sender that is silent from a front end that does not receive.
         let front_end = if context.expectation().is_silent(published) { Certainty::May } else { Certainty::Never };
         let claims = [
             ("the link up", status.link_up(), self.objects_shown(reading, false), expected[0]),
@@ -458,9 +435,8 @@ impl LinkStatus {
         wrong.map(|(words, ..)| format!("{words}: status {:#06x}", status.bits()))
     }
 
-    /// Returns whether an image that was published at `published` must report that there is no field at the antenna,
-    /// may report it, or must not. A front end that starts while the field is on detects the field with the first
-    /// frame; a front end that was disturbed may not detect the field.
+    /// Returns whether an image reports that there is no field. A front end that starts while the field is on detects
+    /// it with the first frame. A disturbed front end may not detect it.
     fn no_field(&self, published: u64, dpr_since: u64, disturbances: &Disturbances) -> Certainty {
         let (on, since) = self.field;
         let from = since.max(dpr_since + bounds::START);
@@ -476,8 +452,7 @@ impl LinkStatus {
         }
     }
 
-    /// Returns whether the image shows any object (`all` is not set) or every object (`all` is set); `None` if the
-    /// transaction read too little of the image to determine it.
+    /// Returns whether the image shows any object or, if `all`, every object; `None` if too little of it was read.
     fn objects_shown(&self, reading: &Reading, all: bool) -> Option<bool> {
         let valid = |state: &State| matches!(state, State::Valid { .. });
         let any = reading.objects.iter().any(|placed| valid(&placed.state));
@@ -491,7 +466,7 @@ impl LinkStatus {
         }
     }
 
-    /// Returns whether the image of a snapshot must, may or must not show any object, and the same for all objects.
+    /// Returns whether an image of this snapshot shows any object, and whether it shows all.
     fn objects_expected(&self, snapshot: &Snapshot, published: u64) -> [Certainty; 2] {
         let Some(frame) = &snapshot.frame else { return [Certainty::Never; 2] };
         let after = published.saturating_sub(frame.ended);
@@ -500,8 +475,7 @@ impl LinkStatus {
         }
         let band = bounds::SEQUENCE_BAND;
         let waits = frame.number + 1 < self.layout.frames();
-        // Close to the deadline either value is right. As long as the DPR waits for the second frame, the image may
-        // still be that of the cycle before.
+        // Close to the deadline, or during the wait for a second frame, the image may be that of the cycle before.
         if after + band > bounds::FRAME_DEADLINE || waits && after < bounds::SECOND_FRAME + band {
             return [Certainty::May; 2];
         }
@@ -515,7 +489,7 @@ impl LinkStatus {
     }
 }
 
-/// Judges whether an image that was published at `published` reports a front end that does not answer.
+/// Judges whether an image published at `published` reports a front end that does not answer.
 fn tells_of_a_silent_front_end(
     status: LinkStatusBits,
     published: u64,
@@ -526,7 +500,7 @@ fn tells_of_a_silent_front_end(
     let (from, until) = context.disturbances().silent_front_end();
     let dpr = context.running(Board::Dpr);
     let from = from.max(dpr.since + bounds::START) + bounds::FRONT_END_TOLD;
-    // If the DPR has a dead task, that may be the task that detects a silent front end.
+    // The dead task may be the one that detects a silent front end.
     let until = until.min(dpr.dead.unwrap_or(u64::MAX));
     let told = status.front_end_fault() && !status.link_up() && !status.all_accepted();
     if (from..until).contains(&published) && !told {
@@ -536,13 +510,13 @@ fn tells_of_a_silent_front_end(
     }
 }
 
-/// Returns whether a transaction shows an object that a frame brought.
+/// Returns whether a transaction shows an object of this frame.
 fn shows(reading: &Reading, frame: &Delivery) -> bool {
     let mut objects = frame.objects.iter().filter(|(.., fate)| *fate > Certainty::Never);
     objects.any(|(index, bytes, _)| reading.objects.iter().any(|it| it.index == *index && it.bytes == *bytes))
 }
 
-/// Returns whether Link-Status may state the age `told` in an image that was published at `published`.
+/// Returns whether Link-Status may state the age `told`, in its unit, in an image published at `published`.
 fn age_fits(snapshot: &Snapshot, told: u16, published: u64) -> bool {
     let units = |ns: u64| u16::try_from(ns / AGE_UNIT).unwrap_or(u16::MAX);
     let fits = |sample: &Sample| {

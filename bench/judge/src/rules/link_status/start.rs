@@ -1,22 +1,21 @@
-//! Judges what Link-Status says about the DPR's own start: its reason, and how long ago it was.
+//! Judges what Link-Status says about the DPR's own start: the reason, and the time since then.
 
 use profile::{LinkStatusBits, ResetReason};
 
 use crate::{Cause, What, bounds};
 
-/// The reasons that the DPR may state for its start; `None` if it may state any.
+/// The reasons that the DPR may state; `None` for any reason.
 #[derive(Clone, Debug)]
 pub(super) struct Reasons(Option<&'static [ResetReason]>);
 
 impl Reasons {
-    /// Returns the reasons that the DPR may state after its supply has come on. If the DPR finds its RAM intact, it
-    /// states a brown-out, because it cannot distinguish a short power-off from one.
+    /// Returns the reasons after power-on. After a short power-off the DPR may find its RAM intact and states a
+    /// brown-out.
     pub(super) const fn power_on() -> Self {
         Self(Some(&[ResetReason::PowerOn, ResetReason::BrownOutOrOther]))
     }
 
-    /// Returns the reasons that the DPR may state after the start that `event` logs. For a cause that the DPR's
-    /// microcontroller does not report, the DPR may state any reason.
+    /// Returns the reasons after the start in `event`. For a cause that the DPR cannot report, it may state any reason.
     pub(super) const fn of(event: &What) -> Self {
         let What::Reset { cause, .. } = event else { return Self::power_on() };
         Self(match cause {
@@ -29,7 +28,7 @@ impl Reasons {
         })
     }
 
-    /// Returns, in words, how bits 6 and 12 to 14 of Link-Status, the reason of the DPR's last start, are wrong.
+    /// Returns, in words, how bits 6 and 12 to 14 of Link-Status, the reason of the last start, are wrong.
     pub(super) fn wrong(&self, status: LinkStatusBits) -> Option<String> {
         let told = status.reset_reason();
         let unasked = [ResetReason::Watchdog, ResetReason::Lockup, ResetReason::BrownOutOrOther];
@@ -39,22 +38,19 @@ impl Reasons {
     }
 }
 
-/// The time since the DPR's start, as Link-Status states it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Time {
-    /// The first image since the DPR's start: the instant of its publication, ns, and how much more time, ns, had
-    /// passed since the start by then than the image states.
+    /// The instant, ns, of the first image's publication since the start, and by how much, ns, its stated time was
+    /// short.
     first: Option<(u64, i128)>,
     last_ms: u32,
 }
 
-/// The uncertainty of the time in Link-Status, ns. The DPR reads its clock some time before FRESH rises, and the time
-/// has a resolution of 1 ms.
+/// The uncertainty, ns: the DPR reads its clock before FRESH rises, and the time has a resolution of 1 ms.
 const RESOLUTION: u64 = 2_000_000;
 
 impl Time {
-    /// Returns, in words, how the time `told_ms` is wrong in an image that was published at `published`, ns, by a DPR
-    /// that started at `since`, ns.
+    /// Returns, in words, how the time `told_ms` in an image is wrong, for a DPR that started at `since`, ns.
     pub(super) fn wrong(&mut self, told_ms: u32, published: u64, since: u64) -> Option<String> {
         let back = told_ms < std::mem::replace(&mut self.last_ms, told_ms);
         let passed = published - since;

@@ -19,7 +19,7 @@ fn within(times: std::ops::Range<u64>, change: impl Fn(&mut LinkValues)) -> impl
     }
 }
 
-/// Returns an edit that changes the Link-Status of only the image of this cycle.
+/// Returns an edit that changes the Link-Status of this cycle's image.
 fn of(run: &Run, cycle: u32, change: impl Fn(&mut LinkValues)) -> impl Fn(&mut Vec<Image>) {
     within(run.end(cycle)..run.end(cycle) + MS, change)
 }
@@ -57,7 +57,7 @@ fn the_age_is_saturated_until_an_object_is_accepted() {
     let change = |age| move |values: &mut LinkValues| values.age_100us = age;
     assert_eq!(run.broken(within(10 * MS..20 * MS, change(65_534))), [Violation::LinkAge]);
     assert_eq!(run.broken(of(&run, 20, change(u16::MAX))), [Violation::LinkAge]);
-    // After 6.5535 s the age in Link-Status has reached 65535, its greatest value, so 65534 is wrong.
+    // The age stays at 65535, its greatest value, after 6.5535 s.
     let mut long = Run::new(3).hit_all(20..700, &Air::Lost);
     long.cycles = 710;
     long.control = 4 * MS;
@@ -68,7 +68,7 @@ fn the_age_is_saturated_until_an_object_is_accepted() {
 
 #[test]
 fn the_age_counts_from_the_tick_and_not_from_the_frame() {
-    // HORUS keeps its slot, but in the log this tick is 1 ms earlier than the tick that follows from its frame.
+    // The tick in the log is 1 ms early, but HORUS keeps its slot.
     let run = Run::new(3);
     let mut log = run.log(|_| {});
     for event in log.events.iter_mut().filter(|event| event.what == What::Tick && event.at == run.tick(20)) {
@@ -76,7 +76,7 @@ fn the_age_counts_from_the_tick_and_not_from_the_frame() {
     }
     log.events.sort_by_key(|event| (event.at, event.what.rank()));
     assert!(crate::judge(&log).kinds().any(|kind| kind == Violation::LinkAge));
-    // Without ticks in the log the judge derives the sample's instant from the frame.
+    // Without ticks the judge derives the sample's instant from the frame.
     log.events.retain(|event| event.what != What::Tick);
     assert!(crate::judge(&log).kinds().all(|kind| kind != Violation::LinkAge));
 }
@@ -110,7 +110,7 @@ fn each_counter_that_is_off_by_one_is_a_violation() {
 #[test]
 fn counters_that_go_on_wrongly_together_are_wrong() {
     for n in RECEIVERS {
-        // Each Link-Status here counts a damaged object as accepted, or a received frame as missed, which is wrong.
+        // A damaged object counts as accepted here, or a received frame as missed.
         let run = Run::new(n).hit(20, 0, Air::Hit(vec![1]));
         let change = |values: &mut LinkValues| {
             values.objects_accepted += 1;
@@ -134,7 +134,6 @@ fn a_frame_that_nobody_counts_as_missed_is_wrong() {
         let run = Run::new(n).hit_all([20], &Air::Lost);
         let change = |values: &mut LinkValues| values.frames_missed -= frames;
         assert_eq!(run.broken(within(run.end(21)..u64::MAX, change)), [Violation::LinkCounters], "{n} receivers");
-        // The count of missed frames is wrong during a long silence.
         let run = Run::new(n).hit_all(20..35, &Air::Lost);
         let change = |values: &mut LinkValues| values.frames_missed -= 5 * frames;
         assert_eq!(run.broken(within(run.end(30)..run.end(31), change)), [Violation::LinkCounters], "{n} receivers");
@@ -149,15 +148,13 @@ fn each_flag_that_contradicts_what_was_heard_and_shown_is_wrong() {
             let broken = run.broken(of(&run, 20, |values| flip(values, bit)));
             assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, bit {bit}");
         }
-        // Bit 7, which says that an uplink was rejected, is judged by another rule.
+        // Another rule judges bit 7, a rejected uplink.
         assert_eq!(run.broken(of(&run, 20, |values| flip(values, 7))), []);
-        // No frame of these cycles arrives.
         let run = Run::new(n).hit_all(20..25, &Air::Lost);
         for bit in [0, 1, 2, 3, 8, 9] {
             let broken = run.broken(within(run.end(22)..run.end(23), |values| flip(values, bit)));
             assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, bit {bit}");
         }
-        // The flags are also judged after the silence has lasted longer than the sequence is held.
         let mut run = Run::new(n).hit_all(20..58, &Air::Lost);
         run.cycles = 70;
         for (time, cycle) in [("before", 44), ("after", 48)] {
@@ -318,7 +315,7 @@ fn the_time_starts_with_the_dpr_and_goes_on_with_it() {
             let broken = run.broken(of(&run, 20, change));
             assert_eq!(broken == [Violation::LinkTime], wrong, "{n} receivers, {by}: {broken:?}");
         }
-        // In the first image, too, the time must be that since the start, but may lack the time that a start takes.
+        // The first image's time may lack the time that a start takes.
         for (by, wrong) in [(3_i32, true), (-4, false)] {
             let change = |values: &mut LinkValues| values.timestamp = values.timestamp.saturating_add_signed(by);
             let broken = run.broken(within(0..u64::MAX, change));
@@ -354,7 +351,7 @@ fn an_image_that_fresh_has_not_announced_is_not_asked() {
     let run = Run::new(3);
     let wrong = of(&run, 20, |values| values.age_100us += 50);
     let mut log = run.log(&wrong);
-    // From this instant on the FRESH wire is stuck at its level.
+    // From this instant on FRESH is stuck at its level.
     log.events.retain(|event| !(matches!(event.what, What::Fresh { .. }) && event.at > run.tick(15)));
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
     assert_eq!(crate::judge(&log).kinds().filter(own).count(), 0);
@@ -366,8 +363,7 @@ fn a_rise_of_fresh_for_the_same_image_is_no_publication() {
     // Most images are first read after the second rise of FRESH.
     let run = Run { control: 7 * MS, ..Run::new(3) };
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
-    // Each rise of FRESH announces an image, which is a number in this test. FRESH rises again 3 ms later, for the same
-    // image or for another.
+    // Each image is a number here. FRESH rises again 3 ms later, for the same image or another.
     let broken = |another: u64| {
         let mut log = run.log(|_| {});
         let mut again = vec![];
@@ -426,9 +422,9 @@ fn a_power_cycle_of_the_dpr_is_a_start() {
     assert_eq!(crate::rules::shown::synthetic::kinds(&crate::judge(&log)), []);
 }
 
-/// Returns whether a flag is wrong in a run whose last frame is that of cycle 20. The first image that is published
-/// more than 260 ms after that cycle's sample is published `after` ns after the sample. That image says that the
-/// sequence is held, or that it is not, as `held` says.
+/// Returns whether a flag is wrong in a run whose last frame is that of cycle 20. The first image more than 260 ms
+/// after this cycle's sample is published `after` ns after the sample. It says that the sequence is held or not
+/// (`held`).
 fn published_late(after: u64, held: bool) -> bool {
     let run = Run { cycles: 60, ..Run::new(3) }.hit_all(21..=60, &Air::Lost);
     let sampled = run.tick(20) + 3 * US;
@@ -442,8 +438,8 @@ fn published_late(after: u64, held: bool) -> bool {
 
 #[test]
 fn the_sequence_is_held_for_26_cycles_plus_the_clock_tolerance() {
-    // The limit is 260 + 2.5 + 5.2 ms. Within 0.3 ms of it either value is right. The DPR takes the values of
-    // Link-Status up to 0.2 ms before they can be read.
+    // The limit is 260 + 2.5 + 5.2 ms. Within 0.3 ms of it either value is right, and the DPR takes the values up to
+    // 0.2 ms before they can be read.
     assert!(published_late(267_400_000, false));
     assert!(!published_late(267_400_001, false));
     assert!(!published_late(267_400_001, true));
@@ -495,8 +491,8 @@ fn any_number_of_samples_may_follow_the_last_certain_one() {
     snapshot.accept(sample(10), true);
     (11..100).for_each(|nth| snapshot.accept(sample(nth), false));
     let fits = |snapshot: &super::Snapshot, told| super::age_fits(snapshot, told, 1_000 * MS + 50_000);
-    // The sample that was certainly accepted is 900 ms old, and the newest sample is 10 ms old. Only the oldest two
-    // samples are merged, so only between these two any age is possible.
+    // The certainly accepted sample is 900 ms old, and the newest is 10 ms old. The oldest two samples are merged, so
+    // any age between these two is possible.
     for (told, fit) in [(9_001, true), (9_003, false), (8_950, true), (100, true), (150, false), (96, false)] {
         assert_eq!(fits(&snapshot, told), fit, "{told}");
     }
@@ -522,8 +518,7 @@ fn frames_that_a_deaf_front_end_may_have_missed_end_no_silence() {
     let run = Run { cycles: 100, ..Run::new(3).hit_all(20..90, &Air::Lost) };
     let told = |mut run: Run| {
         let deaf = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Deaf };
-        // The frames of cycles 10 to 19 reach the antenna and the DPR may miss them; the excuse for that ends with
-        // cycle 50.
+        // The DPR may miss the frames of cycles 10 to 19; the excuse for that ends with cycle 50.
         run.extra.push(Event { at: run.tick(10), what: injected(deaf, run.tick(50) - bounds::FRONT_END_RECOVERY) });
         let silent = run.end(9) + bounds::SILENCE;
         run.broken(within(silent + 5 * MS..run.end(19) + bounds::SILENCE, |values| flip(values, 5)))

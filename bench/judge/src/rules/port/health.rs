@@ -1,5 +1,5 @@
-//! Judges what Port-Status reports about the DPR's own health: its clock, its passes over the flash, the faults that
-//! these passes and the scrubs have found, and the reason for the DPR's last safe state.
+//! Judges the DPR's own health in Port-Status: clock, passes over the flash, faults found, reason of the last safe
+//! state.
 //!
 //! | field | right value |
 //! |---|---|
@@ -9,7 +9,7 @@
 //! | bit 6 | set while buffers are out of use |
 //! | reason of the last safe state | 0 after power-on; the same value between two starts |
 //!
-//! The judge cannot tell from outside whether a firmware had entered its safe state before a later start.
+//! The log does not show whether a firmware had entered its safe state before a later start.
 
 use profile::PortValues;
 
@@ -17,10 +17,8 @@ use crate::bounds;
 use crate::disturbance::{Disturbances, Excuse};
 use crate::read::Reading;
 
-/// What the judge needs for judging the health fields of Port-Status.
 #[derive(Clone, Debug)]
 pub(super) struct HealthFields {
-    /// The instant, ns, at which the DPR last started.
     since: u64,
     /// Whether the DPR may have entered its safe state before its last start.
     stopped: bool,
@@ -35,18 +33,16 @@ impl HealthFields {
         Self { since: at, stopped: false, slow: false, last: None }
     }
 
-    /// Returns the state just after the DPR has restarted, or has lost its supply, at the instant `at`, ns.
+    /// Returns the state just after the DPR has restarted or lost its supply at the instant `at`, ns.
     pub(super) const fn again(at: u64) -> Self {
         Self { stopped: true, ..Self::powered(at) }
     }
 
-    /// Records that the flight controller uses more than its share of the DPR's processor time.
     pub(super) fn slowed(&mut self) {
         self.slow = true;
     }
 
-    /// Returns, in words, what is wrong with the health fields of Port-Status in an image that was published at
-    /// `published` (ns) and read in the transaction `reading`.
+    /// Returns, in words, what is wrong with the health fields in an image published at `published`, ns.
     pub(super) fn wrong(
         &mut self,
         values: &PortValues,
@@ -54,7 +50,7 @@ impl HealthFields {
         published: u64,
         disturbances: &Disturbances,
     ) -> Option<String> {
-        // A Port-Status that was made within the first millisecond after the start has no values yet.
+        // A Port-Status made within the first millisecond after the start has no values yet.
         let last = self.last.replace(*values).filter(|last| last.timestamp > 0).unwrap_or(*values);
         let of_ram = disturbances.excuse(Excuse::RamFault, published);
         let found = |values: &PortValues| [values.integrity_faults, values.stuck_bits, values.buffers_out_of_use];
@@ -95,7 +91,7 @@ mod tests {
     use crate::Event;
     use crate::testing::{RECEIVE_BIT, injected};
 
-    /// Values of Port-Status that are right 1 s after the DPR's start.
+    /// Values that are right 1 s after the DPR's start.
     const RIGHT: PortValues = {
         let values = sound();
         PortValues { timestamp: 990, ..values }
@@ -192,7 +188,7 @@ mod tests {
         let mut health = HealthFields::again(0);
         assert!(is_right(&mut health, PortValues { last_stop: 1 << 24, ..RIGHT }, AT));
         assert!(!is_right(&mut health, PortValues { last_stop: 2 << 24, ..RIGHT }, AT));
-        // The Port-Status with which the DPR starts does not state the reason of the last safe state yet.
+        // The first Port-Status does not state the reason of the last safe state yet.
         let mut health = HealthFields::again(0);
         let mut right = |values, ms| health.wrong(&values, &link(ms), AT, &Disturbances::default()).is_none();
         assert!(right(PortValues { timestamp: 0, ..RIGHT }, 10));

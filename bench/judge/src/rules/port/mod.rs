@@ -1,19 +1,16 @@
 //! Compares Port-Status, and the uplinks that are read back, with what the flight controller has written.
 //!
-//! From the log alone the judge determines in which state each transaction leaves a correct DPR (`model`). The first
-//! image that is published after a transaction may show the effect of that transaction, the second must show it, and no
-//! image before them shows it. Therefore Port-Status has to follow from one of these transactions. Where the state is
-//! not certain (the duration of a self-test varies), several states are possible, and what is read afterwards
-//! determines which of them it was.
+//! The judge determines in which state each transaction leaves a correct DPR (`model`). The first image that is
+//! published after a transaction may show its effect, and the second must. Where the state is uncertain (the duration
+//! of a self-test varies), several states are possible, and later readings decide between them.
 //!
 //! # What is not required
 //!
-//! - This rule requires nothing while [`Excuse::Service`] holds, because the number of written bytes that the DPR
-//!   received then depends on its budget and on the flight controller's clock. After that the judge accepts the values
-//!   of Port-Status once, when no written object is pending, if that number of transactions can have led to them. It
-//!   compares later values with these.
-//! - While [`Excuse::UnsoundImage`] holds, the only requirement is that an object that is not intact is not valid.
-//! - This rule requires nothing of a map that FRESH has not announced in time, because that is another violation.
+//! - This rule requires nothing while [`Excuse::Service`] holds, because the DPR may have received any number of the
+//!   written bytes. After that the judge accepts Port-Status once, when no written object is pending, if the
+//!   transactions can have led to its values. Later values are compared with these.
+//! - While [`Excuse::UnsoundImage`] holds, the only requirement is that a damaged object is not valid.
+//! - This rule requires nothing of a map that FRESH has not announced in time, because another rule reports it.
 
 mod health;
 mod model;
@@ -34,28 +31,23 @@ use crate::{Board, Context, Disturbances, Event, Findings, Header, Violation, Wh
 use health::HealthFields;
 use model::{Model, Place, status_in, writes};
 
-/// The number of rises of FRESH that are kept. It is large because a transaction may be long and span many of them.
+/// The number of rises of FRESH that are kept: a transaction may be long.
 const REMEMBERED: usize = 64;
 
-/// The number of written objects that are kept because Port-Status may not show their effect yet. It is greater than
-/// the number that can be written between two images.
+/// The number of written objects that are kept: more than can be written between two images.
 const WRITTEN: usize = 128;
 
-/// The longest time, ns, from the instant at which the DPR makes Port-Status until that Port-Status is published. The
-/// age of an uplink in Port-Status is that at the former instant.
+/// The longest time, ns, from the making of Port-Status, to which its ages refer, until its publication.
 const MADE_BEFORE: u64 = 4 * bounds::CYCLE;
 
-/// The longest time from a transaction's end until the DPR has judged what the transaction wrote, with the error of the
-/// crystals, ns.
+/// The longest time, ns, from a transaction's end until the DPR has judged what it wrote.
 const JUDGED_AFTER: u64 = 2_000_000;
 
-/// A millisecond, in ns.
 const MS: u64 = 1_000_000;
 
-/// The states that a correct DPR may have after a transaction.
+/// The possible states of a correct DPR after a transaction.
 #[derive(Clone, Debug)]
 struct Entry {
-    /// The instant, ns, at which the transaction ended.
     at: u64,
     mosi: Vec<u8>,
     models: Vec<Model>,
@@ -66,17 +58,15 @@ struct Entry {
 pub struct PortRule {
     layout: Layout,
     publication: u64,
-    /// The possible states after each transaction, the oldest first; empty if, and only if, the DPR's state is not
-    /// known.
+    /// The possible states after each transaction, the oldest first; empty if, and only if, the state is not known.
     entries: VecDeque<Entry>,
     fresh: VecDeque<u64>,
-    /// The instant, ns, at which the last transaction ended that may have changed a counter of Port-Status. This is a
-    /// transaction that wrote an object or, while the flight controller misuses the SSI, any transaction.
+    /// The instant, ns, at which the last transaction ended that may have changed a counter of Port-Status.
     written: u64,
-    /// The values of Port-Status when it was last read, and the number of transactions since that reading.
+    /// The values of Port-Status when it was last read, and the number of transactions since then.
     known: (PortValues, u32),
-    /// The number of access violations in Link-Status, that in Port-Status, and the timestamp of the last command, as
-    /// they were when no written object was pending. `None` after a wrong Port-Status, which is another violation.
+    /// The access violations in Link-Status, those in Port-Status, and the timestamp of the last command, read while no
+    /// written object was pending; `None` if not known.
     counted: Option<(u32, u32, u32)>,
     health: HealthFields,
     /// Whether Port-Status has reported that the last self-test failed.
@@ -127,8 +117,7 @@ impl Rule for PortRule {
 }
 
 impl PortRule {
-    /// Resets the state because the DPR starts and has received nothing yet. `known` is set if the judge can tell what
-    /// the DPR receives from then on.
+    /// Resets the state at a start of the DPR. With `known`, the judge can tell what the DPR receives from now on.
     fn start(&mut self, at: u64, known: bool) {
         self.entries.clear();
         self.fresh.clear();
@@ -156,7 +145,6 @@ impl PortRule {
         }
     }
 
-    /// Records the bytes that the DPR has received.
     fn write(&mut self, mosi: &[u8], at: u64) {
         let Some(last) = self.entries.back() else { return };
         let models = step(&last.models, mosi, at, self.layout.map_len());
@@ -199,8 +187,8 @@ impl PortRule {
             findings.add(Violation::PortStatusWrong, selected, || "a self-test failed, and nothing is damaged".into());
         }
         if self.entries.is_empty() {
-            // No write is pending, so Port-Status must show the last write, unless an image was replaced by an image
-            // with the same content.
+            // No write is pending, so Port-Status must show the last write, unless the image replaced one with the same
+            // content.
             let shows = previous.is_some_and(|previous| self.written < previous);
             if shows && !disturbances.excuse(Excuse::UnsoundImage, selected) {
                 let (before, transactions) = self.known;
@@ -215,8 +203,7 @@ impl PortRule {
             }
             return;
         }
-        // An object that was written before the last rise of FRESH but one must have its effect on Port-Status. An
-        // object that was written before the last rise may have it.
+        // What was written before the last rise of FRESH but one must show. What was written before the last rise may.
         let last = self.entries.partition_point(|entry| entry.at <= published).saturating_sub(1);
         let first = previous.map_or(0, |previous| self.entries.partition_point(|entry| entry.at < previous));
         let first = first.saturating_sub(1).min(last);
@@ -227,7 +214,7 @@ impl PortRule {
                 let expected = self.entries[last].models.first();
                 format!("{values:?} instead of {expected:?}")
             });
-            // The violation is reported once: from now on the judge compares with the Port-Status that was read.
+            // The judge continues with the Port-Status that was read, so that the violation is reported once.
             self.entries.clear();
             self.counted = None;
             self.known = (values, 0);
@@ -244,9 +231,7 @@ impl PortRule {
         }
     }
 
-    /// Judges the number of access violations in Link-Status. Link-Status counts the violations of all kinds together
-    /// since the DPR's start. Therefore its count must grow by as much as the counts in Port-Status, as long as no
-    /// command clears those counts.
+    /// Judges the violations in Link-Status: they grow with the counts in Port-Status, unless a command clears those.
     fn counted(&mut self, link: u16, values: &PortValues, selected: u64, findings: &mut Findings) {
         let now = (u32::from(link), values.violations.total(), values.last_command_timestamp);
         let Some(before) = &mut self.counted else { return };
@@ -260,8 +245,7 @@ impl PortRule {
         }
     }
 
-    /// Records that Port-Status shows the effect of the objects written up to entry number `place`, because no other
-    /// entry allows these values.
+    /// Records that Port-Status shows the objects written up to entry `place`: no other entry allows its values.
     fn decided(&mut self, place: usize, values: &PortValues, published: u64) {
         self.entries[place].models.retain(|model| model.fits(values, published));
         self.entries[place].models.iter_mut().for_each(|model| model.told(values));
@@ -273,7 +257,7 @@ impl PortRule {
         }
     }
 
-    /// Compares both uplinks in the image (bytes, status bits and ages) with what the flight controller has written.
+    /// Compares the bytes, status bits and ages of both uplinks in the image with what was written.
     fn uplinks(
         &self,
         places: std::ops::RangeInclusive<usize>,
@@ -304,15 +288,13 @@ impl PortRule {
     }
 }
 
-/// Returns whether Port-Status may change from `before` to `now` in `transactions` transactions, if it is not known
-/// what the DPR received in them. Each transaction adds at most one to each counter, except that it adds at most two to
-/// the counter of transactions beyond the budget. In addition, the effect of some transactions may not have been in
-/// `before` yet: at most [`bounds::SSI_BUDGET`] for each of two images.
+/// Returns whether Port-Status may change from `before` to `now` in `transactions` transactions of unknown content.
+/// Each adds at most one to each counter, and two to the counter of transactions beyond the budget. The effect of at
+/// most [`bounds::SSI_BUDGET`] transactions for each of two images may not have been in `before` yet.
 fn may_follow(before: &PortValues, now: &PortValues, transactions: u32) -> bool {
     let most = transactions.saturating_add(2 * bounds::SSI_BUDGET);
     let last_command = |values: &PortValues| (values.last_command_timestamp, values.last_command);
-    // If the number of commands is equal and the last command differs, that command has cleared the counters and was
-    // counted after that.
+    // If the number of commands is equal but the last command differs, that command has cleared the counters.
     let carried_out = now.commands_carried_out > 0
         && (now.commands_carried_out != before.commands_carried_out || last_command(now) != last_command(before));
     // A command may have cleared the counters.
@@ -338,8 +320,8 @@ fn step(models: &[Model], mosi: &[u8], at: u64, map_len: usize) -> Vec<Model> {
     next
 }
 
-/// Returns whether Port-Status may state the status bit and the age (ms) of a writer's uplink, in an image that was
-/// published at `published`, ns. The bytes of the uplink are compared as well if they were read.
+/// Returns whether Port-Status may state this status bit and age (ms) of an uplink, whose bytes are compared if they
+/// were `read`.
 fn shows(place: &Place, (fresh, age_ms): (bool, u16), read: Option<&[u8]>, published: u64) -> bool {
     let (stored, at) = match place {
         Place::Unknown => return true,
@@ -352,6 +334,6 @@ fn shows(place: &Place, (fresh, age_ms): (bool, u16), read: Option<&[u8]>, publi
     let told = u64::from(age_ms);
     let age_fits = (least..=most).contains(&told) || age_ms == u16::MAX && most >= u64::from(u16::MAX);
     let bytes_fit = read.is_none_or(|read| if fresh { read == &stored[..] } else { is_vacant(read) });
-    // The status bit follows from the age, so that the bit changes exactly when the age reaches the limit.
+    // The status bit follows from the stated age.
     age_fits && bytes_fit && fresh == (told < expiry)
 }

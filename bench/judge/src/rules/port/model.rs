@@ -1,6 +1,6 @@
-//! Models what a correct DPR does with the bytes that the flight controller writes. The model covers how a transaction
-//! is divided, which kinds of violation there are, which timestamps are accepted, and which uplinks are stored
-//! (`profile::port_status`, `profile::uplink`, `profile::command`).
+//! Models what a correct DPR does with the bytes that the flight controller writes: how a transaction is divided, which
+//! violations there are, which timestamps are accepted, and which uplinks are stored (`profile::port_status`,
+//! `profile::uplink`, `profile::command`).
 
 use profile::ssi::REQUEST_SIZE;
 use profile::{Command, Identifier, PortStatus, PortValues, Uplink, Violation, Violations};
@@ -9,20 +9,18 @@ use crate::bounds;
 use crate::read::{Asked, is_intact, is_vacant};
 use crate::rules::is_later;
 
-/// The number of bytes of a transaction that the DPR receives: a request, an object, and eight bytes more. If any of
-/// those eight were written, the transaction wrote too much.
+/// The number of bytes that the DPR receives: a request, an object, and eight bytes that must be empty.
 pub(super) const TAKEN_IN: usize = REQUEST_SIZE + Uplink::SIZE + 8;
 
-/// The number of consecutive newer timestamps after which the DPR accepts a writer whose timestamps had stepped back.
+/// The number of consecutive newer timestamps after which the DPR accepts a writer whose timestamps stepped back.
 const ROW: u8 = 3;
 
-/// Returns whether a transaction with these MOSI bytes can change anything in Port-Status or in the stored uplinks.
+/// Returns whether these MOSI bytes can change Port-Status or the stored uplinks.
 pub(super) fn writes(mosi: &[u8]) -> bool {
     let taken_in = &mosi[..mosi.len().min(TAKEN_IN)];
     !is_vacant(taken_in)
 }
 
-/// What is known of the timestamps of one writer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Timestamps {
     last: Option<u32>,
@@ -47,11 +45,9 @@ impl Timestamps {
 /// What the DPR has stored as the uplink of one writer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Place {
-    /// It is not known what the DPR has stored for this writer.
     Unknown,
-    /// The DPR has stored no uplink of this writer.
     Empty,
-    /// The DPR has stored these bytes, from a transaction that ended at this instant, ns.
+    /// The stored bytes, and the instant, ns, at which their transaction ended.
     Stored(Vec<u8>, u64),
 }
 
@@ -65,17 +61,16 @@ pub(super) struct Model {
     violations: Violations,
     /// The stored uplinks of the base station and of the flight controller.
     pub(super) places: [Place; 2],
-    /// The timestamps of the base station, of the flight controller and of commands; `None` where they are not known.
+    /// The timestamps of the base station, of the flight controller and of commands; `None` if not known.
     timestamps: [Option<Timestamps>; 3],
     test: Test,
 }
 
-/// The state of the DPR's self-tests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Test {
-    /// No self-test is under way, and the last one ended with this result.
+    /// No self-test is under way; the last one ended with this result.
     Idle { passed: bool, failed: bool },
-    /// A self-test was begun at this instant, ns, and may have ended since.
+    /// A self-test began at this instant, ns, and may have ended.
     Begun(u64),
 }
 
@@ -84,8 +79,7 @@ impl Test {
         Self::Idle { passed: values.status.self_test_passed(), failed: values.status.self_test_failed() }
     }
 
-    /// Returns whether an image that was made at the instant `at`, ns, may have these self-test bits in Port-Status. A
-    /// self-test that has ended has either passed or failed.
+    /// Returns whether an image made at the instant `at`, ns, may have these self-test bits in Port-Status.
     fn fits(self, values: &PortValues, at: u64) -> bool {
         let status = values.status;
         match self {
@@ -97,7 +91,6 @@ impl Test {
 }
 
 impl Model {
-    /// Returns the state of the DPR at its start.
     pub(super) fn at_start() -> Self {
         Self {
             uplinks_accepted: 0,
@@ -125,7 +118,7 @@ impl Model {
         }
     }
 
-    /// Returns whether Port-Status may have these values in an image that was made at the instant `at`, ns.
+    /// Returns whether Port-Status may have these values in an image made at the instant `at`, ns.
     pub(super) fn fits(&self, values: &PortValues, at: u64) -> bool {
         self.uplinks_accepted == values.uplinks_accepted
             && self.commands_carried_out == values.commands_carried_out
@@ -135,16 +128,14 @@ impl Model {
             && self.test.fits(values, at)
     }
 
-    /// Updates the state with the values that Port-Status had. If Port-Status does not report that a self-test is
-    /// running, the self-test has ended.
+    /// Updates the state with a Port-Status that was read. A self-test that it does not report as running has ended.
     pub(super) fn told(&mut self, values: &PortValues) {
         if !values.status.self_test_running() {
             self.test = Test::told(values);
         }
     }
 
-    /// Returns the states that are possible after a transaction that ended at `at`, ns, if the DPR's map has `map_len`
-    /// bytes.
+    /// Returns the states that are possible after a transaction that ended at `at`, ns.
     pub(super) fn after(&self, mosi: &[u8], at: u64, map_len: usize) -> Vec<Self> {
         let taken_in = &mosi[..mosi.len().min(TAKEN_IN)];
         let (request, behind) = taken_in.split_at(taken_in.len().min(REQUEST_SIZE));
@@ -163,8 +154,7 @@ impl Model {
         states
     }
 
-    /// Returns the states that are possible after the DPR received an uplink or a command, as docs/design.md#ssi and
-    /// `profile::port_status` describe them. `object` is not [vacant](is_vacant).
+    /// Returns the states that are possible after this uplink or command, which is not [vacant](is_vacant).
     fn written(self, object: &[u8], at: u64) -> Vec<Self> {
         if object.len() < Uplink::SIZE {
             return vec![self.refused(Violation::TooShort)];
@@ -193,8 +183,8 @@ impl Model {
         })
     }
 
-    /// If the timestamp is newer than those before it, returns the states that `then` returns. Otherwise returns the
-    /// state in which the object was refused. Returns all of these if the earlier timestamps are not known.
+    /// Returns the states of `then` if the timestamp is newer, those of a refusal if not, and both if that is not
+    /// known.
     fn in_time(mut self, series: usize, timestamp: u32, then: impl Fn(Self) -> Vec<Self>) -> Vec<Self> {
         let Some(mut known) = self.timestamps[series] else {
             let refused = self.clone().refused(Violation::UplinkNotNewer);
@@ -214,7 +204,7 @@ impl Model {
         self
     }
 
-    /// Returns the states after a command was received that is valid and newer than the one before.
+    /// Returns the states after a valid command with a newer timestamp.
     fn commanded(self, command: Command, timestamp: u32, at: u64) -> Vec<Self> {
         let done = |mut state: Self| {
             state.commands_carried_out = state.commands_carried_out.wrapping_add(1);
@@ -229,7 +219,6 @@ impl Model {
                 vec![done(cleared)]
             }
             (_, Test::Idle { .. }) => vec![done(Self { test: Test::Begun(at), ..self })],
-            // The self-test that was begun earlier may have ended or not.
             (_, Test::Begun(_)) => {
                 let refused = self.clone().refused(Violation::CommandBusy);
                 vec![done(Self { test: Test::Begun(at), ..self }), refused]
@@ -238,7 +227,7 @@ impl Model {
     }
 }
 
-/// Decodes Port-Status if all of it was read. Returns its values, or why it was rejected.
+/// Decodes Port-Status if all of it was read.
 pub(super) fn status_in(place: Option<&[u8]>) -> Option<Result<PortValues, profile::Rejection>> {
     place.map(|bytes| PortStatus::verify(bytes).map(PortStatus::values))
 }

@@ -8,7 +8,7 @@ use crate::disturbance::Memory;
 use crate::testing::{Events, IMAGE_BIT, MISUSE, MS, header, injected};
 use crate::{Bytes, Disturbance, Header};
 
-/// The time between two transactions of the flight controller. FRESH rises every 10 ms.
+/// The time between two transactions. FRESH rises every 10 ms.
 const READS: u64 = 4 * MS;
 
 fn uplink(timestamp: u32, byte: u8) -> Vec<u8> {
@@ -20,15 +20,15 @@ fn command(timestamp: u32, command: Command) -> Vec<u8> {
     CommandObject::seal(Writer::<FlightController>::claim(), timestamp, command).as_bytes().to_vec()
 }
 
-/// The Port-Status and uplinks that a correct DPR shows at a publication, as far as these tests need them.
+/// The Port-Status and uplinks that an image shows.
 #[derive(Clone, Default)]
 struct Shown {
     values: PortValues,
     stored: Option<(Vec<u8>, u64)>,
 }
 
-/// Returns a log in which the flight controller sends each object of `written` at its instant, and in which the image
-/// that is published at each multiple of 10 ms has the map that `shown` returns for that instant.
+/// Returns a log in which the flight controller sends each object of `written` at its instant. An image is published
+/// every 10 ms and shows what `shown` returns for that instant.
 fn log(written: &[(u64, Vec<u8>)], shown: impl Fn(u64) -> Shown) -> crate::Log {
     let header: Header = header(3);
     let layout = Layout::for_receivers(3).unwrap();
@@ -68,15 +68,15 @@ fn broken(log: &crate::Log) -> Vec<(Violation, u64)> {
     found.into_iter().map(|(violation, count, _)| (violation, count)).collect()
 }
 
-/// Returns the instant, ns, at which the transaction ends that sends an object written at `at`.
+/// Returns the instant, ns, at which the transaction of an object written at `at` ends.
 fn ends(at: u64) -> u64 {
     (at - MS) / READS * READS + MS + MS / 2
 }
 
 const AT: u64 = 101 * MS;
 
-/// Returns the violations that are found if one uplink is written at [`AT`]. The uplink shows, changed by `change`, in
-/// the images from number `shown_after` on after the end of the uplink's transaction.
+/// Returns the violations that are found if one uplink is written at [`AT`] and shows, changed by `change`, from image
+/// number `shown_after` after its transaction on.
 fn one(shown_after: u64, change: impl Fn(&mut Shown)) -> Vec<(Violation, u64)> {
     let written = [(AT, uplink(1_000, 7))];
     broken(&log(&written, |published| {
@@ -95,7 +95,6 @@ fn an_uplink_shows_in_the_first_or_the_second_image_after_it() {
     assert_eq!(one(1, |_| {}), []);
     assert_eq!(one(2, |_| {}), []);
     assert_eq!(one(3, |_| {})[0].0, Violation::PortStatusWrong);
-    // An uplink cannot show before it was written.
     let early = log(&[(AT, uplink(1_000, 7))], |published| {
         let mut shown = Shown::default();
         shown.values.uplinks_accepted = u32::from(published >= 60 * MS);
@@ -196,7 +195,7 @@ fn every_kind_of_violation_and_every_command_is_followed() {
 #[test]
 fn link_status_counts_the_access_violations_of_all_kinds_and_clears_none() {
     const CLEARED: u64 = 201 * MS;
-    // Link-Status has these two counts, before and after the command that clears the counters of Port-Status.
+    // The two counts in Link-Status: before and after the command that clears the counters of Port-Status.
     let told = |before: u16, after: u16| {
         let clears = command(2_000, Command::ClearCounters);
         let mut log = log(&[(AT, uplink(1_000, 7)[..9].to_vec()), (CLEARED, clears)], |published| {
@@ -249,8 +248,7 @@ fn after_misconduct_port_status_is_believed_once_and_held_against_what_follows()
 
 #[test]
 fn port_status_is_believed_from_the_second_image_after_misconduct_on() {
-    // Transactions are excused until 220 ms. The last excused one ends at 217.5 ms, and its effect shows from 230 ms on
-    // at the latest.
+    // Transactions are excused until 220 ms. The last excused one ends at 217.5 ms and shows from 230 ms on.
     let counted_from = |from: u64| {
         let mut log = log(&[], |published| {
             let mut shown = Shown::default();
@@ -294,8 +292,7 @@ fn after_misconduct_counters_are_bounded_by_the_transactions() {
         insert(&mut log, 120 * MS, injected(MISUSE, 200 * MS));
         broken(&log)
     };
-    // The number counts the transactions from 121 ms to 233 ms, when Port-Status is first accepted, and those of two
-    // images.
+    // The transactions from 121 ms to 233 ms, when Port-Status is first accepted, and those of two images.
     const MOST: u16 = 29 + 2 * bounds::SSI_BUDGET as u16;
     let wrong = [(Violation::PortStatusWrong, 1)];
     assert_eq!(after(&|values| values.violations.count(TooMany, 2 * MOST)), []);
@@ -305,7 +302,7 @@ fn after_misconduct_counters_are_bounded_by_the_transactions() {
     assert_eq!(after(&|values| values.uplinks_accepted = u32::from(MOST)), []);
     assert_eq!(after(&|values| values.uplinks_accepted = u32::from(MOST) + 1), wrong);
     assert_eq!(after(&|values| values.commands_carried_out = u32::from(MOST) + 1), wrong);
-    // There is a last command, but no command was carried out.
+    // The values name a last command, but count no command.
     assert_eq!(after(&|values| values.last_command_timestamp = 7), wrong);
 }
 
@@ -323,13 +320,12 @@ fn counters_may_fall_during_misconduct_where_the_last_command_is_another() {
     assert!(!may_follow(&told(15, 1, 7), &told(0, 0, 8), 0));
 }
 
-/// Inserts an event into the log where its instant belongs.
 fn insert(log: &mut crate::Log, at: u64, what: What) {
     let place = log.events.partition_point(|event| (event.at, event.what.rank()) <= (at, what.rank()));
     log.events.insert(place, Event { at, what });
 }
 
-/// Returns the bytes that a transaction read; chip select fell for it at `at`.
+/// Returns the bytes that the transaction read whose chip select fell at `at`.
 fn miso(log: &mut crate::Log, at: u64) -> &mut Vec<u8> {
     let mut read = log.events.iter_mut().filter_map(|event| match &mut event.what {
         What::Transaction { selected, miso, .. } if *selected == at => Some(&mut miso.0),
@@ -338,7 +334,7 @@ fn miso(log: &mut crate::Log, at: u64) -> &mut Vec<u8> {
     read.next().expect("a transaction")
 }
 
-/// Returns a log in which one uplink is written at [`AT`], and each image from `from` on shows it.
+/// Returns a log in which one uplink is written at [`AT`] and shows from `from` on.
 fn uplink_shown_from(from: u64) -> crate::Log {
     log(&[(AT, uplink(1_000, 7))], |published| {
         let mut shown = Shown::default();
@@ -355,7 +351,7 @@ const READ: u64 = 205 * MS;
 
 #[test]
 fn each_start_of_the_dpr_clears_what_it_has_accepted() {
-    // At the DPR's first start the DPR has received nothing, so any counter above zero is wrong.
+    // The DPR has received nothing before its first start, so any counter above zero is wrong.
     let counted = |accepted| {
         broken(&log(&[], |_| {
             let mut shown = Shown::default();
@@ -471,8 +467,7 @@ fn a_self_test_may_fail_after_memory_was_damaged_and_not_otherwise() {
 fn a_map_without_a_timely_rise_of_fresh_is_not_judged() {
     for (clock, publication) in [("fast", bounds::PUBLICATION), ("pessimistic", bounds::PUBLICATION_PESSIMISTIC)] {
         for (late, expected) in [(0, vec![(Violation::PortStatusWrong, 1)]), (1, vec![])] {
-            // The last rise of FRESH is that at 200 ms, and the only transaction after it reads values that are not
-            // possible.
+            // The last rise of FRESH is at 200 ms, and the only later transaction reads impossible values.
             let mut log = log(&[], |published| {
                 let mut shown = Shown::default();
                 shown.values.uplinks_accepted = u32::from(published >= 200 * MS);
@@ -497,8 +492,7 @@ fn a_map_without_a_timely_rise_of_fresh_is_not_judged() {
     }
 }
 
-/// Returns the log of [`uplink_shown_from`], with a further rise of FRESH at the instant at which the uplink's
-/// transaction ends.
+/// Returns the log of [`uplink_shown_from`] with a further rise of FRESH as the uplink's transaction ends.
 fn ends_as_fresh_rises(from: u64) -> crate::Log {
     let mut log = uplink_shown_from(from);
     for event in log.events.iter_mut().filter(|event| event.at == 100 * MS) {
@@ -513,7 +507,7 @@ fn a_write_as_fresh_rises_shows_two_images_later() {
     assert_eq!(broken(&ends_as_fresh_rises(110 * MS)), []);
     assert_eq!(broken(&ends_as_fresh_rises(120 * MS)), []);
     assert_eq!(broken(&ends_as_fresh_rises(130 * MS))[0].0, Violation::PortStatusWrong);
-    // Therefore the judge does not accept Port-Status as a reference before that image.
+    // The judge accepts Port-Status as a reference only from the second image after a write.
     let over = ends(AT) - MS / 4;
     let mut log = ends_as_fresh_rises(120 * MS);
     insert(&mut log, 20 * MS, injected(MISUSE, over - bounds::MISUSE_OVER));
@@ -523,8 +517,7 @@ fn a_write_as_fresh_rises_shows_two_images_later() {
 #[test]
 fn what_port_status_has_decided_stays_so() {
     let written = [(AT, command(50, Command::SelfTest)), (AT + 40 * MS, command(60, Command::SelfTest))];
-    // When the second command arrives, the first self-test is running or has ended: the images published within `over`
-    // say that it has ended.
+    // The first self-test may have ended when the second command arrives. The images within `over` say that it has.
     let decided = |over: Range<u64>| {
         broken(&log(&written, |published| {
             let mut shown = Shown::default();
@@ -555,14 +548,12 @@ fn the_limits_of_an_uplinks_age() {
     let bytes = uplink(1, 1);
     let zeros = vec![0; Uplink::SIZE];
     let expiry = u64::from(Uplink::EXPIRY_MS);
-    // The uplink's transaction ended `ago` ms before the publication, and the image states that the uplink is `age` ms
-    // old.
+    // The uplink's transaction ended `ago` ms before the publication, and the image states the age `age`, ms.
     let may = |ago: u64, age: u64| {
         let fresh = age < expiry;
         let read = if fresh { &bytes } else { &zeros };
         let place = Place::Stored(bytes.clone(), PUBLISHED - ago * MS);
         let age = u16::try_from(age).unwrap();
-        // A status bit or an uplink that contradicts the stated age is wrong, whatever the age.
         assert!(!shows(&place, (!fresh, age), Some(read), PUBLISHED));
         assert!(!shows(&place, (fresh, age), Some(if fresh { &zeros } else { &bytes }), PUBLISHED));
         assert_eq!(
@@ -573,7 +564,7 @@ fn the_limits_of_an_uplinks_age() {
         shows(&place, (fresh, age), Some(read), PUBLISHED)
     };
     // Port-Status is made up to four cycles before its publication, and the DPR judges an uplink up to 2 ms after its
-    // transaction's end. Therefore the stated age may be 42 ms less than the true age. It may be 1 ms more, because a
+    // transaction. Therefore the stated age may be 42 ms less than the true age. It may be 1 ms more, because a
     // millisecond that has begun may count.
     for ago in [100, 300, 499, 540, 541, 542, 700, 60_000] {
         for (age, allowed) in [(ago - 43, false), (ago - 42, true), (ago, true), (ago + 1, true), (ago + 2, false)] {
@@ -585,8 +576,7 @@ fn the_limits_of_an_uplinks_age() {
     assert!(may(66_000, 65_535));
     assert!(may(65_534, 65_535));
     assert!(!may(65_533, 65_535));
-    // If the DPR has stored nothing, the uplink is empty in the map. If it is not known what the DPR has stored, the
-    // uplink may be anything.
+    // Without a stored uplink the map must be empty there. If the stored uplink is not known, any bytes are right.
     let empty = |told, read| shows(&Place::Empty, told, read, PUBLISHED);
     assert!(empty((false, u16::MAX), None));
     assert!(empty((false, u16::MAX), Some(&zeros)));
@@ -597,8 +587,7 @@ fn the_limits_of_an_uplinks_age() {
     assert!(shows(&Place::Unknown, (true, 7), Some(&bytes), PUBLISHED));
 }
 
-/// Returns whether Port-Status may have the values that `change` makes, if the objects `sent` were sent to the DPR
-/// since its start, each in one transaction.
+/// Returns whether Port-Status may have these values after the DPR received the objects `sent` since its start.
 fn may(sent: &[Vec<u8>], change: impl FnOnce(&mut PortValues)) -> bool {
     let map_len = Layout::for_receivers(3).unwrap().map_len();
     let models = sent.iter().fold(vec![Model::at_start()], |models, mosi| step(&models, mosi, 0, map_len));
@@ -624,8 +613,7 @@ fn an_uplink_must_be_newer_or_third_of_a_rising_row() {
         (&[1_000, 1, 2], 1, true),
         (&[1_000, 1, 2, 3], 2, false),
         (&[1_000, 1, 2, 3, 4], 3, false),
-        // If a timestamp is not newer than the one before it, the count of consecutive newer timestamps begins again
-        // with it.
+        // A timestamp that is not newer begins a new series of newer timestamps.
         (&[1_000, 1, 1, 2], 1, true),
         (&[1_000, 1, 1, 2, 3], 2, false),
         (&[1_000, 1, 2, 2_000, 3, 4], 2, true),
@@ -723,7 +711,6 @@ fn only_a_self_test_may_be_refused_while_another_runs() {
             values.status = status.with_self_test_passed(over);
         })
     };
-    // A self-test does not run for longer than its bound.
     let runs = |at: u64| {
         let status = PortStatusBits::new().with_self_test_running(true);
         let last_command = Command::SelfTest.word();
@@ -732,7 +719,7 @@ fn only_a_self_test_may_be_refused_while_another_runs() {
         Model::at_start().after(&test(1), 0, 500).iter().any(|model| model.fits(&values, at))
     };
     assert!(runs(bounds::SELF_TEST - 1) && !runs(bounds::SELF_TEST));
-    // The first self-test cannot be refused: it either runs or has ended.
+    // The first self-test cannot be refused.
     let sent = [test(1)];
     assert!(says(&sent, 1, (1, Command::SelfTest), false, true));
     assert!(says(&sent, 1, (1, Command::SelfTest), false, false));
@@ -748,7 +735,7 @@ fn only_a_self_test_may_be_refused_while_another_runs() {
     assert!(says(&sent, 1, (2, Command::ClearCounters), false, true));
     assert!(!says(&sent, 1, (1, Command::SelfTest), true, true));
     assert!(!says(&sent, 2, (2, Command::ClearCounters), false, true));
-    // The command that clears the counters also clears those of uplinks and violations, and begins no self-test.
+    // The command also clears the counters of uplinks and violations, and begins no self-test.
     let sent = [writing(&uplink(5, 1)), writing(&uplink(5, 1)), clear(1)];
     assert!(says(&sent, 1, (1, Command::ClearCounters), false, false));
     assert!(!says(&sent, 1, (1, Command::ClearCounters), false, true));

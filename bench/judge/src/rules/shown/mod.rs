@@ -1,9 +1,7 @@
-//! Compares the objects that transactions read with those that reached the DPR's antenna: are objects missing, out of
-//! sequence or too old?
+//! Judges which objects transactions read as valid: is one missing, out of sequence or too old?
 //!
-//! An object, or a cycle, is *shown* if a transaction reads it as valid. What is shown is compared with two records:
-//! what HORUS put on the air ([`crate::truth`]), and which part of that reached the DPR's antenna, after loss, damage,
-//! repetition and delay ([`crate::expectation`]).
+//! An object or a cycle is *shown* if a transaction reads it as valid. Two records are the reference: what HORUS put on
+//! the air ([`crate::truth`]), and how much of it reached the DPR's antenna ([`crate::expectation`]).
 //!
 //! # Which violation is which
 //!
@@ -17,30 +15,26 @@
 //! | the deadline after the last frame has passed | `ShownStale` |
 //! | HORUS sent it before another object of its kind that was already shown | `Regression` |
 //!
-//! Stale data that stay in the image later become expired data. Both have one cause, so stale data are reported only if
-//! they disappear before they have expired.
+//! Stale data that stay in the image expire later; data with both faults are reported only as expired.
 //!
 //! `NotShown` means that no transaction shows a cycle that must be shown. `Vacant` means that an object is missing
-//! while others of its cycle are shown. Both apply only to transactions that began after the cycle's image had to be
-//! readable and before the next image could be readable. They do not apply where the bytes of the object are another
-//! violation: one of the table above, or damage (rule `ssi`). A transaction that reads 0xFF throughout is not judged
-//! here, because rule `ssi` judges whether it may do so.
+//! while others of its cycle are shown. Both concern only transactions that began after the cycle's image had to be
+//! readable and before the next image could be. Neither applies where the object's bytes are another violation: one of
+//! the table above, or damage (rule `ssi`). Rule `ssi` also judges whether a transaction may read 0xFF throughout.
 //!
 //! # A DPR that hangs
 //!
 //! From the instant at which the bench stops the DPR's core until the DPR's next start, nothing new must be shown. Data
-//! that the DPR's processor would have removed may stay: they are not stale if the deadline had not passed by that
-//! instant. An expired image must not be read even then, because its expiry needs no processor. A DPR with a dead task
-//! is judged in the same way, except that the rest of its firmware may show what it receives.
+//! whose deadline had not passed by that instant may stay. An expired image must not be read even then, because its
+//! expiry needs no processor. A DPR with a dead task is judged in the same way, but may show what it receives.
 //!
 //! # Limits
 //!
-//! - After a frame that the DPR received but that brought nothing that may be shown, the image before it may stay. Such
-//!   an image is reported only when its deadline or its 25 ms have passed.
-//! - A transaction that takes longer than a second is not judged, because the frames from which its bytes may have come
-//!   are not kept for so long.
-//! - While [`Excuse::Hearing`] holds, no cycle must be shown, and any cycle that reached the antenna may be shown. When
-//!   an [`Excuse::Withdrawal`] begins, a cycle that no transaction has had to show yet need not be shown any more.
+//! - The image before may stay after a frame that the DPR received but that brought nothing to show. Such an image is
+//!   reported only when its deadline or its 25 ms have passed.
+//! - A transaction longer than a second is not judged, because the frames of its bytes are not kept for so long.
+//! - While [`Excuse::Hearing`] holds, no cycle must be shown, and any that reached the antenna may be. When an
+//!   [`Excuse::Withdrawal`] begins, a cycle that no transaction has had to show yet need not be shown any more.
 
 mod recovery;
 #[cfg(test)]
@@ -60,32 +54,30 @@ use crate::read::{Placed, Reading, State, Values};
 use crate::truth::KEPT;
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
-/// The greatest number of cycles that are kept because a transaction that may show them has not ended.
+/// The greatest number of cycles that are kept for a transaction that has not ended.
 const WAITING: usize = 16;
 
-/// A cycle that must be shown.
 #[derive(Clone, Debug)]
 struct Due {
-    /// The last frame of the cycle.
     frame: Delivery,
     timestamp: u32,
-    /// The objects of the cycle that must be shown: bit n stands for object n.
+    /// The objects that must be shown; bit n is object n.
     objects: u8,
     /// The instant, ns, from which on a transaction has to show the cycle.
     from: u64,
     /// The instant, ns, before which a transaction has to show the cycle.
     until: u64,
-    /// The instant, ns, at which chip select fell for the first transaction that had to show the cycle but did not.
+    /// The instant, ns, at which the first transaction began that had to show the cycle but did not.
     asked: Option<u64>,
-    /// Whether a transaction showed the cycle, or showed data in its place that are another violation.
+    /// Whether a transaction showed the cycle, or another violation in its place.
     answered: bool,
 }
 
-/// The bytes of an object as the last transaction showed them.
+/// The bytes of an object as they were last shown.
 #[derive(Clone, Debug)]
 struct LastShown {
     bytes: Vec<u8>,
-    /// The instant, ns, after which the object has expired.
+    /// The instant, ns, at which the object expired.
     expired: u64,
 }
 
@@ -106,7 +98,7 @@ pub struct Shown {
     deliveries: VecDeque<Delivery>,
     due: VecDeque<Due>,
     known: Vec<Option<LastShown>>,
-    /// For each object, the serial number of the latest frame whose object was shown.
+    /// For each object, the serial number of the latest frame from which the object was shown.
     youngest: Vec<u64>,
     stale: Option<Stale>,
     selected: Option<u64>,
@@ -116,17 +108,14 @@ pub struct Shown {
     invalid_since: Option<u64>,
 }
 
-/// The verdict on an object that was read as valid.
 enum Fate {
-    /// The object may be shown.
     Right {
-        /// The serial number of the frame that brought the object.
+        /// The serial number of the object's frame.
         serial: u64,
-        /// The instant, ns, at which the first preamble bit of that frame began.
+        /// The instant, ns, at which the frame's first preamble bit began.
         started: u64,
     },
-    /// The object must not be shown. The fields are the violation, the serial number of the frame that brought the
-    /// object, and the violation in words.
+    /// The object must not be shown: the violation, the serial number of its frame, and the violation in words.
     Wrong(Violation, u64, String),
 }
 
@@ -160,8 +149,7 @@ impl Rule for Shown {
                 self.deliveries.clear();
                 self.known.fill(None);
             }
-            // The image of a frame that did not have to be readable when the DPR began to hang may never become
-            // readable.
+            // A frame that did not have to be readable before the hang may never become readable.
             What::Hung { board: Board::Dpr } => {
                 self.due.retain(|due| due.from <= event.at);
                 let publication = bounds::LAST_BIT_TO_READABLE.max(self.publication);
@@ -172,11 +160,11 @@ impl Rule for Shown {
                     }
                 }
             }
-            // The DPR removes the image that contains the disturbed bit, possibly before any transaction has read it.
+            // The DPR removes the image with the disturbed bit, possibly before any transaction has read it.
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Withdrawal) => {
                 self.due.retain(|due| due.asked.is_some());
             }
-            // A frame is lost if the DPR's front end had not handed it over when the disturbance began.
+            // A frame is lost if the front end had not handed it over before the disturbance.
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Hearing) => {
                 self.due.retain(|due| due.frame.ended + bounds::STORE_AND_FORWARD <= event.at);
             }
@@ -207,7 +195,6 @@ impl Rule for Shown {
 }
 
 impl Shown {
-    /// Records a frame that has reached the antenna.
     fn deliver(&mut self, delivery: Delivery) {
         let ended = delivery.ended;
         let kept = |old: &Delivery| ended - old.ended <= KEPT;
@@ -218,7 +205,7 @@ impl Shown {
         let mut objects = objects.fold(0, |mask, (index, ..)| mask | 1 << index);
         let mut timestamp = delivery.timestamp;
         if let Some(before) = self.due.back_mut() {
-            // Whatever this frame brings, the DPR may publish a new image after it.
+            // The DPR may publish a new image after any frame.
             before.until = before.until.min(ended);
             if delivery.received == Certainty::Must && delivery.completes(&before.frame) {
                 objects |= before.objects;
@@ -235,9 +222,9 @@ impl Shown {
         self.deliveries.push_back(delivery);
     }
 
-    /// Judges each cycle that no later transaction has to show after `now`; with `all`, judges every cycle.
+    /// Judges each cycle that no transaction after `now` has to show, or with `all` every cycle.
     fn close(&mut self, now: u64, all: bool, findings: &mut Findings) {
-        // A transaction that began before the end of that time, and has not ended, may still show the cycle.
+        // A transaction that is under way may still show the cycle.
         let open = |due: &Due, selected: Option<u64>| selected.is_some_and(|selected| selected < due.until);
         while let Some(due) = self.due.front() {
             let over = now > due.until && !open(due, self.selected);
@@ -254,7 +241,6 @@ impl Shown {
         }
     }
 
-    /// Judges the objects that a transaction read.
     fn read(&mut self, reading: &Reading, context: &Context, findings: &mut Findings) {
         let dpr = context.running(Board::Dpr);
         let forgotten = reading.deselected - reading.selected > KEPT / 2;
@@ -294,8 +280,8 @@ impl Shown {
         self.ask(reading, answered, findings);
     }
 
-    /// Reports stale data when they are no longer shown, unless they have expired by then. `now` is the stale data that
-    /// the present transaction shows, if any.
+    /// Reports stale data when they are no longer shown, unless they have expired. `now` is the stale data still shown,
+    /// if any.
     fn note_stale(&mut self, at: u64, now: Option<(u64, String)>, findings: &mut Findings) {
         let serial = now.as_ref().map(|(serial, _)| *serial);
         if let Some(gone) = self.stale.take_if(|stale| serial != Some(stale.serial)) {
@@ -306,7 +292,7 @@ impl Shown {
         }
     }
 
-    /// Judges whether a transaction that began at `selected` may show the valid object `placed`.
+    /// Judges whether a transaction that began at `selected` may show this valid object.
     fn judge(&mut self, placed: &Placed, selected: u64, context: &Context) -> Fate {
         let dpr = context.running(Board::Dpr);
         let hung = dpr.hung.or(dpr.dead);
@@ -335,8 +321,8 @@ impl Shown {
         Fate::Right { serial, started }
     }
 
-    /// Returns the instant, ns, at which the image expires that shows this object to a transaction that began at
-    /// `selected`; `None` if no image may show the object.
+    /// Returns the instant, ns, at which the image expires in which a transaction begun at `selected` may read this
+    /// object.
     fn expires(&self, placed: &Placed, selected: u64) -> Option<u64> {
         let mut found = false;
         for delivery in self.deliveries.iter().rev().filter(|delivery| delivery.ended <= selected) {
@@ -349,20 +335,17 @@ impl Shown {
             if *fate > Certainty::Never {
                 return Some(readable + bounds::EXPIRY);
             }
-            // A later frame brought the object again and was rejected, so its image must have replaced the earlier
-            // image.
+            // The object came again in a later frame, and that frame's image has replaced the earlier one.
             if delivery.received == Certainty::Must && selected > readable {
                 return None;
             }
         }
-        // The object was shown before, as it had to be, and is still in the image, although its frame is no longer
-        // kept.
+        // The object was shown before, rightly, and is still in the image after its frame was dropped from the record.
         let known = self.known[placed.index].as_ref().filter(|known| !found && known.bytes == placed.bytes);
         known.map(|known| known.expired)
     }
 
-    /// Judges whether a transaction shows the cycles that must be shown. With `answered`, the transaction has another
-    /// violation, and no cycle is missing because of it.
+    /// Judges whether a transaction shows the cycles that it must, unless another violation explains it (`answered`).
     fn ask(&mut self, reading: &Reading, answered: bool, findings: &mut Findings) {
         let selected = reading.selected;
         for due in &mut self.due {
@@ -392,7 +375,6 @@ impl Shown {
         }
     }
 
-    /// Records whether a transaction read a valid position.
     fn position(&mut self, reading: &Reading) {
         let Some(reported) = reading.objects.iter().find(|placed| placed.index == 0) else { return };
         match &reported.state {
@@ -408,7 +390,7 @@ impl Shown {
     }
 }
 
-/// Returns how long the DPR waits after this frame for the second frame of its cycle, ns.
+/// Returns how long, ns, the DPR waits after this frame for its cycle's second frame.
 fn awaits_second(layout: Layout, frame: &Delivery) -> u64 {
     if frame.number + 1 < layout.frames() { bounds::SECOND_FRAME } else { 0 }
 }

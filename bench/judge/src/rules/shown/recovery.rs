@@ -1,5 +1,4 @@
-//! Judges how long it takes from the end of a disturbance until the flight controller reads an object that HORUS sent
-//! after it.
+//! Judges how long after a disturbance the flight controller first reads an object that HORUS sent after it.
 //!
 //! In this module a disturbance is one of these:
 //!
@@ -9,18 +8,16 @@
 //! - a frame that reaches the DPR's antenna otherwise than HORUS sent it,
 //! - a hang that the bench causes; it ends when the board restarts, by its watchdog or otherwise.
 //!
-//! After the end of a disturbance the link must recover within [`bounds::RECOVERY_CYCLES`] cycles, or within
-//! [`bounds::BRING_UP_CYCLES`] cycles where a front end has to be brought up again. If disturbances overlap, or follow
-//! each other before the link has recovered, the recovery is measured from the end of the last one, and the link has
-//! until the latest instant that any of them allows.
+//! After a disturbance the link must recover within [`bounds::RECOVERY_CYCLES`] cycles, or within
+//! [`bounds::BRING_UP_CYCLES`] cycles if a front end has to be brought up again. Disturbances that overlap, or follow
+//! each other before a recovery, count as one: the recovery is measured from the last end, and the latest limit
+//! applies.
 //!
-//! A late recovery is not reported if a violation that keeps HORUS's samples from being read ([`keeps_from_reading`])
-//! was found since the beginning of the disturbance, because one cause is reported once.
+//! A late recovery is not reported after a violation that explains it ([`keeps_from_reading`]).
 
 use crate::{Event, Findings, Violation, What, bounds};
 
-/// How long before the end of the run the ends of disturbances are no longer measured, ns. This is longer than any
-/// recovery may take, and longer than a watchdog takes to bite.
+/// How long, ns, before the end of the run disturbances are no longer measured: longer than any recovery takes.
 const TAIL: u64 = 400_000_000;
 
 /// Disturbances that count as one, because the link did not recover between them.
@@ -30,47 +27,42 @@ struct Causes {
     since: u64,
     /// The instant, ns, by which the link must have recovered.
     due: u64,
-    /// Whether a front end must be brought up again after one of the disturbances.
+    /// Whether a front end must be brought up again.
     bring_up: bool,
-    /// The number of violations that explain a late recovery, as counted when the first of the disturbances began.
+    /// The number of violations, when the first disturbance began, of the kinds that explain a late recovery.
     told: u64,
 }
 
-/// The longest times from the end of a disturbance until an object that HORUS sent after it was read, in cycles of 10
-/// ms, rounded up.
+/// The longest times until an object that HORUS sent after a disturbance was read, in cycles of 10 ms, rounded up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Longest {
-    /// The longest time of all recoveries.
     pub(super) all: Option<u64>,
-    /// The longest time of the recoveries for which no front end had to be brought up.
+    /// The longest time of the recoveries without a bring-up of a front end.
     pub(super) without_bring_up: Option<u64>,
 }
 
-/// The disturbances from which the link has to recover, and how long the recoveries took.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Recovery {
-    /// The disturbances from which the link has not recovered: no object that HORUS sent after them has been read.
+    /// The disturbances from which the link has not recovered.
     causes: Option<Causes>,
-    /// Whether the recovery that is awaited now has been reported as late.
+    /// Whether the present recovery has been reported as late.
     late: bool,
-    /// Whether HORUS and the DPR are without a supply, so that a disturbance has not ended yet.
+    /// Whether HORUS and the DPR are without a supply.
     off: [bool; 2],
-    /// Whether HORUS and the DPR hang, so that a disturbance has not ended yet.
     hung: [bool; 2],
-    /// The disturbances that ended within the last [`TAIL`] and from which the link has recovered, each with the
-    /// instant, ns, at which the transaction began that read an object sent after it.
+    /// The disturbances of the last [`TAIL`] from which the link has recovered. With each is the instant, ns, at which
+    /// the transaction began that showed the recovery.
     recent: Vec<(Causes, u64)>,
-    /// The last frame that HORUS sent: the instant, ns, at which its first bit began, and its bytes.
+    /// The last frame that HORUS sent: the instant, ns, of its first bit, and its bytes.
     sent: Option<(u64, Vec<u8>)>,
     longest: Longest,
 }
 
 impl Recovery {
-    /// Processes the next event of the log.
     pub(super) fn take(&mut self, event: &Event, findings: &mut Findings) {
         self.settle(event.at, findings);
         match &event.what {
-            // A fault that never ends is not a disturbance in this module, because the link cannot recover from it.
+            // A fault that never ends does not count here, because the link cannot recover from it.
             What::Injected { disturbs, until, .. } if *until < u64::MAX => {
                 let bring_up = disturbs.brings_up();
                 self.cause((*until).max(event.at), bring_up, findings);
@@ -83,7 +75,7 @@ impl Recovery {
                 self.hung[*board as usize] = false;
                 self.cause(event.at, true, findings);
             }
-            // The power-on of both boards at the beginning of the run is not a disturbance.
+            // The power-on at the beginning of the run is no disturbance.
             What::Power { board, on } if event.at > 0 => {
                 self.off[*board as usize] = !on;
                 self.hung[*board as usize] = false;
@@ -118,8 +110,7 @@ impl Recovery {
         self.off.contains(&true) || self.hung.contains(&true)
     }
 
-    /// Records that a transaction which began at `selected`, ns, showed an object of a frame whose first bit was at
-    /// `started`, ns.
+    /// Records that a transaction begun at `selected`, ns, showed an object of a frame begun at `started`, ns.
     pub(super) fn shown(&mut self, started: u64, selected: u64) {
         if self.is_open() {
             return;
@@ -153,8 +144,7 @@ impl Recovery {
         });
     }
 
-    /// Returns the longest recoveries. For a recovery that is not complete at `end`, the end of the run, the time until
-    /// `end` counts.
+    /// Returns the longest recoveries. A recovery that is not complete counts until `end`, the end of the run.
     pub(super) fn finish(&mut self, end: u64, findings: &mut Findings) -> Longest {
         self.settle(end, findings);
         let open = self.is_open();
@@ -177,12 +167,11 @@ impl Longest {
     }
 }
 
-/// Returns the number of violations found so far that explain a late recovery.
 fn told(findings: &Findings) -> u64 {
     findings.counts().filter(|(violation, _)| keeps_from_reading(*violation)).map(|(_, count)| count).sum()
 }
 
-/// Returns whether a violation means that a sample may be lost on the way from HORUS's tick to the flight controller.
+/// Returns whether a violation means that a sample may be lost between HORUS's tick and the flight controller.
 const fn keeps_from_reading(violation: Violation) -> bool {
     matches!(
         violation,
@@ -208,8 +197,7 @@ const fn keeps_from_reading(violation: Violation) -> bool {
     )
 }
 
-/// Reports that the link recovered late, unless a violation that was found since the beginning of the disturbance
-/// explains it.
+/// Reports a late recovery, unless a violation since the beginning of the disturbance explains it.
 fn tell(causes: &Causes, read: Option<u64>, findings: &mut Findings) {
     if told(findings) > causes.told {
         return;
@@ -225,7 +213,7 @@ fn tell(causes: &Causes, read: Option<u64>, findings: &mut Findings) {
     });
 }
 
-/// Returns the number of cycles of 10 ms that begin in the time `from..to`, but at least one.
+/// Returns the number of cycles of 10 ms that begin in the time `from..to`, at least one.
 fn cycles(from: u64, to: u64) -> u64 {
     to.saturating_sub(from).div_ceil(bounds::CYCLE).max(1)
 }
@@ -242,8 +230,7 @@ mod tests {
         Event { at, what: testing::injected(kind, until) }
     }
 
-    /// Returns the violations that are found if these events happen, and after all of them a frame that was sent just
-    /// before `read` is read at that instant.
+    /// Returns the violations if these events happen and then a frame is sent and read just before `read`.
     fn judged(events: &[Event], read: u64, others: u64) -> (Vec<Violation>, Longest) {
         let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
         events.iter().for_each(|event| recovery.take(event, &mut findings));
@@ -273,8 +260,7 @@ mod tests {
             let without_bring_up = (cycles == 5).then_some(5);
             assert_eq!((found, longest), (vec![], Longest { all: Some(cycles), without_bring_up }), "{kind:?}");
             assert_eq!(judged(&cause, due + 1, 0).0, [Violation::RecoversLate], "{kind:?}");
-            // The violation that kept the frame from being read is reported; the late recovery is only a consequence of
-            // that violation.
+            // The late recovery is a consequence of the violation that is reported.
             assert_eq!(judged(&cause, due + 1, 1).0, [Violation::NotShown], "{kind:?}");
         }
     }
@@ -303,8 +289,8 @@ mod tests {
     fn of_causes_that_overlap_each_has_its_own_bound() {
         let front_end = injected(50 * MS, DPR_FRONT_END, 100 * MS);
         let air = |until| injected(60 * MS, Disturbance::Air, until);
-        // The link has 15 cycles, until 250 ms, after the front end's fault, and 5 cycles, until 170 ms or 260 ms,
-        // after the fault of the air.
+        // The link must recover by 250 ms from the fault of the front end, and by 170 ms or 260 ms from that of the
+        // air.
         let judged = |until, read| judged(&[front_end.clone(), air(until)], read, 0).0;
         assert_eq!(judged(120 * MS, 250 * MS), []);
         assert_eq!(judged(120 * MS, 250 * MS + 1), [Violation::RecoversLate]);
@@ -368,8 +354,7 @@ mod tests {
                 assert_eq!((found, longest), (vec![], Longest { all, without_bring_up: None }));
                 assert_eq!(judged(&cause, due + 1, 0).0, [Violation::RecoversLate]);
             }
-            // Until the restart the link does not count as recovered, whatever is shown, and no recovery counts as
-            // late.
+            // Until the restart the link does not count as recovered, and no recovery is late.
             let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
             recovery.take(&hung(50 * MS, board), &mut findings);
             recovery.shown(60 * MS, 65 * MS);
@@ -378,14 +363,12 @@ mod tests {
             recovery.take(&reset(60 * MS + 2 * TAIL, board), &mut findings);
             recovery.shown(61 * MS + 2 * TAIL, 75 * MS + 2 * TAIL);
             assert_eq!(recovery.finish(60 * MS + 3 * TAIL, &mut findings).all, Some(2));
-            // The restart of the other board does not end the hang.
             let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
             recovery.take(&hung(50 * MS, board), &mut findings);
             let other = if board == Board::Dpr { Board::Horus } else { Board::Dpr };
             recovery.take(&reset(60 * MS, other), &mut findings);
             recovery.shown(61 * MS, 65 * MS);
             assert_eq!(recovery.finish(60 * MS + TAIL, &mut findings).all, None);
-            // A board without a supply does not hang.
             let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
             recovery.take(&power(40 * MS, board, false), &mut findings);
             recovery.take(&hung(50 * MS, board), &mut findings);

@@ -1,8 +1,6 @@
-//! Makes the log of a synthetic run, in which HORUS, the air and the DPR follow the design. The tests of the rules
-//! `shown` and `link_status` use it.
+//! Makes a log in which HORUS, the air and the DPR follow the design, to test the rules `shown` and `link_status`.
 //!
-//! The DPR is a small model. It shows what `profile::sequence` permits, which the firmware uses and the judge does not.
-//! The model's deadlines are events that it processes one after the other.
+//! The DPR is a small model that shows what `profile::sequence` permits, which the judge does not use.
 
 use std::collections::BTreeMap;
 
@@ -18,29 +16,25 @@ use crate::{Board, Event, Header, Log, SsiEvent, Verdict, Violation, What, judge
 pub(crate) const US: u64 = 1_000;
 pub(crate) const MS: u64 = 1_000_000;
 
-/// The effect of the air on a frame.
 #[derive(Clone, Debug)]
 pub(crate) enum Air {
     Lost,
-    /// The air damages these objects of the profile.
+    /// The air damages these objects.
     Hit(Vec<usize>),
-    /// The frame arrives late by this time, ns.
+    /// The frame arrives this much later, ns.
     Delayed(u64),
-    /// The frame arrives a second time, later by this time, ns.
+    /// The frame arrives again this much later, ns.
     Repeated(u64),
-    /// The frame breaks off in the middle.
     Cut,
 }
 
-/// An image as the DPR publishes it.
 #[derive(Clone, Debug)]
 pub(crate) struct Image {
-    /// The instant, ns, at which FRESH rises.
     pub(crate) at: u64,
     pub(crate) link: LinkValues,
-    /// The bytes of each object in the image; zeros where the image has no object.
+    /// The bytes of each object; zeros for an object that the image lacks.
     pub(crate) places: Vec<Vec<u8>>,
-    /// The instant until which the image can be read, ns.
+    /// The instant, ns, until which the image can be read.
     pub(crate) expires: u64,
 }
 
@@ -51,29 +45,26 @@ impl Image {
     }
 }
 
-/// The description of a run, from which its log is made.
 #[derive(Clone, Debug)]
 pub(crate) struct Run {
     pub(crate) n: usize,
     pub(crate) cycles: u32,
-    /// The effects of the air. The key is the number of the cycle, from 1, and the number of the frame in that cycle,
-    /// from 0.
+    /// The effects of the air, by the number of the cycle (from 1) and the number of the frame in it (from 0).
     pub(crate) hits: BTreeMap<(u32, usize), Air>,
-    /// The cycles before which HORUS restarts: its timestamps begin anew, and its ticks move.
+    /// The cycles before which HORUS restarts; its timestamps begin anew, and its ticks move.
     pub(crate) horus_starts: Vec<u32>,
-    /// The cycles in which HORUS's timestamp stands still: it is that of the cycle before.
+    /// The cycles that repeat the timestamp of the cycle before.
     pub(crate) frozen: Vec<u32>,
     /// The length of HORUS's cycle, ns.
     pub(crate) period: u64,
-    /// The instant, ns, at which the DPR restarts, the cause, and the reason that it states.
+    /// The instant, ns, at which the DPR restarts, the cause, and the reason that the DPR states.
     pub(crate) dpr_start: Option<(u64, crate::Cause, ResetReason)>,
     pub(crate) extra: Vec<Event>,
-    /// The length of the flight controller's cycle, ns.
+    /// The length of the flight controller's control cycle, ns.
     pub(crate) control: u64,
     /// The number of bytes that each transaction reads.
     pub(crate) length: usize,
-    /// The instant, ns, at which the only transaction begins; `None` if there is one in each cycle of the flight
-    /// controller.
+    /// The instant, ns, at which the only transaction begins; `None` for one in each control cycle.
     pub(crate) only: Option<u64>,
     pub(crate) clock: &'static str,
 }
@@ -115,13 +106,12 @@ impl Run {
         Layout::for_receivers(self.n).unwrap()
     }
 
-    /// Returns the instant, ns, of the cycle's tick.
     pub(crate) fn tick(&self, cycle: u32) -> u64 {
         let starts = self.horus_starts.iter().filter(|start| **start <= cycle).count() as u64;
         20 * MS + u64::from(cycle) * self.period + starts * 63_700 * US
     }
 
-    /// Returns the instant, ns, at which the last frame of the cycle ends as HORUS sends it.
+    /// Returns the instant, ns, at which HORUS's last frame of the cycle ends.
     pub(crate) fn end(&self, cycle: u32) -> u64 {
         self.tick(cycle) + age_at_end(self.layout(), air::frames(self.n) - 1) + 3 * US
     }
@@ -148,7 +138,7 @@ impl Run {
         }
     }
 
-    /// Adds the events of HORUS and of the air. Returns the frames that reach the antenna, each with its end.
+    /// Adds the events of HORUS and of the air. Returns the frames that reach the antenna, with their ends.
     fn frames(&self, events: &mut Vec<Event>) -> Vec<(u64, Vec<u8>, bool)> {
         let mut heard = vec![];
         for cycle in 1..=self.cycles {
@@ -199,7 +189,7 @@ impl Run {
         heard
     }
 
-    /// Returns the run's log, after `edit` has changed the images that the DPR published.
+    /// Returns the run's log. `edit` changes the images that the DPR published.
     pub(crate) fn log(&self, edit: impl Fn(&mut Vec<Image>)) -> Log {
         let mut events = self.extra.clone();
         events.push(Event { at: 2 * MS, what: What::FieldHeard { on: true } });
@@ -237,17 +227,16 @@ impl Run {
         Log { header, events }
     }
 
-    /// Returns the verdict on the run, after `edit` has changed the images.
     pub(crate) fn verdict(&self, edit: impl Fn(&mut Vec<Image>)) -> Verdict {
         judge(&self.log(edit))
     }
 
-    /// Returns the violations of the rules `shown` and `link_status`, after `edit` has changed the images.
+    /// Returns the violations of the rules `shown` and `link_status`. `edit` changes the images that the DPR published.
     pub(crate) fn broken(&self, edit: impl Fn(&mut Vec<Image>)) -> Vec<Violation> {
         kinds(&self.verdict(edit))
     }
 
-    /// Asserts that the judge finds no violation of a correct DPR, and returns the verdict.
+    /// Asserts that there is no violation, and returns the verdict.
     pub(crate) fn assert_flawless(&self) -> Verdict {
         let verdict = self.verdict(|_| {});
         let words: Vec<String> =
@@ -271,8 +260,7 @@ const OWN: [Violation; 11] = [
     Violation::LinkTime,
 ];
 
-/// Returns the violations of the rules `shown` and `link_status` alone, because the log lacks what the other rules
-/// need.
+/// Returns the violations of the rules `shown` and `link_status`; the log lacks what the other rules need.
 pub(crate) fn kinds(verdict: &Verdict) -> Vec<Violation> {
     verdict.kinds().filter(|kind| OWN.contains(kind)).collect()
 }
@@ -285,7 +273,7 @@ enum Due {
     Cycle,
 }
 
-/// The model of a DPR that follows the design. Its clock counts µs from its start.
+/// A DPR that follows the design; its clock counts µs from its start.
 #[derive(Clone, Debug)]
 struct Dpr {
     layout: Layout,
@@ -296,7 +284,6 @@ struct Dpr {
     told: Sequence,
     /// The frames of the current cycle that have arrived, as bits.
     seen: u8,
-    /// Whether the current cycle is in sequence, and so is shown.
     in_sequence: bool,
     frozen: bool,
     restarted: Option<u64>,
@@ -342,8 +329,7 @@ impl Dpr {
         (at - self.since) / US
     }
 
-    /// Runs the model until `end`. The frames in `heard` reach its antenna; those that arrive within 30 ms after its
-    /// start are not received.
+    /// Runs the DPR until `end`. The frames in `heard` reach its antenna; the DPR misses those of its first 30 ms.
     fn run(mut self, heard: &[(u64, Vec<u8>, bool)], end: u64, images: &mut Vec<Image>) {
         let listens = self.since + 30 * MS..end;
         for (at, payload, _) in heard.iter().filter(|(at, ..)| listens.contains(at)) {

@@ -1,9 +1,8 @@
-//! Determines what is wrong with the bytes of an object if they are neither an intact object nor empty.
+//! Determines what is wrong with an object's bytes that are neither an intact object nor empty.
 //!
-//! If the image changes during a transaction, the transaction reads bytes of several images. Then each byte of the
-//! object is one that HORUS sent there in some cycle, or a fill byte of a scrub, but no single cycle explains all
-//! bytes. If an object differs by only one bit from what was sent, it counts as damaged, even where that byte also
-//! occurs in another cycle.
+//! If the image changes during a transaction, the transaction reads bytes of several images. Each byte of the object
+//! then is one that HORUS sent in some cycle, or a fill byte of a scrub, but no single cycle explains all of them. An
+//! object that differs by only one bit from what was sent counts as damaged.
 
 use std::collections::VecDeque;
 
@@ -13,22 +12,20 @@ use super::latency::Cycles;
 use crate::read::{Placed, Reading, State};
 use crate::{Findings, Violation};
 
-/// The number of Link-Status objects that are kept. It is greater than the number of images in the DPR.
+/// The number of Link-Status objects that are kept: more than the DPR has images.
 const REMEMBERED: usize = 16;
 
-/// The bytes with which a scrub fills buffers.
 const FILLS: [u8; 2] = [0x00, 0xFF];
 
-/// The Link-Status objects of earlier images, with which the bytes of later ones are compared.
+/// The Link-Status objects of earlier images, for comparison.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Damage {
     links: VecDeque<[u8; LinkStatus::SIZE]>,
 }
 
 impl Damage {
-    /// Keeps the Link-Status of a transaction or of an image that FRESH announced, if it is intact.
+    /// Keeps an intact Link-Status of a transaction, or of an image that FRESH announced.
     pub(super) fn remember(&mut self, reading: &Reading) {
-        // Link-Status is at the start of the image.
         let Some((Some(Ok(_)), link)) = Some(reading.link).zip(reading.miso.first_chunk()) else { return };
         if self.links.contains(link) {
             return;
@@ -39,8 +36,8 @@ impl Damage {
         self.links.push_back(*link);
     }
 
-    /// Reports what is wrong with the bytes that a transaction read. Returns whether anything is wrong. `spliced` is
-    /// set if Link-Status and the objects come from two images.
+    /// Reports what is wrong with the bytes of a transaction; returns whether anything is. With `spliced`, Link-Status
+    /// and the objects come from two images.
     pub(super) fn find(
         &self,
         reading: &Reading,
@@ -86,7 +83,7 @@ impl Damage {
     }
 }
 
-/// Returns whether `bytes` consist of bytes of several `sources` and of fill bytes of a scrub.
+/// Returns whether `bytes` consist of bytes of several `sources` and fill bytes of a scrub.
 fn is_torn<'a>(bytes: &[u8], sources: impl Iterator<Item = &'a [u8]> + Clone) -> bool {
     let differing = |source: &[u8]| -> u32 { bytes.iter().zip(source).map(|(a, b)| (a ^ b).count_ones()).sum() };
     let explained =
@@ -94,7 +91,7 @@ fn is_torn<'a>(bytes: &[u8], sources: impl Iterator<Item = &'a [u8]> + Clone) ->
     bytes.iter().enumerate().all(explained) && sources.clone().all(|source| differing(source) > 1)
 }
 
-/// Returns whether the bytes where `object` belongs are another intact object.
+/// Returns whether the bytes at `object`'s offset are another intact object.
 fn is_misplaced(object: &Placed, rejection: Rejection, reading: &Reading, layout: Layout) -> bool {
     if rejection == Rejection::Identifier {
         return true;

@@ -2,19 +2,17 @@
 //!
 //! # What FRESH announces
 //!
-//! After a rise of FRESH, a transaction reads the new image, or 0xFF throughout while the DPR is putting that image in,
+//! After a rise of FRESH, a transaction reads the new image, or 0xFF throughout while the DPR is putting the image in,
 //! but never an older image (docs/design.md#publication, `dpr_fw::publish`). The DPR raises FRESH
 //!
 //! - before the processor gives the SSI's buffers back, so that no image is readable before FRESH has announced it;
 //! - at once if a transaction is under way, which still reads the image before.
 //!
-//! Therefore it may not be known at the rise which bytes a transaction would read. The first evidence after the rise
-//! counts: the bytes that a transaction would have read when FRESH falls, or the bytes of a transaction that began
-//! after the rise. Whether the image becomes readable in time depends on how long the processor holds the buffers.
-//! FRESH rises for each publication, including that of the image without objects that follows a missed frame.
+//! Therefore it may not be known at the rise which bytes FRESH announces. The first evidence counts: the bytes that
+//! could be read when FRESH falls, or those of a transaction that began after the rise. FRESH rises for each
+//! publication, also for that of the image without objects after a missed frame.
 //!
-//! The image that a transaction reads must have been announced before chip select fell for that transaction. An image
-//! for which FRESH rises later becomes readable only after the transaction's end.
+//! The image that a transaction reads must have been announced before the transaction began.
 
 use std::collections::VecDeque;
 
@@ -26,29 +24,27 @@ use crate::read::{Reading, State};
 use crate::rules::is_later;
 use crate::{Findings, Violation};
 
-/// The number of rises of FRESH that are kept. It is greater than their number within a transaction, unless the flight
-/// controller hangs for long.
+/// The number of rises of FRESH that are kept: more than there usually are within a transaction.
 const REMEMBERED: usize = 64;
 
-/// The features by which one image is distinguished from others.
+/// The features that distinguish one image from another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Mark {
     link: Option<LinkValues>,
-    /// The timestamp of the image's objects, ms.
+    /// The timestamp of the objects, ms.
     stamp: Option<u32>,
 }
 
 impl Mark {
-    /// Returns the features of the image that a transaction read; `None` if the transaction read too little of the
-    /// image.
+    /// Returns the features of the image that a transaction read; `None` if too little of it was read.
     fn of(reading: &Reading) -> Option<Self> {
         let mark = Self { link: reading.link.and_then(Result::ok), stamp: reading.timestamp() };
         (mark != Self { link: None, stamp: None }).then_some(mark)
     }
 
-    /// Returns whether this image was made after the image `before`. If the two have the same time and the same
-    /// counters, the one with the greater age is newer. If their status differs, the order cannot be determined. An
-    /// image without objects may follow an image with objects within the same millisecond.
+    /// Returns whether this image was made after the image `before`. Of two images with equal times and counters, the
+    /// one with the greater age is newer. If their status differs, the order is not known: an image without objects may
+    /// follow one with objects within the same millisecond.
     fn is_newer_than(&self, before: &Self) -> bool {
         let Some((now, then)) = self.link.zip(before.link) else { return self.stamp != before.stamp };
         let counters = |link: LinkValues| {
@@ -65,8 +61,7 @@ impl Mark {
             || counters(now).into_iter().zip(counters(then)).any(|(now, then)| is_later(now, then))
     }
 
-    /// Returns whether the two sets of features may be those of one image; `None` if that is not known. Each cycle is
-    /// shown by one image, but the cycle's timestamp recurs after a restart of HORUS.
+    /// Returns whether both may be of one image; `None` if not known. Timestamps recur after a restart of HORUS.
     fn is_of(&self, other: &Self) -> Option<bool> {
         let stamps = self.stamp.zip(other.stamp).map(|(a, b)| a == b);
         let times = self.link.zip(other.link).map(|(a, b)| a.timestamp == b.timestamp);
@@ -76,25 +71,21 @@ impl Mark {
         }
     }
 
-    /// Returns whether the two sets of features certainly are those of one image. Two images may be made within one
-    /// millisecond, but then their counters differ. Without Link-Status it is never certain, since timestamps recur
-    /// after a restart of HORUS.
+    /// Returns whether both certainly are of one image, which without Link-Status they are not: timestamps recur.
     fn is_the_same_as(&self, other: &Self) -> bool {
         let links = self.link.zip(other.link).is_some_and(|(a, b)| a == b);
         self.is_of(other) == Some(true) && links
     }
 }
 
-/// A rise of FRESH.
 #[derive(Clone, Copy, Debug)]
 struct Claim {
     rose: u64,
-    /// The features of the image that this rise announces; `None` as long as they are not known.
+    /// The features of the announced image; `None` while not known.
     mark: Option<Mark>,
-    /// Whether this rise has been reported as not justified.
+    /// Whether this rise was reported as not justified.
     told: bool,
-    /// Whether an image that differs from the one that this rise announces has been read and reported, because no rise
-    /// of FRESH announced it.
+    /// Whether an image that no rise announced has been read since this rise and reported.
     unannounced: bool,
 }
 
@@ -104,19 +95,17 @@ impl Claim {
     }
 }
 
-/// The rises of FRESH, and the newest data that transactions have read.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Claims {
-    /// The rises of FRESH, in order of time.
     claims: VecDeque<Claim>,
-    /// The bytes that FRESH announced last, if they are an unsound image; empty otherwise.
+    /// The bytes that FRESH announced last, if they are an unsound image; else empty.
     condemned: Vec<u8>,
-    /// The newest timestamp, ms, that a transaction has read.
+    /// The newest timestamp that a transaction has read, ms.
     newest: Option<u32>,
 }
 
 impl Claims {
-    /// Records a rise of FRESH. `excused` is set if there is a reason why no transaction could begin.
+    /// Records a rise of FRESH. With `excused`, there is a reason why no transaction could begin.
     pub(super) fn rise(
         &mut self,
         rose: u64,
@@ -140,7 +129,6 @@ impl Claims {
         }
     }
 
-    /// Records a fall of FRESH.
     pub(super) fn fall(
         &mut self,
         offered: Option<&Reading>,
@@ -154,8 +142,7 @@ impl Claims {
         }
     }
 
-    /// Judges the image `offered`, which the last rise of FRESH announced, and which was readable at that rise or after
-    /// it.
+    /// Judges the image `offered`, which the last rise of FRESH announced.
     fn offer(&mut self, offered: &Reading, cycles: &mut Cycles, disturbances: &Disturbances, findings: &mut Findings) {
         let Some((claim, before)) = self.claims.make_contiguous().split_last_mut() else { return };
         let unsound = offered.objects.iter().any(|object| matches!(object.state, State::Unsound(_)));
@@ -166,7 +153,7 @@ impl Claims {
         }
         claim.mark = Mark::of(offered);
         let Some(mark) = claim.mark else { return };
-        // If an image was read before FRESH rose for it, that rise may still follow late.
+        // A rise may follow late for an image that was read before.
         let previous = before.last().filter(|before| !before.unannounced).and_then(|before| before.mark);
         let replaces = |previous| disturbances.excuse(Excuse::UnsoundImage, claim.rose) && mark == previous;
         if previous.is_some_and(|previous| !mark.is_newer_than(&previous) && !replaces(previous)) {
@@ -177,7 +164,6 @@ impl Claims {
         }
     }
 
-    /// Returns whether these bytes are an unsound image that FRESH announced.
     pub(super) fn has_condemned(&self, miso: &[u8]) -> bool {
         !miso.is_empty() && self.condemned.starts_with(miso)
     }
@@ -192,7 +178,6 @@ impl Claims {
             && marks().any(|mark| mark.stamp != Some(stamp) && mark.link == Some(link))
     }
 
-    /// Judges a transaction that read a sound image.
     pub(super) fn transaction(
         &mut self,
         reading: &Reading,
@@ -206,7 +191,7 @@ impl Claims {
         let regressed = self.newest.zip(mark.stamp).is_some_and(|(newest, stamp)| is_later(newest, stamp));
         let announced = self.claims.partition_point(|claim| claim.rose <= selected);
         if announced == 0 && self.claims.len() == REMEMBERED {
-            // The flight controller held chip select for so long that earlier rises of FRESH are no longer kept.
+            // Earlier rises of FRESH are no longer kept, because the flight controller held chip select for so long.
             return;
         }
         let older = |claim: &Claim| claim.mark.is_some_and(|older| older.is_the_same_as(&mark));
@@ -237,7 +222,7 @@ impl Claims {
                 }
             }
             Some(_) => {
-                // The judge reports this once: from now on the image that was read counts as the announced one.
+                // From now on the image that was read counts as the announced one, so that it is reported once.
                 (claim.mark, claim.unannounced) = (Some(mark), true);
                 if regressed {
                     return;
@@ -249,7 +234,7 @@ impl Claims {
     }
 }
 
-/// Reports that a transaction brought an image that FRESH had not announced before.
+/// Reports that FRESH had not announced an image that was read.
 fn missing(selected: u64, mark: Mark, cycles: &mut Cycles, findings: &mut Findings) {
     if !mark.stamp.is_some_and(|stamp| cycles.unannounced(stamp)) {
         findings.add(Violation::FreshMissing, selected, || "FRESH had not announced it".into());
@@ -298,8 +283,7 @@ mod tests {
         {
             assert_eq!(one.is_the_same_as(&other), same, "{one:?} {other:?}");
         }
-        // If neither their times nor the timestamps of their objects differ, two sets of features may be those of one
-        // image.
+        // Two sets of features may be those of one image unless times or timestamps differ.
         let times = Mark { link: Some(link), stamp: None };
         let again = Mark { link: Some(LinkValues { timestamp: 1343, ..link }), ..whole };
         let next = Mark { stamp: Some(100), ..whole };

@@ -1,5 +1,4 @@
-//! Measures the time from a cycle's tick, and from its last bit, until the cycle is readable. Keeps the objects that
-//! HORUS sent in the last cycles.
+//! Measures how soon after its tick and its last bit a cycle is readable, and keeps the objects of the last cycles.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -10,41 +9,35 @@ use crate::bounds;
 use crate::read::Frame;
 use crate::{Findings, Max, Quantiles, Violation};
 
-/// The number of cycles that are kept. Together they last much longer than an image is readable.
+/// The number of cycles that are kept; they last much longer than an image is readable.
 const REMEMBERED: usize = 100;
 
-/// The number of ticks that are kept. A few are enough, because each frame is sent within its cycle.
+/// A frame is sent within its cycle, so a few ticks are enough.
 const TICKS: usize = 4;
 
-/// A cycle of HORUS, and what is known about when it became readable.
 #[derive(Clone, Debug, Default)]
 struct Cycle {
     stamp: u32,
-    /// The instant, ns, at which the cycle's sample was taken; `None` if there was no tick before its first frame.
+    /// The instant, ns, of the cycle's tick; `None` if there was no tick before its first frame.
     tick: Option<u64>,
-    /// The instants, ns, at which the cycle's frames began.
     started: [Option<u64>; 2],
-    /// The instant, ns, at which the last bit of the cycle's last frame reached the DPR's antenna; `None` if the frame
-    /// was delayed. If the DPR may have missed the frame and the frame came again, this is its last arrival.
+    /// The instant, ns, at which the last bit of the last frame reached the DPR's antenna; `None` for a delayed frame.
+    /// For a frame that came again and may have been missed before, its last arrival counts.
     last_bit: Option<u64>,
-    /// Whether the DPR may have missed the cycle's last frame.
+    /// Whether the DPR may have missed the last frame.
     may_be_missed: bool,
-    /// The longer time, ns, within which the cycle must be readable after its last bit; `None` if the usual time
-    /// applies. The longer time applies in two cases. In the first, the LEN of the frame was damaged on the air, or may
-    /// be damaged in the DPR's buffer, so the DPR cannot read the objects while they arrive, nor recognise the second
-    /// frame of the cycle. In the second, the DPR may have missed the second of two frames, so it shows the first one
-    /// alone when the second is overdue.
+    /// The longer time, ns, in which the cycle must be readable after its last bit; `None` for the usual time. The
+    /// longer time applies if LEN may be damaged, so that the DPR can neither read the objects early nor recognise the
+    /// second frame. It also applies if the DPR may have missed the second frame, and shows the first alone when the
+    /// second is overdue.
     longer: Option<u64>,
-    /// Whether the cycle has become readable.
     readable: bool,
-    /// Whether the cycle became readable too late.
     late: bool,
-    /// The objects that HORUS sent in the cycle: bit 0 is Reported-Position, bit n is GPSn.
+    /// The objects of the cycle; bit 0 is Reported-Position, bit n is GPSn.
     objects: u8,
     profile: Vec<u8>,
 }
 
-/// The last cycles of HORUS, and the measured times until they were readable.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cycles {
     cycles: VecDeque<Cycle>,
@@ -54,7 +47,6 @@ pub(super) struct Cycles {
 }
 
 impl Cycles {
-    /// Records a tick of HORUS.
     pub(super) fn tick(&mut self, at: u64) {
         if self.ticks.len() == TICKS {
             self.ticks.pop_front();
@@ -62,7 +54,6 @@ impl Cycles {
         self.ticks.push_back(at);
     }
 
-    /// Records a frame that HORUS sent.
     pub(super) fn sent(&mut self, layout: Layout, frame: &Frame, started: u64) {
         let (Some(stamp), Some(number)) = (frame.timestamp(), frame.number) else { return };
         if self.cycles.back().is_none_or(|cycle| cycle.stamp != stamp) {
@@ -90,9 +81,8 @@ impl Cycles {
         }
     }
 
-    /// Records that the DPR's front end fails at the instant `at`, ns. A frame that the front end has not handed over
-    /// by then is lost. If that frame is the second of two, the DPR shows the first one alone when the second is
-    /// overdue.
+    /// Records that the DPR's front end fails at `at`, ns, and loses a frame that it has not handed over. Without its
+    /// second frame, the first is shown only when the second is overdue.
     pub(super) fn front_end_fails(&mut self, at: u64) {
         let handed_over = |last_bit: &u64| last_bit + bounds::STORE_AND_FORWARD <= at;
         for cycle in &mut self.cycles {
@@ -100,8 +90,8 @@ impl Cycles {
         }
     }
 
-    /// Records a whole frame whose last bit reached the DPR's antenna at `ended`. `len` is the frame's LEN, if the DPR
-    /// can read it. `may_be_missed` is set if the DPR may miss the frame.
+    /// Records a whole frame whose last bit reached the antenna at `ended`. `len` is its LEN, if the DPR can read it;
+    /// with `may_be_missed`, the DPR may miss the frame.
     pub(super) fn heard(
         &mut self,
         layout: Layout,
@@ -129,7 +119,7 @@ impl Cycles {
         self.cycles.iter_mut().rev().find(|cycle| cycle.stamp == stamp)
     }
 
-    /// Records that FRESH rose at the instant `rose` and announced the cycle with the timestamp `stamp`.
+    /// Records that FRESH announced the cycle with the timestamp `stamp` at the instant `rose`.
     pub(super) fn readable(&mut self, stamp: u32, rose: u64, findings: &mut Findings) {
         let Some(cycle) = self.cycle(stamp).filter(|cycle| !cycle.readable) else { return };
         cycle.readable = true;
@@ -155,34 +145,30 @@ impl Cycles {
         }
     }
 
-    /// Records that the cycle with the timestamp `stamp` was read before FRESH announced it, so that a later rise of
-    /// FRESH for that cycle is not measured. Returns whether a rise of FRESH for the cycle was already reported as too
-    /// late.
+    /// Records that a cycle was read before FRESH announced it. Returns whether its rise was already reported as late.
     pub(super) fn unannounced(&mut self, stamp: u32) -> bool {
         let Some(cycle) = self.cycle(stamp) else { return false };
         cycle.readable = true;
         cycle.late
     }
 
-    /// Returns the bytes that HORUS sent as object `index` in the last cycles.
+    /// Returns the bytes of object `index` in the last cycles.
     pub(super) fn objects(&self, layout: Layout, index: usize) -> impl Iterator<Item = &[u8]> + Clone {
         let place = layout.in_profile(index).unwrap_or_default();
         let sent = self.cycles.iter().filter(move |cycle| cycle.objects >> index & 1 == 1);
         sent.filter_map(move |cycle| cycle.profile.get(place.clone()))
     }
 
-    /// Returns the time from the tick that stamps the objects until the image that holds them is readable.
     pub(super) fn sample_to_readable(&self) -> Option<Quantiles> {
         self.samples.quantiles()
     }
 
-    /// Returns the time from the cycle's last bit until the image that holds its objects is readable.
     pub(super) fn last_bit_to_readable(&self) -> Option<Max> {
         Max::of(self.last_bit)
     }
 }
 
-/// A series of durations, ns. It is long but has few different values, so each value is stored once with its number.
+/// Durations, ns. They have few different values, so each value is stored once with its number.
 #[derive(Clone, Debug, Default)]
 struct Series {
     counts: BTreeMap<u64, u64>,
@@ -195,7 +181,6 @@ impl Series {
         self.length += 1;
     }
 
-    /// Returns the quantiles as [`Quantiles::of`] defines them.
     fn quantiles(&self) -> Option<Quantiles> {
         let rank = |per_mille: u64| {
             let mut left = (self.length * per_mille).div_ceil(1000);

@@ -9,40 +9,33 @@
 //!
 //! # One cause, one violation
 //!
-//! - This rule requires nothing of a DPR that has no supply or is starting. A transaction that began before the DPR's
-//!   last start is not judged.
-//! - A DPR that the bench has stopped need not serve anything until its next start. Service that was overdue before the
-//!   hang is reported, and what is read during the hang still has to be right. A DPR with a dead task need not serve
-//!   anything either, since that task may be one that prepares the SSI.
-//! - If the processor keeps the SSI's buffers too long, this is [`Violation::NotReady`] if it got them at the end of a
-//!   transaction, and [`Violation::HeldBack`] otherwise. Transactions that find the DPR busy because of this are not
-//!   reported in addition. But if nothing is readable for longer than [`bounds::EXPIRY`], only [`Violation::Silent`] is
-//!   reported.
-//! - A single transaction may read 0xFF throughout because the DPR is busy. The DPR may be busy in these cases: it puts
-//!   an image in, which FRESH announces within [`bounds::SSI_READY`]; another transaction has just ended; the image's
-//!   time is over; or the DPR has served as many transactions as it must between two images. Any other transaction that
-//!   reads 0xFF throughout is [`Violation::Unserved`].
-//! - An unsound image is [`Violation::FreshUnreadable`] if FRESH announced these bytes. If the image became unsound
-//!   later, or if FRESH rose while nothing could be read yet, the transaction that read the image is judged: the image
-//!   is torn, misplaced or damaged. The first of these that applies is reported, once for each transaction.
-//! - While [`Excuse::Service`] holds, the DPR need not serve the flight controller, and the bytes that the flight
-//!   controller reads with wrong clocks are not judged here. The objects that it reads as valid still have to be right,
-//!   by the rule of [`super::shown`]. The flight controller must not make any image late.
+//! - Nothing is required of a DPR that has no supply or is starting. A transaction that began before the DPR's last
+//!   start is not judged.
+//! - A DPR that the bench has stopped, or one with a dead task, need not serve anything until its next start. Service
+//!   that was overdue before is reported, and what is read still has to be right.
+//! - A processor that keeps the SSI's buffers too long is [`Violation::NotReady`] after a transaction, and
+//!   [`Violation::HeldBack`] otherwise. Transactions that therefore find the DPR busy are not reported. If nothing is
+//!   readable for longer than [`bounds::EXPIRY`], only [`Violation::Silent`] is reported.
+//! - A single transaction may read 0xFF throughout if the DPR is busy: it puts an image in, which FRESH announces
+//!   within [`bounds::SSI_READY`]; another transaction has just ended; the image's time is over; or the DPR has used
+//!   its budget of transactions between two images. Any other such transaction is [`Violation::Unserved`].
+//! - An unsound image is [`Violation::FreshUnreadable`] if FRESH announced these bytes. Otherwise the transaction that
+//!   read the image is judged as torn, misplaced or damaged, whichever applies first.
+//! - While [`Excuse::Service`] holds, the DPR need not serve the flight controller, and damaged bytes are not judged.
+//!   The objects that are read as valid still have to be right ([`super::shown`]), and no image may be late because of
+//!   the flight controller.
 //! - After a transaction, the DPR pauses for [`SSI_PAUSE`](crate::bounds::SSI_PAUSE) once it is ready again. If the
-//!   next transaction ends within that pause, the time that the DPR has to become ready for a further one counts from
-//!   the end of the pause.
-//! - Bytes that are unsound while [`Excuse::UnsoundImage`] holds are not judged here, because all that is required is a
-//!   check that rejects them. [`super::shown`] judges that they do not count as valid. The DPR may replace such an
-//!   image by one with the same content.
+//!   next transaction ends within the pause, the time to become ready counts from the end of the pause.
+//! - Bytes that are unsound while [`Excuse::UnsoundImage`] holds only have to be rejected; [`super::shown`] judges
+//!   that. The DPR may replace such an image by one with the same content.
 //! - A transaction that reads an older image than the announced one is [`Violation::FreshNotNew`]. If its objects are
-//!   older than objects that were read before, it is [`Violation::Regression`] instead, which another rule reports.
-//! - If a frame began while [`Excuse::Latency`] holds, it is not judged how soon the frame is readable. A frame that
-//!   began while [`Excuse::Length`] holds has as much time as a frame whose LEN was damaged on the air. If a frame
-//!   began while [`Excuse::Hearing`] holds and came again, its time counts from its last arrival, because the DPR may
-//!   have missed it before.
-//! - If a cycle is readable too late after its last bit, it is not reported in addition as readable too late after its
-//!   tick. A cycle that is read before FRESH has risen for it is [`Violation::FreshMissing`] or
-//!   [`Violation::LateReadable`], whichever is found first.
+//!   older than objects read before, another rule reports [`Violation::Regression`] instead.
+//! - If a frame began while [`Excuse::Latency`] holds, it may be readable at any time. A frame that began while
+//!   [`Excuse::Length`] holds has as much time as one with a damaged LEN. If a frame began while [`Excuse::Hearing`]
+//!   holds and came again, its time counts from the last arrival.
+//! - A cycle that is readable too late after its last bit is not reported again as too late after its tick. A cycle
+//!   that is read before FRESH has risen for it is [`Violation::FreshMissing`] or [`Violation::LateReadable`],
+//!   whichever is found first.
 
 mod damage;
 mod fresh;
@@ -65,7 +58,6 @@ pub struct Ssi {
     claims: Claims,
     damage: Damage,
     cycles: Cycles,
-    /// The instant, ns, since which FRESH has been high; `None` if it is low.
     high_since: Option<u64>,
 }
 
@@ -135,7 +127,7 @@ impl Rule for Ssi {
 }
 
 impl Ssi {
-    /// Processes an event of the SSI while the DPR has a supply.
+    /// Processes an event while the DPR has a supply.
     fn take_ssi(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         let at = event.at;
         let unsound = |at| context.disturbances().excuse(Excuse::UnsoundImage, at);
@@ -146,7 +138,7 @@ impl Ssi {
                     let offset = context.window().offset();
                     Reading::of(context.layout(), at, at, offset, bytes)
                 });
-                // If a bit of the announced image was disturbed, it cannot be determined which image FRESH announced.
+                // After a disturbance of the announced image's bits, it is not known which image FRESH announced.
                 let hit = offered.as_ref().is_some_and(|offered| unsound(at) && !offered.is_sound());
                 if *high {
                     let excused = self.service.rise(at, offered.is_some()) || hit;
@@ -170,7 +162,7 @@ impl Ssi {
         }
     }
 
-    /// Judges how long FRESH was high or low when it falls or rises.
+    /// Judges how long FRESH was high or low before this change.
     fn pulse(&mut self, at: u64, high: bool, findings: &mut Findings) {
         if let Some(since) = self.high_since.take().filter(|since| !high && at < since + bounds::FRESH_WIDTH) {
             findings.add(Violation::FreshShort, since, || format!("{} ns", at - since));

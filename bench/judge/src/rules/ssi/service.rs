@@ -7,40 +7,35 @@ use crate::disturbance::{Disturbances, Excuse};
 use crate::read::Reading;
 use crate::{Findings, Max, Violation};
 
-/// Whether a transaction read an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Read {
-    /// The transaction read an image.
     Image,
-    /// Every byte that the transaction read was 0xFF.
+    /// Every byte was 0xFF.
     Nothing,
-    /// The transaction read too few bytes to tell whether they are those of an image.
+    /// Too few bytes were read to recognise an image.
     Unknown,
 }
 
 impl Read {
-    /// Returns whether the transaction `reading` read an image. `busy` is set if the DPR's SPI peripheral did not serve
-    /// the transaction.
+    /// Returns whether `reading` read an image. With `busy`, the DPR's SPI peripheral did not serve the transaction.
     pub(super) fn of(reading: &Reading, busy: bool) -> Self {
         match reading.silent {
             false => Self::Image,
-            // A few bytes of an image may be 0xFF, but a whole Link-Status cannot be, because no CRC accepts that.
+            // A few bytes of an image may be 0xFF, but not a whole Link-Status: its CRC would be wrong.
             true if busy || reading.miso.len() >= LinkStatus::SIZE => Self::Nothing,
             true => Self::Unknown,
         }
     }
 }
 
-/// The reason why the processor, and not the SPI peripheral, has the SSI's buffers.
+/// Why the processor, and not the SPI peripheral, has the SSI's buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Why {
-    /// A transaction that was served has ended, so hardware gave the buffers to the processor.
+    /// Hardware gave the buffers to the processor at the end of a transaction.
     Transaction,
-    /// The image's time is over, so hardware took the buffers. The processor has nothing to give back until the next
-    /// image.
+    /// Hardware took the buffers because the image's time is over; they are not due back until the next image.
     Expiry,
-    /// The processor took the buffers by itself, neither at the end of a transaction nor at the end of the image's
-    /// time.
+    /// The processor took the buffers by itself.
     Own,
 }
 
@@ -50,29 +45,28 @@ struct Hold {
     why: Why,
 }
 
-/// The end of a transaction after which the DPR is not ready for the next one yet.
+/// The end of a transaction after which the DPR is not ready yet.
 #[derive(Clone, Copy, Debug)]
 struct Pending {
-    /// The instant, ns, from which on the DPR has [`bounds::SSI_READY`] to become ready: the end of the transaction, or
-    /// the end of the pause that followed the transaction before.
+    /// The instant, ns, from which [`bounds::SSI_READY`] counts: a transaction's end, or the end of a pause.
     since: u64,
-    /// Whether there is an image to be read, so that the DPR has to become ready.
+    /// Whether the DPR has to become ready, because there is an image to be read.
     owed: bool,
 }
 
 /// A series of consecutive transactions that read only 0xFF.
 #[derive(Clone, Copy, Debug)]
 struct Streak {
-    /// The instant, ns, at which chip select fell for the first transaction of the series.
+    /// The instant, ns, at which the first transaction began.
     first: u64,
-    /// The instant, ns, at which chip select fell for the last transaction of the series.
+    /// The instant, ns, at which the last transaction began.
     last: u64,
     count: u64,
-    /// Whether the processor held the buffers for too long during the series, which is reported separately.
+    /// Whether the processor held the buffers for too long, which is reported separately.
     explained: bool,
-    /// Whether the series has been reported as a silence of the DPR.
+    /// Whether the series has been reported as [`Violation::Silent`].
     told: bool,
-    /// Whether the first transaction of the series had no reason to read only 0xFF.
+    /// Whether the first transaction had no reason to read only 0xFF.
     unserved: bool,
 }
 
@@ -82,42 +76,35 @@ impl Streak {
     }
 }
 
-/// What is known of how the DPR serves transactions.
 #[derive(Clone, Debug)]
 pub(super) struct Service {
     powered: bool,
-    /// Whether the DPR hangs because the bench stopped its core.
     hung: bool,
-    /// The instant, ns, at which the DPR last started.
     since: u64,
     /// The instant, ns, at which the DPR was first ready after its last start.
     started: Option<u64>,
     never_told: bool,
-    /// The instant, ns, since which the flight controller has made no transaction.
+    /// The instant, ns, since which there was no transaction.
     quiet_since: u64,
     quiet_told: bool,
     under_way: bool,
-    /// The instant, ns, at which the last transaction began.
     began: u64,
-    /// The instant, ns, at which the last transaction ended that was longer than a cycle.
+    /// The instant, ns, at which the last transaction longer than a cycle ended.
     long_ended: u64,
-    /// Whether the DPR does not serve the transaction under way.
     busy: bool,
-    /// Whether the DPR may leave the transaction under way unserved, because the transaction before has just ended or
-    /// the image's time is over.
+    /// Whether the DPR may leave the present transaction unserved: just after another one, or after the image's time.
     may_be_busy: bool,
-    /// The instant, ns, at which FRESH first rose during the transaction under way.
+    /// The instant, ns, at which FRESH first rose during the present transaction.
     rose_within: Option<u64>,
     hold: Option<Hold>,
-    /// The instant, ns, until which the DPR may pause and need not notice the end of a transaction.
+    /// The instant, ns, until which the DPR may pause and need not detect the end of a transaction.
     paused_until: u64,
     pending: Option<Pending>,
-    /// The instant, ns, at which FRESH rose although the DPR did not have to become ready. No other bound then says
-    /// when the image has to be readable.
+    /// The instant, ns, of a rise of FRESH after which no other bound limits when the image is readable.
     claimed: Option<u64>,
     ready_at: Option<u64>,
     rose_at: Option<u64>,
-    /// The number of transactions that the DPR has served since FRESH last rose.
+    /// The number of transactions served since FRESH last rose.
     served: u32,
     streak: Option<Streak>,
     longest: Option<u64>,
@@ -151,13 +138,11 @@ impl Service {
         }
     }
 
-    /// Resets the state because the DPR starts anew. Service that was overdue before is not reported, because the
-    /// restart itself is judged.
+    /// Resets the state at a start of the DPR. Overdue service is not reported, because the restart is judged.
     fn restart(&mut self, since: u64) {
         let Self { powered, quiet_since, quiet_told, longest, under_way, .. } = *self;
-        // The DPR's SPI peripheral does not serve a transaction that is under way at the DPR's start. Two instants need
-        // not be kept: the beginning of that transaction, and the end of an earlier long transaction. They are used
-        // only when the time for a start is over, and a transaction that is still under way then is a long one itself.
+        // A transaction that is under way at the start is not served. Its beginning matters only after the time for a
+        // start.
         let busy = under_way;
         *self = Self { powered, since, quiet_since, quiet_told, longest, under_way, busy, ..Self::new() };
     }
@@ -172,8 +157,7 @@ impl Service {
         self.restart(at);
     }
 
-    /// Records that the DPR hangs from the instant `at` on. Service that was overdue by then is reported. After that
-    /// the DPR need not serve anything until its next start.
+    /// Records that the DPR hangs from the instant `at` on, and reports the service that was overdue by then.
     pub(super) fn hang(&mut self, at: u64, findings: &mut Findings) {
         self.settle(at, findings);
         self.end_streak(findings);
@@ -183,12 +167,11 @@ impl Service {
     /// Records that the flight controller misuses the SSI, so that the DPR need not serve it.
     pub(super) fn misused(&mut self) {
         (self.claimed, self.streak) = (None, None);
-        // If the processor takes the buffers now, it is because of the misused transaction.
+        // The processor may now take the buffers because of the misused transaction.
         self.pending.iter_mut().for_each(|pending| pending.owed = false);
     }
 
-    /// Reports at `now` that the DPR should be ready and is not, or that the flight controller should have made a
-    /// transaction.
+    /// Reports that the DPR should be ready by `now`, or that the flight controller should have made a transaction.
     pub(super) fn pass(&mut self, now: u64, disturbances: &Disturbances, findings: &mut Findings) {
         if !self.powered {
             return;
@@ -209,8 +192,7 @@ impl Service {
         }
     }
 
-    /// Records a rise of FRESH; `offers` is set if a transaction could begin. If none could, returns whether there is a
-    /// reason for that.
+    /// Records a rise of FRESH. Returns whether there is a reason why no transaction could begin, if `offers` is false.
     pub(super) fn rise(&mut self, at: u64, offers: bool) -> bool {
         (self.rose_at, self.served) = (Some(at), 0);
         if self.under_way {
@@ -261,12 +243,11 @@ impl Service {
         let just = self.quiet_since.max(self.paused_until).max(self.rose_at.unwrap_or(0));
         self.may_be_busy = at <= just + bounds::SSI_READY || self.is_expired(at);
         self.rose_within = None;
-        // If a flight controller does not wait as long as it has to, a transaction that is not served is no fault of
-        // the DPR.
+        // If the flight controller does not wait as long as it has to, the DPR need not serve the transaction.
         self.pending = self.pending.filter(|pending| at.saturating_sub(pending.since) > bounds::SSI_READY);
     }
 
-    /// Judges a transaction; `whole` is set if the DPR ran during the whole transaction.
+    /// Judges a transaction. With `whole`, the DPR ran throughout it.
     pub(super) fn transaction(&mut self, reading: &Reading, whole: bool, findings: &mut Findings) {
         let at = reading.deselected;
         let busy = std::mem::take(&mut self.busy);
@@ -276,7 +257,7 @@ impl Service {
         }
         self.quiet_told = false;
         self.quiet_since = self.quiet_since.max(at);
-        // The DPR's SPI peripheral does not serve a transaction that began before the DPR was first ready.
+        // A transaction that began before the DPR was first ready is not served.
         if !whole || self.started.is_none_or(|started| reading.selected < started) {
             return;
         }
@@ -298,7 +279,6 @@ impl Service {
         }
     }
 
-    /// Returns whether the time of the image may be over at the instant `at`.
     fn is_expired(&self, at: u64) -> bool {
         self.rose_at.is_some_and(|rose| at >= rose + bounds::EXPIRY_EARLIEST)
     }
@@ -307,15 +287,13 @@ impl Service {
         self.longest = self.longest.max(Some(ns));
     }
 
-    /// Records that the DPR is ready to serve the next transaction.
     fn served_again(&mut self, at: u64) {
         if let Some(Pending { since, owed: true }) = self.pending {
             self.took(at.saturating_sub(since));
         }
     }
 
-    /// Reports what the DPR should have done before `now` and has not, because it is ready for the next transaction or
-    /// the run is over.
+    /// Reports what the DPR should have done before `now`, when it is ready for the next transaction or the run ends.
     fn settle(&mut self, now: u64, findings: &mut Findings) {
         if let Some(Pending { since, owed: true }) = self.pending.take() {
             self.waited(Violation::NotReady, since, now, findings);
@@ -340,14 +318,13 @@ impl Service {
         }
     }
 
-    /// Records a transaction that read only 0xFF; `unserved` is set if there was no reason for that.
+    /// Records a transaction that read only 0xFF. With `unserved`, there was no reason for that.
     fn read_nothing(&mut self, selected: u64, unserved: bool, findings: &mut Findings) {
         let new = Streak { first: selected, last: selected, count: 0, explained: false, told: false, unserved };
         let streak = self.streak.get_or_insert(new);
         streak.last = selected;
         streak.count += 1;
-        // If a DPR hangs, its watchdog restarts it, and another violation is reported. A series of transactions has to
-        // be longer than that takes before it counts as a silence.
+        // A DPR that hangs is restarted and judged by another rule, so only a longer series is a silence.
         if streak.last - streak.first > bounds::EXPIRY + bounds::START {
             self.silence(findings);
         }
@@ -378,7 +355,6 @@ impl Service {
         self.end_streak(findings);
     }
 
-    /// Returns the longest time from the rise of chip select until the DPR can serve the next transaction.
     pub(super) fn figure(&self) -> Option<Max> {
         Max::of(self.longest)
     }

@@ -7,7 +7,6 @@ use crate::testing::MS;
 const MUST: Option<bool> = Some(true);
 const MAY: Option<bool> = Some(false);
 
-/// Returns the line of a receiver on a bus from which HORUS has just read a message in time.
 fn read_before() -> Line {
     let mut line = Line::new();
     assert_eq!(line.read((0, MS), 100, 0, true), MAY, "the first that it reads");
@@ -15,8 +14,8 @@ fn read_before() -> Line {
     line
 }
 
-/// Returns whether HORUS must or may use bytes that it reads from a receiver on a bus. HORUS reads them within 1 ms
-/// from `at` on, and at the end of that 1 ms they have waited for `waited` ns.
+/// Returns whether HORUS must or may use bytes of a receiver on a bus. HORUS reads them from `at` on within 1 ms, and
+/// at the end they have waited for `waited` ns.
 fn read(line: &mut Line, at: u64, waited: u64) -> Option<bool> {
     line.read((at, at + MS), 100, at + MS - waited, true)
 }
@@ -25,7 +24,7 @@ fn read(line: &mut Line, at: u64, waited: u64) -> Option<bool> {
 fn a_message_that_has_waited_too_long_must_be_dropped() {
     let once = |waited| read(&mut read_before(), 100 * MS, waited);
     assert_eq!((once(NEWS), once(NEWS + 1)), (MUST, MAY));
-    // Whether bytes are too old depends on the instant at which the first of them begins to cross the bus.
+    // Age counts at the start of the transfer, 1 ms before its end.
     assert_eq!((once(TOO_OLD + MS), once(TOO_OLD + MS + 1)), (MAY, None));
 }
 
@@ -55,7 +54,6 @@ fn what_waits_beyond_one_reading_may_be_dropped() {
     line.offered(200 * MS, &vec![0; READ_AT_ONCE as usize]);
     line.offered(200 * MS, &[0]);
     assert_eq!(read(&mut line, 200 * MS, MS), MAY);
-    // HORUS may also drop the first bytes that it reads after its start.
     let mut line = read_before();
     line.forget(100 * MS);
     assert_eq!((read(&mut line, 200 * MS, MS), read(&mut line, 210 * MS, MS)), (MAY, MUST));

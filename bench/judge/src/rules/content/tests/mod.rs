@@ -1,5 +1,4 @@
-//! Describes a run in which receivers send messages and HORUS sends their values. Each test makes a change in it that
-//! the judge has to find.
+//! A run in which receivers send messages and HORUS sends their values. Each test makes one change.
 
 mod buses;
 mod doubt;
@@ -14,10 +13,9 @@ use profile::{ABSENT_F32, ABSENT_F64, FixType, GpsStatus, GpsValues, HorusState,
 use super::*;
 use crate::testing::{BYTE_NS, Events, FIRST_TICK, MS, found, header, silent_gps};
 
-/// A group of messages that a receiver puts on its line at once.
 #[derive(Clone, Debug)]
 struct Burst {
-    /// The instant, ns, at which the first byte of the burst begins to cross the line.
+    /// The instant, ns, at which the burst's first byte begins.
     at: u64,
     pvt: Option<NavPvt>,
     att: Option<NavAtt>,
@@ -27,8 +25,7 @@ struct Burst {
 }
 
 impl Burst {
-    /// Returns a burst of all three messages. Its values follow from `number`, so each burst has other values than the
-    /// next.
+    /// Returns a burst of all three messages, with values that follow from `number`.
     fn new(at: u64, number: u32, period_ms: u32) -> Self {
         let itow_ms = 400_000_000 + number * period_ms;
         let step = number as i32;
@@ -67,13 +64,12 @@ impl Burst {
         pvt.chain(self.att.iter().flat_map(NavAtt::encode)).chain(self.ins.iter().flat_map(EsfIns::encode)).collect()
     }
 
-    /// Returns the instant, ns, at which the burst's last byte has crossed the line.
+    /// Returns the instant, ns, at which the burst has arrived.
     fn arrived(&self) -> u64 {
         self.at + self.bytes().len() as u64 * BYTE_NS
     }
 
-    /// Returns the values that a GPS object has in the cycle of this timestamp if it shows this burst and the burst is
-    /// young enough.
+    /// Returns the values of a GPS object of this timestamp that shows this burst.
     fn values(&self, timestamp: u32) -> GpsValues {
         let mut values = GpsValues::absent(timestamp);
         let age = tick(u64::from(timestamp / CYCLE_MS)).saturating_sub(self.arrived());
@@ -97,7 +93,6 @@ impl Burst {
     }
 }
 
-/// A run, described by what each receiver sends.
 #[derive(Clone, Debug)]
 struct Scene {
     receivers: Vec<Vec<Burst>>,
@@ -105,15 +100,14 @@ struct Scene {
     cycles: u64,
 }
 
-/// The difference between the numbers of a receiver's bursts and those of the receiver before it. Because of this
-/// difference each receiver is 2.2 m north and 1.5 m west of the one before, and its acceleration is greater by 0.2
-/// m/s² along each axis.
+/// The difference between the burst numbers of two neighbouring receivers. It puts each receiver 2.2 m north and 1.5 m
+/// west of the one before, with an acceleration greater by 0.2 m/s² along each axis.
 const APART: u32 = 200;
-/// The first cycle that shows HORUS's inputs, since HORUS first needs three samples of them.
+/// The first cycle that shows HORUS's inputs, which need three samples.
 const INPUTS_KNOWN: u64 = 4;
-/// The instant, ns, of the receivers' first burst. A further burst follows every 100 ms.
+/// The instant, ns, of the first burst; a burst follows every 100 ms.
 const FIRST_BURST: u64 = 45 * MS;
-/// The number of a tick that is not close to the arrival of a message, and by which the receivers' period is known.
+/// The number of a tick when the receivers' period is known and no message is arriving.
 const STEADY: u64 = 51;
 
 impl Scene {
@@ -134,7 +128,6 @@ impl Scene {
         Self { receivers: (0..gps as u32).map(receiver).collect(), period_ms, cycles }
     }
 
-    /// Returns the values that GPS object `receiver` (from 0) shows at `tick`.
     fn shown(&self, receiver: usize, tick: u64, timestamp: u32) -> GpsValues {
         let taken = |burst: &&Burst| burst.arrived() + MS <= tick;
         let bursts = self.receivers[receiver].iter().take_while(taken);
@@ -147,10 +140,9 @@ impl Scene {
         GpsValues { status: aged(status, &last.values(timestamp)), ..values }
     }
 
-    /// Returns the events of the run. `change` may change what HORUS sends in a cycle (counted from 1). If `change`
-    /// does not change Reported-Position, it is the vote over the GPS objects after the change. Once HORUS's inputs are
-    /// known, HORUS reports the state `Monitoring` while the vote has a result, and `PositionLost` if the vote had a
-    /// result only before.
+    /// Returns the events of the run. `change` may change what HORUS sends in a cycle (from 1). Unless `change` does
+    /// so, Reported-Position is the vote over the changed GPS objects, and HORUS's state is `Monitoring` or
+    /// `PositionLost`.
     fn events(&self, mut change: impl FnMut(u64, &mut ReportedValues, &mut [GpsValues])) -> Events {
         let gps = self.receivers.len();
         let mut events = Events::new(gps);
@@ -191,13 +183,11 @@ impl Scene {
         events
     }
 
-    /// Returns the violations that are found in the run if `change` changes what HORUS sends.
     fn said(&self, change: impl FnMut(u64, &mut ReportedValues, &mut [GpsValues])) -> Vec<(Violation, u64)> {
         kinds(&self.events(change))
     }
 
-    /// Returns the violations that are found if `change` changes GPS1 in cycle `number`, and Reported-Position follows
-    /// from the changed GPS1.
+    /// Returns the violations if `change` changes GPS1, and with it Reported-Position, in cycle `number`.
     fn gps1(&self, number: u64, change: impl Fn(&mut GpsValues)) -> Vec<(Violation, u64)> {
         self.said(|cycle, as_reported, gps| {
             if cycle == number {
@@ -208,12 +198,11 @@ impl Scene {
     }
 }
 
-/// Returns `status`, but with the age of the solution that the status of `gps` states.
+/// Returns `status` with the age of the solution in the status of `gps`.
 fn aged(status: GpsStatus, gps: &GpsValues) -> GpsStatus {
     status.with_solution_age_ms(gps.status.solution_age_ms().map(u32::from))
 }
 
-/// Returns the instant of a cycle's tick, ns.
 fn tick(number: u64) -> u64 {
     FIRST_TICK + (number - 1) * bounds::CYCLE
 }
@@ -223,12 +212,11 @@ fn cycle_after(burst: &Burst, age: u64) -> u64 {
     (burst.arrived() + age - FIRST_TICK).div_ceil(bounds::CYCLE) + 1
 }
 
-/// Returns the Reported-Position that is voted from a single receiver.
 fn reported(gps: &GpsValues) -> ReportedValues {
     voted(std::slice::from_ref(gps))
 }
 
-/// Returns the voted position of receivers that do not move: the median of those that are valid and not excluded.
+/// Returns the vote of receivers that do not move: the median of those that are valid and not excluded.
 fn voted(gps: &[GpsValues]) -> ReportedValues {
     let members: Vec<_> =
         gps.iter().filter(|gps| gps.status.position_valid() && !gps.status.excluded()).copied().collect();
@@ -242,8 +230,7 @@ fn voted(gps: &[GpsValues]) -> ReportedValues {
         let values: Vec<f64> = members.iter().map(of).filter(|value| !value.is_nan()).collect();
         if values.len() < least { None } else { middle(values) }
     };
-    // The voted attitude or acceleration is valid if a quorum of receivers has it and no two values differ by more than
-    // the limits. Angles are compared on the circle, where no difference exceeds pi.
+    // A quorum must have the values, and no two may differ by more than the limits. Angles differ by pi at most.
     let are_agreed = |of: &[[f32; 3]], limits: [f64; 3]| {
         let off = |axis: usize, one: &[f32; 3], its: &[f32; 3]| (f64::from(one[axis]) - f64::from(its[axis])).abs();
         let turned = |off: f64| if limits[0] < 0.1 { off.min(std::f64::consts::TAU - off) } else { off };
@@ -280,8 +267,7 @@ fn voted(gps: &[GpsValues]) -> ReportedValues {
     }
 }
 
-/// Returns the median of the values, which is the mean of the middle two for an even number of values; `None` without
-/// values.
+/// Returns the median, for an even number of values the mean of the middle two; `None` without values.
 fn middle(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let (low, high) = (values.len().checked_sub(1)? / 2, values.len() / 2);

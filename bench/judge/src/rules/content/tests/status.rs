@@ -3,7 +3,7 @@ use super::*;
 
 #[test]
 fn every_bit_of_the_status_is_judged() {
-    // Bit 10, the lowest bit of the solution's age, is not among these bits, because either value of it may be right.
+    // Bit 10, the lowest bit of the solution's age, may have either value.
     for bit in [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 12, 13, 14, 15] {
         let said = Scene::new(3).said(|cycle, _, gps| {
             if cycle == STEADY {
@@ -52,7 +52,6 @@ fn a_receiver_that_was_never_heard_is_stale_and_nothing_else() {
     assert_eq!(scene.gps1(STEADY, |gps| gps.latitude = -f64::NAN), CONTENT, "another NaN than the design's");
 }
 
-/// Returns a run whose receivers fall silent after burst number `last`.
 fn silent_after(last: usize, period_ms: u32) -> Scene {
     let mut scene = Scene::with_period(1, period_ms);
     scene.receivers[0].truncate(last + 1);
@@ -66,8 +65,7 @@ fn a_receiver_that_falls_silent_takes_its_validity_along() {
     }
 }
 
-/// Returns the violations that are found if `change` changes GPS1 in the cycle at which the last burst, number 5, is
-/// `age` ms old.
+/// Returns the violations that are found if `change` changes GPS1 when the last burst, number 5, is `age` ms old.
 fn at_age(age: u64, change: impl Fn(&mut GpsValues, &Burst)) -> Vec<(Violation, u64)> {
     let scene = silent_after(5, 100);
     let last = &scene.receivers[0][5];
@@ -155,8 +153,8 @@ fn a_receiver_that_repeats_its_time_of_week_renews_nothing() {
     assert_eq!(run(350 * MS)[0].0, Violation::StatusWrong);
 }
 
-/// Returns whether a receiver's position may still be valid at this age, and whether it may be invalid already. The
-/// receiver's period is `first` ms and then each of `steps`, until the receiver falls silent.
+/// Returns whether a receiver's position may still be valid at this age, and whether it may be invalid. The receiver's
+/// period is `first` ms and then each of `steps`, until it falls silent.
 fn after_steps(first: u32, steps: &[u32], age: u64) -> [bool; 2] {
     let steps: Vec<u32> = std::iter::repeat_n(first, 12).chain(steps.iter().copied()).collect();
     let (mut scene, mut at, mut itow) = (Scene::new(1), FIRST_BURST, 400_000_000);

@@ -7,7 +7,7 @@ fn a_flawless_run_has_its_figures_and_no_violation() {
         let scene = Scene::new(gps);
         let (broken, figures) = found(Content::new(&header(gps)), &scene.events(unchanged).log());
         assert_eq!(broken, []);
-        // NAV-PVT is the first message of the burst, so the position has arrived before the burst is complete.
+        // NAV-PVT comes first in the burst, so the position arrives before the burst is complete.
         let last = scene.receivers[0].iter().rfind(|burst| burst.arrived() <= tick(120) + 9 * MS).unwrap();
         let arrived = last.at + NavPvt::WIRE as u64 * BYTE_NS;
         assert_eq!(figures.last_solution_ns, vec![Some(arrived); gps]);
@@ -85,15 +85,12 @@ fn a_message_may_be_shown_until_its_successor_must_be_taken() {
         |cycle: u64| scene.gps1(cycle, |gps| *gps = GpsValues { status: gps.status, ..old.values(gps.timestamp) });
     assert_eq!(still_old(first), []);
     assert_eq!(still_old(cycle_after(newest, bounds::MESSAGE_TAKEN)), CONTENT);
-    // HORUS cannot show the values of a message before the message arrives.
     let already =
         |cycle: u64| scene.gps1(cycle, |gps| *gps = GpsValues { status: gps.status, ..newest.values(gps.timestamp) });
     assert_eq!(already(first), []);
     assert_eq!(already(first - 1), CONTENT);
 }
 
-/// Checks at which instants HORUS may show a message. For this the arrival of the message's last byte is moved by
-/// single nanoseconds.
 #[test]
 fn the_bands_of_taking_a_message_are_as_stated() {
     let shows = |arrives_after_tick: i64, new: bool| {
@@ -140,8 +137,7 @@ fn of_a_kind_two_messages_that_arrive_together_either_may_be_shown() {
     }
 }
 
-/// Returns the violations that are found if `change` changes each NAV-PVT message and HORUS shows the position of these
-/// messages.
+/// Returns the violations that are found if `change` changes each NAV-PVT message and HORUS shows the changed position.
 fn position(change: impl Fn(&mut NavPvt), shown: Option<bool>, fix: u16) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     for burst in &mut scene.receivers[0] {
@@ -224,7 +220,6 @@ fn a_position_is_valid_only_in_the_ranges_of_decision_15() {
         assert_eq!(position(|pvt| change(pvt, wrong), None, 3), [], "{wrong}");
         let mut scene = Scene::new(1);
         scene.receivers[0].iter_mut().for_each(|burst| burst.pvt.iter_mut().for_each(|pvt| change(pvt, wrong)));
-        // HORUS shows the position as valid although its message makes it invalid.
         assert_eq!(scene.said(unchanged)[0].0, Violation::StatusWrong, "{wrong}");
         scene.receivers[0].iter_mut().for_each(|burst| burst.pvt.iter_mut().for_each(|pvt| change(pvt, right)));
         let kinds: Vec<_> = scene.said(unchanged).into_iter().map(|(violation, _)| violation).collect();

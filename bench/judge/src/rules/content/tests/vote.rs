@@ -11,8 +11,7 @@ const EXCLUSION: [(Violation, u64); 1] = [(Violation::ExclusionWrong, 1)];
 /// The number of 10⁻⁷ degrees of latitude in a metre, at 47.5 degrees.
 const PER_METRE: f64 = 89.94;
 
-/// Returns a scene of receivers that stand still. For each, `places` has its distance north of the origin and above it,
-/// m.
+/// Returns a scene of receivers that stand still, each at its distance, m, north of the origin and above it.
 fn standing(places: &[(f64, f64)]) -> Scene {
     let mut scene = Scene::of_cycles(places.len(), 100, 120);
     for (receiver, (north, up)) in places.iter().enumerate() {
@@ -25,7 +24,7 @@ fn standing(places: &[(f64, f64)]) -> Scene {
     scene
 }
 
-/// Returns a scene of receivers that stand close together, except that GPS2 is 100 m away in the bursts of this range.
+/// Returns a scene of receivers that stand close together, but GPS2 is 100 m away in these bursts.
 fn strayed(gps: usize, bursts: std::ops::Range<usize>) -> Scene {
     let mut scene = Scene::of_cycles(gps, 100, 260);
     for burst in &mut scene.receivers[1][bursts] {
@@ -34,19 +33,18 @@ fn strayed(gps: usize, bursts: std::ops::Range<usize>) -> Scene {
     scene
 }
 
-/// Returns the number of the first cycle that shows burst `number` of GPS2.
+/// Returns the first cycle that shows burst `number` of GPS2.
 fn shows(scene: &Scene, number: usize) -> u64 {
     let burst = &scene.receivers[1][number];
     cycle_after(&Burst { att: None, ins: None, ..burst.clone() }, 0).max(cycle_after(burst, MS))
 }
 
-/// Returns the violations that are found if HORUS shows GPS2 as excluded in these cycles.
 fn excluded(scene: &Scene, cycles: std::ops::Range<u64>) -> Vec<(Violation, u64)> {
     scene.said(|cycle, _, gps| gps[1].status = gps[1].status.with_excluded(cycles.contains(&cycle)))
 }
 
-/// Returns the violations that are found if HORUS excludes these receivers from the second cycle on in which all
-/// receivers are valid. In the first such cycle the vote has no result yet.
+/// Returns the violations that are found if HORUS excludes these receivers. The exclusion begins one cycle after all
+/// receivers are valid, when the vote first has a result.
 fn without(scene: &Scene, receivers: &[usize]) -> Vec<Violation> {
     let mut before = false;
     let said = scene.said(|_, reported, gps| {
@@ -63,8 +61,7 @@ fn without(scene: &Scene, receivers: &[usize]) -> Vec<Violation> {
     said.into_iter().map(|(violation, _)| violation).collect()
 }
 
-/// Returns the violations that are found if Reported-Position is the vote of these receivers alone and no receiver is
-/// excluded.
+/// Returns the violations if Reported-Position is the vote of these receivers and no receiver is excluded.
 fn of_members(scene: &Scene, members: &[usize]) -> Vec<Violation> {
     let mut before = false;
     let said = scene.said(|_, reported, gps| {
@@ -78,7 +75,6 @@ fn of_members(scene: &Scene, members: &[usize]) -> Vec<Violation> {
     said.into_iter().map(|(violation, _)| violation).collect()
 }
 
-/// Returns the violations that are found if no Reported-Position has a valid position.
 fn none(scene: &Scene) -> Vec<Violation> {
     let said = scene.said(|_, reported, gps| {
         *reported = ReportedValues { status: reported.status, ..ReportedValues::absent(gps[0].timestamp) };
@@ -87,7 +83,6 @@ fn none(scene: &Scene) -> Vec<Violation> {
     said.into_iter().map(|(violation, _)| violation).collect()
 }
 
-/// Returns the violations that are found if `change` changes Reported-Position in one cycle.
 fn changed(gps: usize, change: impl Fn(&mut ReportedValues)) -> Vec<(Violation, u64)> {
     Scene::new(gps).said(|cycle, reported, _| {
         if cycle == STEADY {
@@ -121,7 +116,7 @@ fn who_was_excluded_is_in_the_figures() {
     let figures: Figures = found(Content::new(&header(3)), &events.log()).1;
     let [exclusion] = figures.voter.exclusions[..] else { panic!("{:?}", figures.voter) };
     assert_eq!((exclusion.receiver, exclusion.from_ns, exclusion.until_ns), (2, tick(from), Some(tick(until))));
-    // The distance in the exclusion is that from GPS3, which is 2.2 m north and 1.5 m west of GPS2.
+    // The farthest receiver is GPS3, 2.2 m north and 1.5 m west of where GPS2 was before.
     assert!((exclusion.away_m.unwrap() - 102.2).abs() < 0.2, "{exclusion:?}");
     assert!((exclusion.height_m.unwrap() - 0.2).abs() < 0.01, "{exclusion:?}");
     let before = figures.voter.none;
@@ -134,7 +129,7 @@ fn who_was_excluded_is_in_the_figures() {
 fn a_receiver_that_strays_has_no_vote() {
     let scene = strayed(3, 5..9);
     let (from, until) = (shows(&scene, 5), shows(&scene, 9));
-    // The voter may exclude the receiver a cycle after the receiver's object shows the stray position.
+    // The voter may exclude the receiver one cycle after its object shows the stray position.
     assert_eq!(excluded(&scene, 0..0), [(Violation::VoteWrong, until - from - 1)]);
     assert_eq!(excluded(&scene, from + 1..until + 100), []);
     assert_eq!(excluded(&scene, from + 2..until + 100), VOTE);
@@ -144,8 +139,7 @@ fn a_receiver_that_strays_has_no_vote() {
 fn a_receiver_is_not_excluded_without_a_cause() {
     let scene = Scene::new(3);
     assert_eq!(excluded(&scene, 0..0), []);
-    // One violation is the beginning of the exclusion, and the other is the end of the exclusion, which comes too
-    // early.
+    // The exclusion has no cause, and ends before a second has passed.
     assert_eq!(excluded(&scene, STEADY..STEADY + 10), [(Violation::ExclusionWrong, 2)]);
     assert_eq!(excluded(&scene, STEADY..121), EXCLUSION);
     let mut scene = Scene::new(3);
@@ -196,7 +190,7 @@ fn a_result_needs_a_quorum_and_more_receivers_than_oppose_it() {
             }
         }
     }
-    // Two of five receivers are too few even if the others are silent, whereas one of two is enough.
+    // Two of five receivers are too few even if the others are silent; one of two is enough.
     for (speak, gps, least) in [(1, 2, 1), (1, 3, 2), (2, 3, 2), (2, 5, 3), (3, 5, 3)] {
         let mut scene = standing(&vec![(0.0, 0.0); gps]);
         scene.receivers[speak..].iter_mut().for_each(Vec::clear);
@@ -216,7 +210,7 @@ fn the_result_must_come_from_a_largest_set_of_agreeing_receivers() {
     assert_eq!(of_members(&scene, &[1, 2, 3, 4]), []);
     assert_eq!(of_members(&scene, &[0, 1, 2]), [Violation::VoteWrong]);
     assert_eq!(without(&scene, &[0]), [Violation::ExclusionWrong]);
-    // The judge does not prescribe which of two sets of agreeing receivers of the same size HORUS chooses.
+    // HORUS may choose either of two sets of the same size.
     let scene = standing(&[(0.0, 0.0), (9.0, 0.0), (22.0, 0.0)]);
     assert_eq!(of_members(&scene, &[1, 2]), []);
     assert_eq!(of_members(&scene, &[0, 1]), []);
@@ -226,13 +220,12 @@ fn the_result_must_come_from_a_largest_set_of_agreeing_receivers() {
         "they do not agree, and the others are elsewhere"
     );
     assert_eq!(of_members(&scene, &[0, 1, 2]), [Violation::VoteWrong]);
-    // A receiver that agrees with no other has to be excluded.
     let scene = standing(&[(0.0, 0.0), (0.0, 0.0), (100.0, 0.0)]);
     assert_eq!(of_members(&scene, &[0, 1]), [Violation::ExclusionWrong]);
 }
 
-/// Returns two lists of violations, for three receivers of which the third is `north` m north of the others and `up` m
-/// above them: those that are found if all three take part in the vote, and those that are found if the third does not.
+/// Returns the violations that are found with three receivers in the vote, and those with only the first two. The third
+/// is `north` m north of the others and `up` m above them.
 fn together(accuracy: [u32; 2], north: f64, up: f64) -> (Vec<Violation>, Vec<Violation>) {
     let mut scene = standing(&[(0.0, 0.0), (0.0, 0.0), (north, up)]);
     for pvt in scene.receivers.iter_mut().flatten().filter_map(|burst| burst.pvt.as_mut()) {
@@ -245,8 +238,8 @@ fn together(accuracy: [u32; 2], north: f64, up: f64) -> (Vec<Violation>, Vec<Vio
 fn two_receivers_agree_within_three_times_their_combined_accuracy() {
     let agree = (vec![], vec![Violation::ExclusionWrong]);
     let disagree = (vec![Violation::VoteWrong], vec![]);
-    // A position's age of up to 160 ms adds at most 5 cm to its accuracy. If their distance is within a further 1 % and
-    // 5 cm of the limit, two receivers may agree or disagree.
+    // A position's age of up to 160 ms adds at most 5 cm to its accuracy. Within a further 1 % and 5 cm of the limit,
+    // two receivers may agree or disagree.
     for (accuracy, along, high) in [
         ([100, 100], 5.0, 8.0),
         ([3_000, 3_000], 12.73, 12.73),
@@ -359,18 +352,17 @@ fn a_position_is_brought_to_the_tick() {
 
 #[test]
 fn a_position_is_older_if_its_message_comes_late() {
-    // GPS2 flies north between the two other receivers, which stand still. Each row states by how many ms each
-    // receiver's messages are late, and how many seconds old GPS2's position is when its message arrives.
+    // GPS2 flies north between two receivers that stand still. Each row states by how many ms each receiver's messages
+    // are late, and how old, s, GPS2's position is when its message arrives.
     for (late, before_arrival) in [
         ([0, 0, 0], 0.050),
         ([0, 40, 20], 0.070),
         ([20, 0, 40], 0.030),
         ([0, 40, 0], 0.090),
-        // The receivers' latencies in these rows differ by more than HORUS accepts.
+        // These latencies differ by more than HORUS accepts.
         ([0, 70, 0], 0.050),
         ([70, 0, 65], 0.050),
-        // In these rows it is uncertain whether HORUS accepts the latencies, because HORUS takes a message up to 12 ms
-        // after its arrival.
+        // These latencies are close to the limit: HORUS takes a message up to 12 ms after its arrival.
         ([0, 50, 0], 0.050),
         ([0, 50, 0], 0.100),
     ] {
@@ -379,7 +371,7 @@ fn a_position_is_older_if_its_message_comes_late() {
             for (number, burst) in (0..).zip(bursts) {
                 burst.at += late * MS;
                 let pvt = burst.pvt.as_mut().unwrap();
-                // The GPS week ends during the run, so the time of week begins again at zero.
+                // The GPS week ends during the run.
                 pvt.itow_ms = (WEEK_MS - 500 + 100 * number) % WEEK_MS;
             }
         }
@@ -490,9 +482,8 @@ fn attitude_and_acceleration_are_those_of_the_members_that_have_one() {
     assert_eq!(said, REPORTED);
 }
 
-/// Returns the violations that are found in a scene in which `bursts` changes the bursts. The first list is for a vote
-/// that follows the rules. The second is for a vote that `changed` changes in all cycles in which every receiver has
-/// sent messages.
+/// Returns the violations that are found in a scene with the changed `bursts`: for a vote by the rules, and for a vote
+/// that `changed` changes in all cycles in which every receiver has sent messages.
 fn of_three(
     gps: usize,
     bursts: impl Fn(usize, &mut Burst),
@@ -601,7 +592,6 @@ fn attitude_and_acceleration_take_a_quorum_that_agrees() {
             att.heading_1e5 %= 36_000_000;
             burst.ins.as_mut().unwrap().accelerations_1e2 = [front, 0, 0];
         };
-        // Reported-Position states the value although it must not, or omits the value although it must state it.
         let changed = |reported: &mut ReportedValues, gps: &[GpsValues]| {
             let of_front = off[3] != 0;
             if of_front {
@@ -622,7 +612,7 @@ fn attitude_and_acceleration_take_a_quorum_that_agrees() {
     }
 }
 
-/// Returns a scene of receivers that all jump this far north and up (m) in the bursts of this range.
+/// Returns a scene of receivers that all jump this far (m) north and up in these bursts.
 fn jumping(gps: usize, bursts: std::ops::Range<usize>, north: f64, up: f64) -> Scene {
     let mut scene = Scene::of_cycles(gps, 100, 300);
     for receiver in &mut scene.receivers {
@@ -635,14 +625,13 @@ fn jumping(gps: usize, bursts: std::ops::Range<usize>, north: f64, up: f64) -> S
     scene
 }
 
-/// Removes the voted position from Reported-Position, and leaves HORUS's state as it is.
+/// Removes the voted position, but leaves HORUS's state as it is.
 fn withhold(reported: &mut ReportedValues) {
     let state = reported.status.state().unwrap();
     *reported = ReportedValues::absent(reported.timestamp);
     reported.status = reported.status.with_degraded(true).with_state(state);
 }
 
-/// Returns the violations that are found if Reported-Position is not valid in these cycles.
 fn withheld(scene: &Scene, cycles: std::ops::Range<u64>) -> Vec<(Violation, u64)> {
     scene.said(|cycle, reported, _| {
         if cycles.contains(&cycle) {
@@ -651,7 +640,7 @@ fn withheld(scene: &Scene, cycles: std::ops::Range<u64>) -> Vec<(Violation, u64)
     })
 }
 
-/// Returns the cycle from which on HORUS votes on burst `number` of GPS1.
+/// Returns the first cycle in which HORUS votes on burst `number` of GPS1.
 fn voted_from(scene: &Scene, number: usize) -> u64 {
     cycle_after(&scene.receivers[0][number], MS)
 }
@@ -677,8 +666,7 @@ fn who_comes_back_from_a_jump_has_to_be_shown_at_once() {
     assert_eq!(withheld(&scene, from..until), []);
     // In the first of these cycles HORUS may still have voted on the burst before.
     assert_eq!(withheld(&scene, from..until + 4), [(Violation::VoteMissing, 3)]);
-    // The position is held back for 400 ms, then lies at its old place for one burst, and jumps again. The 400 ms do
-    // not count after that.
+    // The position is held back for 400 ms, returns for one burst, and jumps again. The 400 ms then do not count.
     let mut scene = jumping(3, 8..99, 1_000.0, 0.0);
     for receiver in &mut scene.receivers {
         receiver[12].pvt.as_mut().unwrap().latitude_1e7 -= (1_000.0 * PER_METRE) as i32;
@@ -706,7 +694,7 @@ fn a_step_within_200_m_s_and_the_accuracies_is_no_jump() {
     assert_eq!(missing(17.0, 0), []);
     assert_eq!(missing(17.0, 2)[0].0, Violation::VoteMissing);
     assert_eq!(missing(25.0, 0), VOTE);
-    // HORUS must show a voted position once an aircraft could have flown there, which takes 0.42 s for 100 m.
+    // An aircraft flies 100 m less the allowed step in 0.42 s.
     assert_eq!(missing(100.0, 42), []);
     assert_eq!(missing(100.0, 30), VOTE);
     assert_eq!(missing(100.0, 60)[0].0, Violation::VoteMissing);
@@ -723,7 +711,6 @@ fn what_is_held_back_moves_within_the_same_reach_or_begins_anew() {
     let (from, anew) = (voted_from(&scene, 8), voted_from(&scene, 13));
     assert_eq!(withheld(&scene, from..anew + 100), []);
     assert_eq!(withheld(&scene, from..from + 105), VOTE);
-    // In this scene the vote has no result to show for a while.
     let mut scene = jumping(1, 8..99, 1_000.0, 0.0);
     scene.receivers[0].drain(10..13);
     let again = voted_from(&scene, 10);
@@ -795,7 +782,7 @@ fn horus_is_starting_until_its_first_result() {
     assert_eq!(scene.said(unchanged), []);
     assert_eq!(scene.said(monitoring), REPORTED);
     assert_eq!(scene.said(lost), REPORTED, "there was none");
-    // After a cycle of which no frame arrives, it is not known whether the vote had a result before.
+    // After a cycle without a frame, it is not known whether the vote had a result before.
     let mut events = scene.events(lost);
     let unseen = tick(STEADY - 5);
     events.without(
@@ -822,19 +809,18 @@ fn horus_monitors_only_while_there_is_a_result() {
     assert_eq!(state(gone, HorusState::Monitoring), REPORTED);
 }
 
-/// Returns the violations that are found if HORUS restarts for `cause` while GPS2 is excluded. From the first cycle of
-/// the next start on, `excluded` says whether GPS2 and GPS3 are excluded.
+/// Returns the violations that are found if HORUS restarts for `cause` while GPS2 is excluded. `excluded` says whether
+/// GPS2 and GPS3 are excluded after the restart.
 fn after_restart(cause: Cause, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
     after_off(false, cause, reason, excluded)
 }
 
-/// Returns the violations that [`after_restart`] returns; if `off`, HORUS's supply is off for 10 ms before the restart.
+/// Like [`after_restart`]; with `off`, HORUS's supply is off for 10 ms before the restart.
 fn after_off(off: bool, cause: Cause, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
     after_cycles(&strayed(3, 5..26), 25, off, cause, reason, excluded)
 }
 
-/// Returns the violations that [`after_off`] returns, in a run of 3 receivers, with the restart `cycles` cycles after
-/// the first cycle in which GPS2 is excluded.
+/// Like [`after_off`], with the restart `cycles` cycles after the first cycle in which GPS2 is excluded.
 fn after_cycles(
     scene: &Scene,
     cycles: u64,
@@ -883,8 +869,7 @@ fn who_is_excluded_stays_so_over_a_restart_that_keeps_ram() {
 
 #[test]
 fn just_before_a_restart_an_unseen_vote_may_exclude_a_receiver() {
-    // All receivers send a burst just before the 20th cycle after the exclusion of GPS2. Only the listed receivers keep
-    // that burst.
+    // All receivers would send a burst just before the 20th cycle after the exclusion; only the listed receivers do.
     let found = |cycles: u64, speak: &[usize], excluded: [bool; 2]| {
         let mut scene = strayed(3, 5..26);
         for (receiver, bursts) in scene.receivers.iter_mut().enumerate() {
@@ -1007,8 +992,8 @@ fn while_ticks_are_not_regular_no_place_is_judged() {
     assert_eq!(kinds(&events), []);
 }
 
-/// HORUS votes for a tick in the cycle before that tick, with ages computed for the tick. If a position is too old at
-/// the tick, it takes no part in the vote, although the tick's object may show a newer position.
+/// HORUS votes in the cycle before the tick. A position that is too old at the tick does not count, even if the tick's
+/// object shows a newer one.
 #[test]
 fn a_position_that_expires_before_its_successor_comes_may_miss_one_vote() {
     let without_gps2 = |scene: &Scene, missed: u64| {
@@ -1020,7 +1005,6 @@ fn a_position_that_expires_before_its_successor_comes_may_miss_one_vote() {
             }
         })
     };
-    // A receiver's position is valid for 250 ms.
     for (silence, found) in [(246, &[][..]), (226, &VOTE)] {
         let mut scene = Scene::new(3);
         let bursts = &mut scene.receivers[1];

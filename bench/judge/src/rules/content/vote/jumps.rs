@@ -1,12 +1,10 @@
-//! Judges whether a voted place or altitude jumps, and for how long HORUS has to hold it back (decision 15, jumps). The
-//! judge determines both only as far as the log shows them.
+//! Judges whether a voted place or altitude jumps, and for how long HORUS has to hold it back (decision 15, jumps).
 //!
-//! A voted place or altitude jumps if its distance from the one that HORUS showed last is greater than the sum of two
-//! distances: what the aircraft flies at 200 m/s in the time between the two, and the distance within which two
-//! receivers of these accuracies agree. HORUS must not show a place or altitude that jumps until, for one second, the
-//! vote had a result at every tick and no result jumped from the one before. HORUS must show a place or altitude that
-//! does not jump, or that has lasted for that second. Close to these limits, and where it is not known what HORUS had
-//! to show, HORUS may show the place or altitude or not.
+//! A voted place or altitude jumps if it is too far from the one that HORUS showed last. The limit is the distance that
+//! the aircraft flies in the meantime at 200 m/s, and the distance within which two receivers of these accuracies
+//! agree. HORUS must not show a place or altitude that jumps until the vote has had a result without a jump at every
+//! tick for one second. HORUS must show it after that second, and any that does not jump. Close to these limits, and
+//! where the log does not determine them, HORUS may show it or not.
 
 use gnss_sim::{Geodetic, TangentPlane};
 
@@ -15,20 +13,19 @@ use crate::bounds;
 
 /// The voted place, or the voted altitude, at a tick.
 pub(super) trait Mark: Clone {
-    /// The least and the greatest value, m, of the distance within which the places or the altitudes of two receivers
-    /// agree.
+    /// The least and the greatest distance, m, within which two receivers may agree.
     const LIMITS_M: (f64, f64);
 
-    /// Returns the distance, m, from this place or altitude to the place or altitude `next`.
+    /// Returns the distance, m, to the later place or altitude `next`.
     fn way(&self, next: &Self) -> Range;
 
-    /// Returns the greatest inflated accuracy, m, among the receivers from which this place or altitude was voted.
+    /// Returns the greatest inflated accuracy, m, among the receivers of this vote.
     fn accuracy(&self) -> Range;
 
-    /// Returns a place or altitude whose ranges cover both this one and `other`.
+    /// Returns ranges that cover both places or altitudes.
     fn or(self, other: Self) -> Self;
 
-    /// Returns whether a place or altitude that is voted `ns` later is near enough to this one not to be a jump.
+    /// Returns whether `next`, voted `ns` later, is near enough not to be a jump.
     fn leads_to(&self, next: &Self, ns: u64) -> Relation {
         let Range { least, most } = self.way(next);
         let off = |distance: f64| distance * bounds::GEODESY_SHARE + bounds::ARITHMETIC_M;
@@ -37,7 +34,7 @@ pub(super) trait Mark: Clone {
             let (floor, ceiling) = Self::LIMITS_M;
             (bounds::AGREEMENT_SIGMAS * one.hypot(its)).clamp(floor, ceiling) + flown(ns)
         };
-        // HORUS counts its own ticks, so its clock's error widens the limits.
+        // HORUS counts time by its own ticks, so the error of its clock widens the limits.
         let slack = ns / (bounds::CYCLE / bounds::TICK_TOLERANCE);
         if least - off(least) > limit(one.most, its.most, ns + slack) {
             Relation::Disagree
@@ -48,20 +45,19 @@ pub(super) trait Mark: Clone {
         }
     }
 
-    /// Returns whether the place or altitude that is voted two ticks later can be reached without a jump, whatever was
-    /// voted at the tick between.
+    /// Returns whether `next`, voted two ticks later, can be reached without a jump, whatever the result in between.
     fn may_lead_by_two(&self, next: &Self) -> bool {
         let way = self.way(next).least * (1.0 - bounds::GEODESY_SHARE) - bounds::ARITHMETIC_M;
         way <= 2.0 * (Self::LIMITS_M.1 + flown(bounds::CYCLE + bounds::TICK_TOLERANCE))
     }
 }
 
-/// Returns the distance that is flown in `ns` at the greatest speed, m.
+/// Returns the distance, m, that is flown in `ns` at the greatest speed.
 fn flown(ns: u64) -> f64 {
     f64::from(bounds::FASTEST_MM_S) / 1e3 * ns as f64 / 1e9
 }
 
-/// A voted place on the ellipsoid, which is known to within `within` metres.
+/// A voted place on the ellipsoid, known to within `within` metres.
 #[derive(Clone, Debug)]
 pub(super) struct Spot {
     pub(super) at: Geodetic,
@@ -117,37 +113,33 @@ impl Mark for Level {
     }
 }
 
-/// The place or altitude that HORUS has to show at a tick.
+/// The vote's result for the place or the altitude at a tick.
 #[derive(Clone, Debug)]
 pub(super) struct Found<T> {
-    /// Whether the vote certainly has a result.
     pub(super) sure: bool,
-    /// Whether the vote may have a result.
     pub(super) may: bool,
-    /// The voted place or altitude if the vote has a result; `None` if the place or altitude is not known.
+    /// The voted place or altitude; `None` if it is not known.
     pub(super) mark: Option<T>,
 }
 
-/// The place or altitude that HORUS showed last.
 #[derive(Clone, Debug)]
 enum Last<T> {
     /// HORUS has shown no place or altitude since its start.
     Nothing,
-    /// It is not known which place or altitude HORUS showed.
     Unknown,
-    /// HORUS showed this place or altitude at this tick.
+    /// HORUS showed this place or altitude at the tick at this instant.
     At(u64, T),
 }
 
-/// The place or altitude that HORUS showed last, and what is known of the voted places or altitudes since then.
+/// The place or altitude that HORUS showed last, and the results of the votes since then.
 #[derive(Clone, Debug)]
 pub(super) struct Course<T> {
     last: Last<T>,
-    /// The voted place or altitude at the last tick, and that at the tick before; `None` if it is not known. If it is
-    /// not known at which of two ticks HORUS took a message, the value covers both possibilities.
+    /// The results at the last two ticks; `None` if not known. If HORUS may have taken a message at either of two
+    /// ticks, the ranges cover both.
     before: [Option<T>; 2],
     /// The instant, ns, of the last tick at which the vote certainly had no result or jumped, or at which HORUS showed
-    /// a place or altitude.
+    /// one.
     broke: u64,
     /// The instant, ns, of the last tick at which the vote may have had no result or may have jumped.
     may_have_broken: u64,
@@ -158,13 +150,12 @@ impl<T: Mark> Course<T> {
         Self { last: Last::Nothing, before: [None, None], broke: 0, may_have_broken: 0 }
     }
 
-    /// Records that it is not known which place or altitude HORUS showed last, nor what was voted since.
+    /// Records that the place or altitude shown last, and the results since then, are not known.
     pub(super) fn lose(&mut self) {
         self.last = Last::Unknown;
         self.before = [None, None];
     }
 
-    /// Advances to the next tick, at which the vote has the result `found`.
     pub(super) fn advance(&mut self, tick: u64, found: &Found<T>) {
         let [before, earlier] = std::mem::take(&mut self.before);
         let follows = match (&before, &earlier, &found.mark) {
@@ -182,7 +173,7 @@ impl<T: Mark> Course<T> {
         self.before = [found.mark.clone(), before.filter(|_| found.may)];
     }
 
-    /// Returns whether HORUS certainly has to show the voted place or altitude `found`.
+    /// Returns whether HORUS must show the result `found`.
     pub(super) fn must_be_shown(&self, tick: u64, found: &Found<T>) -> bool {
         let is_near = match (&self.last, &found.mark) {
             (Last::Nothing, _) => true,
@@ -192,8 +183,7 @@ impl<T: Mark> Course<T> {
         found.sure && (is_near || tick - self.may_have_broken > bounds::HELD_BACK)
     }
 
-    /// Returns, in words, why HORUS must not show this place or altitude yet: it jumps, and has not lasted for a
-    /// second. Returns `None` if HORUS may show it.
+    /// Returns, in words, why HORUS must not show this place or altitude yet; `None` if HORUS may show it.
     pub(super) fn shown_too_soon(&self, tick: u64, mark: &T) -> Option<String> {
         let Last::At(at, last) = &self.last else { return None };
         let jumps = last.leads_to(mark, tick - at) == Relation::Disagree;
@@ -204,7 +194,6 @@ impl<T: Mark> Course<T> {
         })
     }
 
-    /// Records that HORUS shows this place or altitude.
     pub(super) fn show(&mut self, tick: u64, mark: T) {
         *self = Self { last: Last::At(tick, mark), before: [None, None], broke: tick, may_have_broken: tick };
     }

@@ -4,18 +4,16 @@
 //!
 //! # How it is judged
 //!
-//! HORUS votes for a tick in the cycle before that tick. For each receiver the vote therefore uses either what the
-//! receiver's GPS object shows in this cycle, or what that object showed in the cycle before. A receiver whose position
-//! may be voted on is a candidate. A receiver with a valid position in both objects is a candidate, unless two things
-//! may be true: the older position is too old for this tick, and the newer one came after the vote. A receiver with a
-//! valid position in only one of the two objects may be a candidate. A receiver that is excluded in this cycle and was
-//! excluded in the cycle before is not eligible for the result. The judge takes position, velocity and accuracy from
-//! the messages from which an object was made, and knows the age of those messages within the limits of [`Age`]. It
-//! determines for each two receivers whether they agree, disagree, or may do either ([`places`]).
+//! HORUS votes for a tick in the cycle before. For each receiver the vote uses what the receiver's GPS object shows in
+//! this cycle, or what it showed in the cycle before. A receiver whose position may be voted on is a candidate. A
+//! receiver with a valid position in both objects is a candidate, unless its older position may expire before its newer
+//! one comes. A receiver with a valid position in one object may be a candidate. A receiver that is excluded in both
+//! cycles is not eligible for the result. The judge takes position, velocity and accuracy from the messages, and knows
+//! their ages within the limits of `track::Age`. For each two receivers the judge determines whether they agree,
+//! disagree, or may do either ([`places`]).
 //!
-//! HORUS does not state the members of its result, which are the eligible receivers from which it was voted; it states
-//! only their number. Therefore the judge tries every set with that number of receivers, and reports a violation only
-//! if no set makes what HORUS sent right.
+//! The members of a result are the eligible receivers from which it was voted. HORUS states only their number.
+//! Therefore the judge tries every set of so many receivers, and reports a violation only if no set fits.
 //!
 //! | violation | when |
 //! |---|---|
@@ -32,30 +30,26 @@
 //! - The receiver agrees with a member of the result.
 //!
 //! A receiver must not stay excluded if it began to agree with all members more than 1.1 s ago. A receiver must be
-//! excluded if it agrees with no member, or if it cannot have agreed for a second since it was excluded. Where M
-//! members have an altitude, a receiver with an altitude has to agree with a member that has one.
+//! excluded if it agrees with no member, or if it cannot have agreed for a second since its exclusion. If M members
+//! have an altitude, a receiver with an altitude has to agree with one of those.
 //!
-//! After a restart of HORUS that leaves RAM as it was, a receiver must be excluded if it was excluded in the last cycle
-//! before the restart and cannot have returned since. After such a restart a receiver must not be excluded if it was
-//! not excluded before, agreed with all others, and since then has sent nothing new, while fewer than M of the others
-//! have sent anything new.
+//! After a restart of HORUS that leaves RAM as it was, a receiver must still be excluded unless it can have returned. A
+//! receiver that was not excluded must not be excluded then if it agreed with all others, has sent nothing new, and
+//! fewer than M others have.
 //!
-//! An altitude, an attitude and an acceleration are each voted only from members that have one. At least M of them are
-//! needed, and all of them have to agree.
+//! An altitude, an attitude and an acceleration are each voted from at least M members that have one and all agree.
 //!
 //! At most one violation is reported for a cycle. M is 1, 1, 2, 3 for 1, 2, 3, 5 receivers.
 //!
 //! # What is not judged
 //!
-//! - The cycle after one in which the judge has not seen every object, or has blamed one, is not judged, because it is
-//!   not known which receivers were excluded before.
-//! - A position, and whether receivers agree, are not judged while it is not known which message HORUS uses: HORUS's
-//!   ticks are not regular, or HORUS may have taken a message or not and the object shows neither case.
-//! - The judge does not prescribe which of several sets of the same size HORUS chooses.
-//! - The status bit that concerns HORUS's clock is not judged here.
+//! - The cycle after one with a missing or wrong object, because it is not known which receivers were excluded before.
+//! - Positions and agreement, while it is not known which message HORUS uses: HORUS's ticks are irregular, or the
+//!   object fits a message that HORUS may have taken neither as taken nor as missed.
+//! - Which of several sets of the same size HORUS chooses.
+//! - The status bit about HORUS's clock.
 //!
-//! Injected faults excuse nothing here: whatever is on a receiver's line, HORUS has to apply decision 15 to the
-//! messages that it takes from the line. Whether it takes the right messages is judged as for every GPS object.
+//! Injected faults excuse nothing here: HORUS has to apply decision 15 to the messages that it takes.
 
 mod jumps;
 mod places;
@@ -73,24 +67,22 @@ use places::{Place, Range, Relation, median, median_of, spread};
 /// A set of receivers as bits; bit 0 is GPS1.
 type Set = u8;
 
-/// A GPS object of a cycle, and the messages from which HORUS may have taken the object's position.
 #[derive(Clone, Debug)]
 pub(super) struct Seen {
     pub(super) values: GpsValues,
     pub(super) held: Vec<Held>,
-    /// Whether the object's position is certainly still valid at the next tick, if no newer message arrives.
+    /// Whether the position is certainly still valid at the next tick without a newer message.
     pub(super) lasts: bool,
-    /// Whether the receiver sent so much within a cycle that the voter may have used values that no object shows.
+    /// Whether the receiver sent so often that the voter may have used values that no object shows.
     pub(super) hurried: bool,
 }
 
-/// The last instants, ns, at which an excluded receiver failed to agree with the result of the vote.
+/// When an excluded receiver last failed to agree with the result of the vote.
 #[derive(Clone, Copy, Debug, Default)]
 struct Returning {
-    /// The last tick, ns, at which the excluded receiver may have been no candidate, or may have disagreed.
+    /// The last tick, ns, at which the receiver may have been no candidate, or may have disagreed.
     may_not: u64,
-    /// The last tick, ns, at which the excluded receiver certainly was no candidate or disagreed; `None` if there is
-    /// none.
+    /// The last tick, ns, at which the receiver certainly was no candidate or disagreed.
     did_not: Option<u64>,
 }
 
@@ -98,16 +90,14 @@ struct Returning {
 #[derive(Clone, Debug)]
 pub(super) struct Vote {
     receivers: usize,
-    /// The number of the last cycle that the judge has seen, counted from HORUS's start, and the receivers that were
-    /// excluded in that cycle.
+    /// The number, from HORUS's start, of the last cycle that the judge has seen, and the receivers excluded in it.
     last: (u64, Set),
-    /// The GPS object of each receiver in the last cycle that the judge has seen.
+    /// The GPS objects of that cycle.
     earlier: Vec<Seen>,
     returning: [Returning; MAX_RECEIVERS],
-    /// The receivers that must be excluded in the first cycle after this start of HORUS, and those that may be excluded
-    /// in it; `None` once the judge has seen that cycle.
+    /// The receivers that must, and may, be excluded in HORUS's first cycle; `None` after that cycle.
     restarted: Option<(Set, Set)>,
-    /// The receivers that the vote after the last cycle that the judge has seen may have excluded.
+    /// The receivers that the vote after the last cycle may have excluded.
     doubtful: Set,
     /// The tick, ns, of the last cycle that the judge has seen.
     pub(super) last_tick: u64,
@@ -117,85 +107,74 @@ pub(super) struct Vote {
     may_be_located: bool,
     places: Course<Spot>,
     altitudes: Course<Level>,
-    /// Whether it is known which readings of its inputs HORUS has accepted.
+    /// Whether the judge knows the readings of the inputs that HORUS has accepted.
     inputs_known: bool,
 }
 
-/// Whether HORUS, when it starts, finds in its RAM which receivers were excluded before.
+/// Whether HORUS finds in its RAM, when it starts, which receivers were excluded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ram {
-    /// HORUS finds in its RAM which receivers were excluded, because its supply stayed on.
+    /// RAM kept its content, because the supply stayed on.
     Kept,
-    /// HORUS may find in its RAM which receivers were excluded: its supply was off, and the log does not say how low
-    /// the voltage went.
+    /// RAM may have kept its content: the supply was off, and the log does not say how low the voltage went.
     MayBeKept,
-    /// HORUS does not find in its RAM which receivers were excluded, or must not use that, because this start was a
-    /// power-on.
+    /// RAM lost its content, or HORUS must not use it after a power-on.
     Lost,
 }
 
-/// The verdict on the vote of a cycle.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Judged {
-    /// The violation, and what is wrong in words.
     pub(super) wrong: Option<(Violation, String)>,
-    /// For each receiver, its distance, m, from the farthest receiver that takes part in the vote: along the ground and
-    /// in height.
+    /// For each receiver, its distance, m, from the farthest receiver in the vote: along the ground and in height.
     pub(super) away: [Option<(f64, Option<f64>)>; MAX_RECEIVERS],
 }
 
-/// The GPS objects of a cycle, and what follows from them for the receivers that take part in the vote.
+/// The GPS objects of a cycle, and what follows from them for the vote.
 struct Cycle<'a> {
-    /// The GPS object of each receiver in this cycle.
     seen: &'a [Seen],
-    /// The GPS object of each receiver in the cycle before.
+    /// The objects of the cycle before.
     earlier: &'a [Seen],
     places: Vec<Place>,
     relations: [[Relation; MAX_RECEIVERS]; MAX_RECEIVERS],
-    /// The receivers that certainly are candidates.
     sure: Set,
-    /// The receivers that may be candidates.
     may: Set,
-    /// The receivers that certainly have an altitude.
     high: Set,
-    /// The receivers that may have an altitude.
     may_be_high: Set,
-    /// The receivers that are excluded in this cycle.
+    /// The receivers excluded in this cycle.
     now: Set,
-    /// The receivers that were excluded in the cycle before.
+    /// The receivers excluded in the cycle before.
     before: Set,
-    /// The least number of receivers that have to agree for the vote to have a result.
+    /// The least number of receivers that have to agree for a result.
     least: usize,
 }
 
 impl Cycle<'_> {
-    /// Returns those receivers in `others` whose relation to `receiver` is `relation`.
+    /// Returns the receivers in `others` that have this relation to `receiver`.
     fn related(&self, receiver: usize, others: Set, relation: Relation) -> Set {
         each(others & !bit(receiver))
             .filter(|other| self.relations[receiver][*other] == relation)
             .fold(0, |set, other| set | bit(other))
     }
 
-    /// Returns whether `receiver` certainly agrees with all receivers in `others`.
     fn agrees_with_all(&self, receiver: usize, others: Set) -> bool {
         let others = others & !bit(receiver);
         self.related(receiver, others, Relation::Agree) == others
     }
 
-    /// Returns the largest subset of the receivers `of` in which every two receivers certainly agree.
+    /// Returns the largest subset in which every two receivers certainly agree.
     fn largest(&self, of: Set) -> Set {
         let sets = (0..1 << self.seen.len()).filter(|set: &Set| set & !of == 0);
         let agree = |set: &Set| each(*set).all(|receiver| self.agrees_with_all(receiver, *set));
         sets.filter(agree).max_by_key(|set| set.count_ones()).unwrap_or(0)
     }
 
-    /// Returns the receivers that certainly are eligible for the result, and those that may be.
+    /// Returns the receivers that certainly are, and those that may be, eligible for the result.
     fn eligible(&self) -> (Set, Set) {
         (self.sure & !(self.now & self.before), self.may & !(self.now & self.before))
     }
 
     /// Returns the members of a result with which `receiver` has to agree: those that certainly count, and those that
-    /// may count. If the receiver and a quorum of the members have an altitude, only members with an altitude count.
+    /// may. If the receiver and a quorum of the members have an altitude, only members with an altitude count.
     fn peers(&self, receiver: usize, members: Set) -> (Set, Set) {
         let (own, quorum) = (bit(receiver), |set: Set| count(members & set) >= self.least);
         if self.may_be_high & own == 0 || !quorum(self.may_be_high) {
@@ -207,7 +186,7 @@ impl Cycle<'_> {
         }
     }
 
-    /// Returns the voted place and the voted altitude, whether or not HORUS holds them back because they jump.
+    /// Returns the voted place and altitude, even if HORUS holds them back.
     fn found(&self) -> (Found<Spot>, Found<Level>) {
         let (eligible, may_vote) = self.eligible();
         let largest = self.largest(eligible);
@@ -230,13 +209,12 @@ impl Cycle<'_> {
         (place, altitude)
     }
 
-    /// Returns the greatest accuracy, horizontal or vertical as `axis` says, among these members of a result.
+    /// Returns the greatest horizontal or vertical accuracy among these members of a result.
     fn accuracy(&self, members: Set, axis: usize) -> Option<Range> {
         let of: Option<Vec<_>> = each(members).map(|member| Some(self.places[member].accuracy()?[axis])).collect();
         of?.into_iter().reduce(|one, its| Range { least: one.least.max(its.least), most: one.most.max(its.most) })
     }
 
-    /// Returns the place that is voted from these members of a result.
     fn spot(&self, members: Set) -> Option<Spot> {
         let origin = &self.places[each(members).next()?];
         let there: Option<Vec<_>> = each(members).map(|member| self.places[member].north_east(origin)).collect();
@@ -247,8 +225,7 @@ impl Cycle<'_> {
         Some(Spot { at: origin.beside([north.middle(), east.middle()])?, within, accuracy: self.accuracy(members, 0)? })
     }
 
-    /// Returns the altitude that is voted from these members of a result, if it is known which of them have an
-    /// altitude.
+    /// Returns the altitude that these members vote, if it is known which of them have an altitude.
     fn level(&self, members: Set) -> Option<Level> {
         let high = members & self.high;
         let of: Option<Vec<_>> = each(high).map(|member| self.places[member].altitude().0).collect();
@@ -257,7 +234,7 @@ impl Cycle<'_> {
     }
 }
 
-/// Returns a place or altitude whose ranges cover all of `marks`; `None` if one of them is not known.
+/// Returns ranges that cover all of `marks`; `None` if one of them is not known.
 fn all<T: Mark>(marks: impl Iterator<Item = Option<T>>) -> Option<T> {
     marks.collect::<Option<Vec<_>>>()?.into_iter().reduce(Mark::or)
 }
@@ -280,15 +257,14 @@ impl Vote {
         }
     }
 
-    /// Resets the state, because HORUS starts anew after `ticks` ticks. Only the excluded receivers are kept, and only
-    /// where HORUS's `ram` may be kept. They are those of the last cycle that the judge has seen, or the outcome of one
-    /// of at most three votes after that cycle that no frame shows. In those votes the receivers `heard` may have had
-    /// positions that the cycle does not show. A receiver that agreed with all others in that cycle can be excluded
-    /// only because of new positions: one of its own, or those of a whole quorum.
+    /// Resets the state at a start of HORUS after `ticks` ticks. What may remain in HORUS's `ram` is only which
+    /// receivers were excluded: in the last cycle that the judge has seen, or after up to three votes that no frame
+    /// shows. In these votes the receivers `heard` may have had newer positions. A receiver that agreed with all others
+    /// can then become excluded only by a newer position of its own, or by newer positions of a whole quorum.
     pub(super) fn restart(&mut self, ram: Ram, ticks: u64, heard: Set) {
         let all = (0..self.receivers).fold(0, |set, receiver| set | bit(receiver));
         let restarted = match self.restarted {
-            // The judge saw no cycle between HORUS's previous start and this one.
+            // The judge saw no cycle since HORUS's previous start.
             Some((must, may)) => (must, if ticks == 0 { may } else { all }),
             None if ticks > self.last.0 + 1 => (0, all),
             None => {
@@ -310,8 +286,8 @@ impl Vote {
         *self = Self { restarted, ..Self::new(self.receivers) };
     }
 
-    /// Returns, in words, what is wrong with the excluded receivers in the first cycle that the judge has seen after a
-    /// start of HORUS; `number` is the number of that cycle.
+    /// Returns, in words, what is wrong with the receivers excluded in cycle `number`, the first one seen since a
+    /// start.
     fn after_restart(&self, (must, may): (Set, Set), excluded: Set, number: u64) -> Option<String> {
         if must & !excluded != 0 && number * bounds::CYCLE < bounds::NOT_RETURNED {
             return Some(format!("{} not excluded after a restart, and was before it", names(must & !excluded)));
@@ -320,14 +296,12 @@ impl Vote {
             .then(|| format!("{} excluded after a restart, and was not before it", names(excluded & !may)))
     }
 
-    /// Returns whether the judge has seen the cycle before cycle `number` (counted from 1).
+    /// Returns whether the judge has seen the cycle before cycle `number` (from 1).
     pub(super) fn follows(&self, number: u64) -> bool {
         self.last.0 + 1 == number
     }
 
-    /// Judges Reported-Position's values in cycle `number` since HORUS's start, after the GPS objects of that cycle
-    /// have been found right. Whether HORUS reports that it is starting is judged only where the inputs that determine
-    /// its state are known.
+    /// Judges Reported-Position in cycle `number` since HORUS's start, whose GPS objects are right.
     pub(super) fn cycle(
         &mut self,
         tick: u64,
@@ -360,8 +334,7 @@ impl Vote {
         }
         self.remember(tick, follows, result, &cycle, &members);
         if !follows || result && judged.wrong.is_some() {
-            // The judge cannot tell whether HORUS compares its next result with this one, as the one that it showed
-            // last.
+            // HORUS may compare its next result with this one, or with an earlier one.
             self.places.lose();
             self.altitudes.lose();
         } else if result {
@@ -380,8 +353,8 @@ impl Vote {
         judged
     }
 
-    /// Records, for each receiver, whether it fulfils the condition for its return from exclusion: it agrees with every
-    /// member of the result or, if there is no result, with one of the eligible receivers.
+    /// Records whether each receiver may return from exclusion: whether it agrees with all members of the result or,
+    /// without a result, with one of the eligible receivers.
     fn remember(&mut self, tick: u64, follows: bool, result: bool, cycle: &Cycle, members: &[Set]) {
         let may_vote = cycle.may & !(cycle.now & cycle.before);
         let eligible = cycle.sure & !(cycle.now & cycle.before);
@@ -406,7 +379,7 @@ impl Vote {
         }
     }
 
-    /// Returns, in words, which exclusion is wrong, whichever receivers are the members of the result.
+    /// Returns, in words, which exclusion is wrong for every possible set of members.
     fn exclusion(&self, tick: u64, result: bool, cycle: &Cycle) -> Option<String> {
         let Cycle { sure, may, now, before, .. } = *cycle;
         let others = may & !(now & before);
@@ -434,8 +407,8 @@ impl Vote {
         })
     }
 
-    /// Returns, in words, what is wrong with the result of the vote, or with the lack of a result. Adds to `members`
-    /// every set of receivers from which the result may have been voted.
+    /// Returns, in words, what is wrong with the result, or with the lack of one. Adds to `members` every set of
+    /// receivers from which the result may have been voted.
     fn vote(
         &self,
         tick: u64,
@@ -448,7 +421,7 @@ impl Vote {
         let agreeing = usize::from(reported.status.receivers_agreeing());
         let wrong = |what: String| Some((Violation::ReportedWrong, what));
         let (eligible, _) = cycle.eligible();
-        // Any other state of HORUS depends on its inputs and is judged with them.
+        // Any other state depends on HORUS's inputs, and is judged with them.
         let is_located = reported.status.position_valid();
         let was_located = self.located || self.may_be_located;
         let wrong_state = match reported.status.state() {
@@ -526,8 +499,7 @@ impl Vote {
     }
 }
 
-/// Returns the place and the altitude that Reported-Position shows, if they may have been voted from one of these sets
-/// of receivers.
+/// Returns the place and altitude in Reported-Position, if one of these sets of receivers may have voted them.
 fn shown(reported: &ReportedValues, members: &[Set], cycle: &Cycle) -> (Spot, Option<Level>) {
     let ReportedValues { latitude, longitude, altitude, .. } = *reported;
     let accuracy = |axis: usize, of: Set| {
@@ -564,7 +536,7 @@ impl<'a> Cycle<'a> {
         let valid = |seen: &[Seen]| set(seen, |seen| seen.values.status.position_valid());
         let now = set(seen, |seen| seen.values.status.excluded());
         let (was, is) = (valid(earlier), valid(seen));
-        // The vote used the position of the cycle before, aged to this tick, or the position of this cycle.
+        // The vote used the position of this cycle, or that of the cycle before, aged to the tick.
         let position = |seen: &Seen| [seen.values.latitude, seen.values.longitude, seen.values.altitude];
         let same = |(was, is): (&Seen, &Seen)| position(was).map(f64::to_bits) == position(is).map(f64::to_bits);
         let had = |pair: (&Seen, &Seen)| pair.0.lasts || same(pair);
@@ -592,7 +564,7 @@ impl<'a> Cycle<'a> {
         Self { seen, earlier, places, relations, sure, may, high, may_be_high, now, before, least }
     }
 
-    /// Returns the distance of each excluded receiver from the farthest receiver that takes part in the vote.
+    /// Returns each excluded receiver's distance from the farthest receiver in the vote.
     fn away(&self) -> [Option<(f64, Option<f64>)>; MAX_RECEIVERS] {
         let mut away = [None; MAX_RECEIVERS];
         for receiver in each(self.now & self.may) {
@@ -606,7 +578,7 @@ impl<'a> Cycle<'a> {
     }
 }
 
-/// Returns, in words, what is wrong with a Reported-Position that does not call its position valid.
+/// Returns, in words, what is wrong with a Reported-Position without a valid position.
 fn absent(reported: &ReportedValues, wrong_state: bool) -> Option<String> {
     let ReportedValues { status, latitude, longitude, altitude, pitch, yaw, roll, acceleration: [x, y, z], .. } =
         *reported;
@@ -631,7 +603,7 @@ fn absent(reported: &ReportedValues, wrong_state: bool) -> Option<String> {
     wrong_state.then(|| format!("there is no result, and HORUS's state is {:?}", status.state()))
 }
 
-/// Returns, in words, what is wrong with the latitude, longitude or altitude of Reported-Position.
+/// Returns, in words, what is wrong with latitude, longitude or altitude.
 fn position(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<String> {
     let ReportedValues { latitude, longitude, altitude, .. } = *reported;
     if !(-90.0..=90.0).contains(&latitude) || !(-180.0..=180.0).contains(&longitude) {
@@ -672,8 +644,7 @@ fn position(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<St
     outside("altitude", altitude, &high)
 }
 
-/// Returns, in words, what is wrong with the attitude or acceleration of Reported-Position. The voter used each
-/// member's values from this cycle's object, or from the object of the cycle before.
+/// Returns, in words, what is wrong with attitude or acceleration, voted from values of this cycle or the one before.
 fn motion(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<String> {
     if each(members).any(|member| cycle.seen[member].hurried || cycle.earlier[member].hurried) {
         return None;
@@ -713,17 +684,17 @@ fn motion(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<Stri
     })
 }
 
-/// A function that returns, for a GPS object, whether certain values are valid, and those values.
+/// Returns certain values of a GPS object, and whether they are valid.
 type Part = fn(&GpsValues) -> (bool, [f32; 3]);
 
-/// Returns the largest difference of any two of these values, which are angles if `circle` is set.
+/// Returns the largest difference of any two of these values, which are angles if `circle`.
 fn farthest(of: &[f32], circle: bool) -> f64 {
     let pairs = of.iter().flat_map(|one| of.iter().map(|other| f64::from(*one) - f64::from(*other)));
     pairs.map(|off| if circle { ((off + PI).rem_euclid(2.0 * PI) - PI).abs() } else { off }).fold(0.0, f64::max)
 }
 
-/// Returns whether `shown` is the median of the values `of`. A single value must match bit by bit; the median of angles
-/// is taken relative to the first angle.
+/// Returns whether `shown` is the median of these values. A single value must match bit by bit; the median of angles is
+/// taken relative to the first angle.
 fn is_median(shown: f32, of: &[f32], circle: bool) -> bool {
     match *of {
         [] => false,
@@ -757,7 +728,6 @@ fn set(seen: &[Seen], which: impl Fn(&Seen) -> bool) -> Set {
     seen.iter().enumerate().filter(|(_, seen)| which(seen)).fold(0, |set, (receiver, _)| set | bit(receiver))
 }
 
-/// Returns the receivers' names for a message to a human reader.
 fn names(set: Set) -> String {
     let names: Vec<String> = each(set).map(|receiver| format!("GPS{}", receiver + 1)).collect();
     if names.is_empty() { "nobody".to_owned() } else { names.join(", ") }

@@ -1,14 +1,10 @@
-//! Computes where the receivers are at a tick, how far apart they are, and whether they agree. All results are ranges,
-//! because the log does not determine them exactly.
+//! Computes where the receivers are at a tick, how far apart they are, and whether they agree. The results are ranges,
+//! because the log does not state exactly when HORUS took which message.
 //!
-//! A position is older than the message that brought it. How much older follows from the delay between the time of week
-//! in the message and the message's arrival (decision 15, brought to the tick). For the candidate with the middle delay
-//! the position is 50 ms older than its message; candidates are the receivers whose position may be voted on. For
-//! another candidate the difference between its delay and the middle one is added, if that difference is at most 50 ms.
-//!
-//! The instant at which HORUS took a message is known to within some milliseconds. Where two messages show the same
-//! position, it is not known which of them HORUS uses. Therefore places, accuracies and distances are ranges here, and
-//! two receivers agree, disagree, or may do either.
+//! A position is older than the message that brought it. Its age follows from the delay between the message's time of
+//! week and its arrival (decision 15, brought to the tick). Candidates are the receivers whose position may be voted
+//! on. The position of the candidate with the middle delay is 50 ms older than its message. For another candidate the
+//! difference between its delay and the middle one is added, if that is at most 50 ms.
 
 use gnss_sim::{Geodetic, TangentPlane};
 
@@ -16,7 +12,7 @@ use super::super::track::{Held, WEEK};
 use super::{Set, bit};
 use crate::bounds;
 
-/// The distance of two receivers, m, beyond which their positions are not compared in a tangent plane.
+/// The distance, m, beyond which two receivers are not compared in a tangent plane.
 const PLANE: f64 = 10_000.0;
 
 /// A range from a least to a greatest value.
@@ -43,7 +39,7 @@ impl Range {
         Self { least: self.least - other.most, most: self.most - other.least }
     }
 
-    /// Returns the range of the absolute values of the numbers in this range.
+    /// Returns the range of the absolute values.
     pub(super) fn magnitude(self) -> Self {
         let (least, most) = (self.least.abs(), self.most.abs());
         let inside = if self.least <= 0.0 && self.most >= 0.0 { 0.0 } else { least.min(most) };
@@ -59,45 +55,41 @@ impl Range {
     }
 }
 
-/// Whether the positions of two receivers agree, as far as the judge can tell.
+/// Whether the positions of two receivers agree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Relation {
-    /// The positions agree.
     Agree,
-    /// The positions disagree.
     Disagree,
-    /// The positions may agree or disagree.
     Doubtful,
 }
 
-/// The place of a receiver at a tick, with every possibility that HORUS's voter may use.
+/// The place of a receiver at a tick: all possibilities that the voter may use.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Place(Vec<Version>);
 
 #[derive(Clone, Debug)]
 struct Version {
-    /// The point on the ellipsoid below the position that an object shows, with the tangent plane at that point.
+    /// The point on the ellipsoid below the object's position, with its tangent plane.
     ground: Geodetic,
     plane: TangentPlane,
-    /// The altitude that the object shows, m; `None` for a 2D fix.
+    /// The object's altitude, m; `None` for a 2D fix.
     altitude: Option<f64>,
-    /// The messages from which HORUS may have taken the position; empty while this is not known.
+    /// The messages from which the position may come; empty if not known.
     messages: Vec<Held>,
-    /// The distance that the receiver has moved since the position's epoch, and the position's accuracy; `None` until
-    /// the age of the position is known.
+    /// The receiver's movement and accuracy; `None` until the age of the position is known.
     held: Option<Brought>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Brought {
-    /// The distance that the receiver has moved north, east and up since its position's epoch, m.
+    /// The distance, m, that the receiver has moved north, east and up since the position's epoch.
     moved: [Range; 3],
-    /// The accuracies, horizontal and vertical, m, inflated by what the position's age adds.
+    /// The accuracies, horizontal and vertical, m, with the addition for the position's age.
     accuracy: [Range; 2],
 }
 
 impl Place {
-    /// Adds a position that a GPS object shows, and the messages from which HORUS may have taken it.
+    /// Adds a position of a GPS object, and the messages from which it may come.
     pub(super) fn add(
         &mut self,
         latitude: f64,
@@ -111,15 +103,14 @@ impl Place {
         self.0.push(Version { ground, plane: TangentPlane::new(ground), altitude, messages, held: None });
     }
 
-    /// Returns the delay from the message's time of week to its arrival, s. Times of week are compared modulo a week,
-    /// within half a week of `reference` (ns).
+    /// Returns the delay, s, from the message's time of week to its arrival; `reference` as in [`since_epoch`].
     fn lag(&self, reference: i64) -> Option<Range> {
         let lags =
             self.0.iter().map(|version| version.messages.iter().map(|held| lag(held, reference)).reduce(Range::hull));
         lags.collect::<Option<Vec<_>>>()?.into_iter().reduce(Range::hull)
     }
 
-    /// Returns whether the movement of the receiver since its position's epoch is known.
+    /// Returns whether the receiver's movement since the position's epoch is known.
     pub(super) fn is_known(&self) -> bool {
         !self.0.is_empty() && self.0.iter().all(|version| version.held.is_some())
     }
@@ -131,46 +122,43 @@ impl Place {
         all?.into_iter().reduce(|one, other| [one[0].hull(other[0]), one[1].hull(other[1])])
     }
 
-    /// Returns where this latitude and longitude lie in this place's tangent plane, m north and east.
+    /// Returns the place of this latitude and longitude in this tangent plane, m north and east.
     pub(super) fn plane_of(&self, latitude: f64, longitude: f64) -> Option<[f64; 2]> {
         let [north, east, _] = self.0.first()?.plane.to_ned(Geodetic { latitude, longitude, height: 0.0 });
         Some([north, east])
     }
 
-    /// Returns the altitude at the tick, m, or `None` for a 2D fix. The second value is set if it is uncertain whether
-    /// the fix is a 2D fix.
+    /// Returns the altitude at the tick, m, `None` for a 2D fix, and whether the kind of the fix is uncertain.
     pub(super) fn altitude(&self) -> (Option<Range>, bool) {
         let all: Vec<_> = self.0.iter().map(Version::altitude).collect();
         let some = all.iter().filter(|altitude| altitude.is_some()).count();
         (all.iter().flatten().copied().reduce(Range::hull), some != 0 && some != all.len())
     }
 
-    /// Returns whether the place certainly has an altitude, and whether it may have one.
+    /// Returns whether the place certainly has, and whether it may have, an altitude.
     pub(super) fn has_altitude(&self) -> [bool; 2] {
         let mut has = self.0.iter().map(|version| version.altitude.is_some());
         let any = has.clone().any(|has| has);
         [any && has.all(|has| has), any]
     }
 
-    /// Returns the receiver's inflated accuracies at the tick, horizontal and vertical, m.
+    /// Returns the accuracies at the tick, horizontal and vertical, m.
     pub(super) fn accuracy(&self) -> Option<[Range; 2]> {
         let all: Option<Vec<_>> = self.0.iter().map(|version| Some(version.held?.accuracy)).collect();
         all?.into_iter().reduce(|one, other| [one[0].hull(other[0]), one[1].hull(other[1])])
     }
 
-    /// Returns the point on the ellipsoid that lies this many metres north and east of this place.
+    /// Returns the point on the ellipsoid this many metres north and east of this place.
     pub(super) fn beside(&self, [north, east]: [f64; 2]) -> Option<Geodetic> {
         let there = self.0.first()?.plane.to_geodetic([north, east, 0.0]);
         Some(Geodetic { height: 0.0, ..there })
     }
 
-    /// Returns the distance from the receiver `other` at the tick, m: along the ground, and in height where both
-    /// receivers have an altitude.
+    /// Returns the distance from the receiver `other`, m: along the ground and, if both have an altitude, in height.
     pub(super) fn apart(&self, other: &Self) -> Option<(Range, Option<Range>)> {
         self.0.last()?.apart(other.0.last()?)
     }
 
-    /// Returns whether the places of two receivers agree.
     pub(super) fn relation(&self, other: &Self) -> Relation {
         let relations = self.0.iter().flat_map(|one| other.0.iter().map(|its| one.relation(its)));
         relations.reduce(|one, other| if one == other { one } else { Relation::Doubtful }).unwrap_or(Relation::Doubtful)
@@ -193,7 +181,7 @@ impl Version {
         let (one, its) = (self.ground.to_ecef(), other.ground.to_ecef());
         let chord = one.iter().zip(its).map(|(one, its)| (one - its).powi(2)).sum::<f64>().sqrt();
         if chord > PLANE {
-            // An arc of the ellipsoid is longer than its chord, at most by the factor of half of pi.
+            // An arc of the ellipsoid is longer than its chord, by a factor of at most half of pi.
             return Some((Range::of(chord, 1.6 * chord), height()));
         }
         let [north, east] = other.north_east(self)?;
@@ -223,8 +211,7 @@ impl Version {
     }
 }
 
-/// Brings the positions of all receivers to the tick. The receivers in `sure` are candidates for the vote, and those in
-/// `may` may be candidates.
+/// Brings the positions of all receivers to the tick. The receivers in `sure` are candidates, those in `may` may be.
 pub(super) fn bring(places: &mut [Place], sure: Set, may: Set) {
     let some = places.iter().flat_map(|place| &place.0).flat_map(|version| &version.messages).next();
     let Some(reference) = some.map(|held| held.since_epoch) else { return };
@@ -233,8 +220,7 @@ pub(super) fn bring(places: &mut [Place], sure: Set, may: Set) {
         let lags = lags.iter().enumerate().filter(|(receiver, _)| set & bit(*receiver) != 0).map(|(_, lag)| *lag);
         median(&lags.collect::<Option<Vec<_>>>()?)
     };
-    // It is not certain which receivers are the candidates, so the middle delay is taken over each set of receivers
-    // that may be.
+    // The middle delay is taken over every possible set of candidates.
     let sets = (0..1 << places.len()).filter(|set: &Set| set & !may == 0 && set & sure == sure && *set != 0);
     let middle = sets.map(of).collect::<Option<Vec<_>>>();
     let middle = middle.and_then(|middle| middle.into_iter().reduce(Range::hull));
@@ -244,26 +230,23 @@ pub(super) fn bring(places: &mut [Place], sure: Set, may: Set) {
     }
 }
 
-/// Converts a time from ns to s.
 fn seconds(ns: i64) -> f64 {
     ns as f64 / 1e9
 }
 
-/// Returns the time, s, from a message's time of week to the tick. The time is taken modulo a week, so that it lies
-/// within half a week of `reference` (ns).
+/// Returns the time, s, from a message's time of week to the tick, modulo a week and within half a week of `reference`
+/// (ns).
 fn since_epoch(held: &Held, reference: i64) -> f64 {
     seconds((held.since_epoch - reference + WEEK / 2).rem_euclid(WEEK) - WEEK / 2)
 }
 
-/// Returns the delay, s, from a message's time of week to the message's arrival, with the `reference` of
-/// [`since_epoch`].
+/// Returns the delay, s, from a message's time of week to its arrival; `reference` as in [`since_epoch`].
 fn lag(held: &Held, reference: i64) -> Range {
     let ages = Range::of(seconds(held.age.least as i64), seconds(held.age.most as i64));
     Range { least: since_epoch(held, reference) - ages.most, most: since_epoch(held, reference) - ages.least }
 }
 
-/// Returns the age of a message's position at the tick, s. The middle one of the candidates' delays lies in the range
-/// `middle`, or is not known if `middle` is `None`.
+/// Returns the age, s, of a message's position at the tick; `middle` is the candidates' middle delay, if known.
 fn age(held: &Held, reference: i64, middle: Option<Range>) -> Range {
     let (usual, spread) = (seconds(bounds::BEFORE_ARRIVAL as i64), seconds(bounds::BEFORE_ARRIVAL_SPREAD as i64));
     let since_arrival = Range::of(seconds(held.age.least as i64), seconds(held.age.most as i64));
@@ -274,8 +257,7 @@ fn age(held: &Held, reference: i64, middle: Option<Range>) -> Range {
     if off.least > spread || off.most < -spread {
         return as_usual;
     }
-    // The instant of the message's arrival cancels out: the later the message arrived, the longer was its delay, and
-    // the shorter is the time from its arrival to the tick.
+    // The instant of arrival cancels out: a later arrival means a longer delay and a shorter time to the tick.
     let epoch = since_epoch(held, reference);
     let by_epoch = Range { least: epoch - middle.most, most: epoch - middle.least }.moved(usual);
     let by_epoch = Range { least: by_epoch.least.max(widest.least), most: by_epoch.most.min(widest.most) };
@@ -299,7 +281,6 @@ impl Brought {
         Self { moved, accuracy }
     }
 
-    /// Returns the movement and accuracy whose ranges cover both of these.
     fn or(self, other: Self) -> Self {
         let hull = |one: Range, other: Range| one.hull(other);
         Self {
@@ -309,15 +290,13 @@ impl Brought {
     }
 }
 
-/// Returns the range in which the median lies of values that are known only by these ranges. The range extends from the
-/// median of the least values to the median of the greatest.
+/// Returns the range of the median of values that lie in these ranges.
 pub(super) fn median(ranges: &[Range]) -> Option<Range> {
     let of = |value: fn(&Range) -> f64| median_of(ranges.iter().map(value).collect());
     Some(Range { least: of(|range| range.least)?, most: of(|range| range.most)? })
 }
 
-/// Returns the median of these values, which is the mean of the middle two if their number is even; `None` without
-/// values.
+/// Returns the median, for an even number of values the mean of the middle two; `None` without values.
 pub(super) fn median_of(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let middle = values.len() / 2;
@@ -328,7 +307,6 @@ pub(super) fn median_of(mut values: Vec<f64>) -> Option<f64> {
     }
 }
 
-/// Returns the difference between the greatest and the least value in all of these ranges.
 pub(super) fn spread(ranges: &[Range]) -> f64 {
     let hull = ranges.iter().copied().reduce(Range::hull);
     hull.map_or(0.0, |hull| hull.most - hull.least)

@@ -63,8 +63,7 @@ fn horus_may_drop_the_field_to_recover_from_lost_frames() {
             events.field(at, false).field(tick(8), true);
         })
     };
-    // Here the second of two consecutive frames has no end, and HORUS begins to bring its front end up 0.5 ms after the
-    // instant at which that frame should have ended.
+    // The second of two frames has no end. HORUS begins the bring-up 0.5 ms after that end was due.
     let command = (Violation::CommandWithoutFrame, 2, tick(5) + COMMAND[0]);
     assert_eq!(lost(5_700_000, is_sent), [command]);
     assert_eq!(lost(200_000, |event| !is_tick(event)), [(Violation::NoFrame, 1, tick(6))]);
@@ -101,7 +100,7 @@ fn the_bounds_around_a_drop_are_as_stated() {
     let dropped = (Violation::FieldDropped, 1, tick(5));
     assert_eq!(ready(1), [dropped]);
     assert_eq!(ready(0), [(Violation::NoFrame, 1, tick(7)), dropped]);
-    // HORUS's field goes off when the command's frame may just have ended.
+    // The field goes off when the command's frame may just have ended.
     let command = tick(5) + COMMAND[0];
     let after = |passed: u64| {
         changed(3, |events| {
@@ -113,7 +112,7 @@ fn the_bounds_around_a_drop_are_as_stated() {
     let off = command + bounds::COMMAND_TO_AIR + bounds::FRAME_LONGEST;
     assert_eq!(after(0), [(Violation::FieldDropped, 1, off)]);
     assert_eq!(after(1), [(Violation::CommandWithoutFrame, 1, command)]);
-    // The last lost frame is so long ago that HORUS would not switch its field off because of it.
+    // The last lost frame is too long ago to be HORUS's reason for switching the field off.
     let recovered = |passed: u64| {
         changed(3, |events| {
             let off = tick(5) + bounds::FIELD_RECOVERY + passed;

@@ -16,7 +16,7 @@ fn a_tick_without_frames_is_told_when_the_next_one_comes() {
 #[test]
 fn only_the_last_tick_of_a_run_may_lack_its_frames() {
     let silent = |number| changed(3, |events| _ = events.without(|event| of(number)(event) && !is_tick(event)));
-    // The last cycle lasts until the end of the run, so its frames may be missing if the run ends early.
+    // The frames of the last cycle may be missing if the run ends early.
     assert_eq!(silent(1), [(Violation::NoFrame, 1, tick(2))]);
     assert_eq!(changed(3, |events| _ = events.end(tick(CYCLES) + MS)), []);
 }
@@ -44,7 +44,6 @@ fn a_frame_that_its_cycle_does_not_have_is_extra() {
 
 #[test]
 fn frames_that_change_places_are_told_once() {
-    // The two frames of the cycle are sent in the wrong order.
     let mut events = Events::flawless(5, CYCLES);
     let frames: Vec<Vec<u8>> = events
         .events

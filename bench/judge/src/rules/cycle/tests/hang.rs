@@ -1,11 +1,10 @@
 use super::*;
 
-/// How long after the beginning of a hang HORUS's watchdog bites, ns.
+/// How long after the beginning of a hang the watchdog bites, ns.
 const BITES: u64 = 83 * MS;
 
-/// Returns a run in which HORUS's core executes nothing from `at` until the watchdog restarts HORUS. HORUS's timer goes
-/// on ticking, and the frame that the front end is sending breaks off. With `told`, the log states that the bench
-/// stopped the core at that instant.
+/// Returns a run in which HORUS's core stops at `at` until the watchdog restarts HORUS. The timer goes on ticking, and
+/// the frame on the air breaks off. With `told`, the log has the hang at that instant.
 fn hung(gps: usize, at: u64, told: Option<u64>) -> Events {
     let mut events = Events::flawless(gps, CYCLES);
     for event in &mut events.events {
@@ -40,7 +39,7 @@ fn a_hang_of_horus_excuses_its_unfinished_cycle() {
         {
             let at = tick(5) + after;
             assert_eq!(broken(&hung(gps, at, Some(at))), [], "{gps} {after}");
-            // The restart is asked for, and the log does not state that HORUS hung before it.
+            // The restart is asked for, and the log has no hang.
             let mut asked = hung(gps, at, None);
             for event in &mut asked.events {
                 if let What::Reset { asked, .. } = &mut event.what {
@@ -58,8 +57,7 @@ fn a_hang_of_horus_excuses_missing_ticks_but_no_irregular_ones() {
     let mut stopped = hung(3, at, Some(at));
     stopped.without(|event| is_tick(event) && event.at > at && event.at < at + BITES);
     assert_eq!(broken(&stopped), []);
-    // No missing ticks and frames are reported either if the reset pin ends the hang, or if the run ends during the
-    // hang.
+    // The reset pin, or the end of the run, may also end the hang.
     let mut by_pin = stopped.clone();
     by_pin.without(|event| matches!(event.what, What::Reset { .. })).reset(at + BITES, Board::Horus, true);
     assert_eq!(broken(&by_pin), []);
@@ -77,12 +75,12 @@ fn frames_missing_before_a_hang_are_reported_despite_the_watchdogs_reset() {
     let mut events = hung(3, at, Some(at));
     events.without(|event| of(5)(event) && !is_tick(event));
     assert_eq!(broken(&events), [(Violation::NoFrame, 1, tick(6))]);
-    // Between the missing frame and the hang there was no frame after which the missing one would have been reported.
+    // No frame came between the missing frame and the hang, so the missing one has not been reported yet.
     let at = tick(7) + 50_000;
     let mut events = hung(3, at, Some(at));
     events.without(|event| of(6)(event) && !is_tick(event));
     assert_eq!(broken(&events), [(Violation::NoFrame, 1, tick(7))]);
-    // The missing frames are not reported, because a watchdog's reset that was not asked for is reported.
+    // The watchdog's reset was not asked for and is reported alone.
     let mut events = hung(3, at, None);
     events.without(|event| (of(5)(event) || of(6)(event)) && !is_tick(event));
     events.without(|event| of(7)(event) && !is_tick(event));
@@ -118,7 +116,6 @@ fn what_a_horus_that_hangs_sends_is_judged() {
     assert_eq!(sent(|_| {}), []);
     assert_eq!(sent(|payload| payload[70] ^= 1), [Violation::SentInvalid]);
     assert_eq!(sent(|payload| *payload = stamped([60; 4])), [Violation::TimestampWrong]);
-    // A frame without a command is reported, and a command without a frame is not.
     let mut events = hung(3, at, Some(at));
     events.frame(tick(7), &stamped([70; 4]));
     assert_eq!(broken(&events), [(Violation::FrameWithoutCommand, 1, end(3, 7) - COMMAND[0] - LATENCY)]);
@@ -134,7 +131,7 @@ fn a_horus_that_has_restarted_after_a_hang_is_blamed_again() {
     let first = at + BITES + 20 * MS;
     events.without(|event| (first + CYCLE..first + 2 * CYCLE).contains(&event.at) && !is_tick(event));
     assert_eq!(broken(&events), [(Violation::NoFrame, 1, first + 2 * CYCLE)]);
-    // A hang of the DPR excuses nothing that concerns HORUS.
+    // A hang of the DPR does not excuse HORUS.
     let mut events = Events::flawless(3, CYCLES);
     events.add(at, What::Hung { board: Board::Dpr }).without(|event| of(7)(event) && !is_tick(event));
     assert_eq!(broken(&events), [(Violation::NoFrame, 1, tick(8))]);

@@ -11,7 +11,7 @@ use crate::testing::{COMMAND, Events, FIRST_TICK, LATENCY, MS, found, header};
 const CYCLE: u64 = bounds::CYCLE;
 const CYCLES: u64 = 20;
 
-/// Returns the instant, ns, of tick number `number` (from 1) in a flawless run.
+/// Returns the instant, ns, of tick `number` (from 1) in a flawless run.
 fn tick(number: u64) -> u64 {
     FIRST_TICK + (number - 1) * CYCLE
 }
@@ -20,15 +20,14 @@ fn broken(events: &Events) -> Vec<(Violation, u64, u64)> {
     found(Cycle::new(&header(events.gps)), &events.log()).0
 }
 
-/// Returns the violations that are found if `change` changes a flawless run of 20 cycles with `gps` receivers.
+/// Returns the violations that are found if `change` changes a flawless run of 20 cycles.
 fn changed(gps: usize, change: impl FnOnce(&mut Events)) -> Vec<(Violation, u64, u64)> {
     let mut events = Events::flawless(gps, CYCLES);
     change(&mut events);
     broken(&events)
 }
 
-/// Returns a function that says whether an event belongs to cycle `number`: it is the cycle's tick, or comes before the
-/// next tick.
+/// Returns whether an event comes at the tick of cycle `number` or before the next tick.
 fn of(number: u64) -> impl Fn(&Event) -> bool {
     move |event| event.at >= tick(number) && event.at < tick(number + 1)
 }
@@ -45,7 +44,6 @@ fn is_sent(event: &Event) -> bool {
     matches!(event.what, What::Sent { .. })
 }
 
-/// Moves the events that `which` selects by `by` ns.
 fn shift(events: &mut Events, by: i64, which: impl Fn(&Event) -> bool) {
     for event in events.events.iter_mut().filter(|event| which(event)) {
         event.at = event.at.checked_add_signed(by).unwrap();
@@ -55,7 +53,6 @@ fn shift(events: &mut Events, by: i64, which: impl Fn(&Event) -> bool) {
     }
 }
 
-/// Changes the payload of the frames that are sent in cycle `number`.
 fn payload(events: &mut Events, number: u64, change: impl Fn(&mut Vec<u8>)) {
     let mut cycle = events.events.iter_mut().filter(|event| of(number)(event) && is_sent(event)).peekable();
     assert!(cycle.peek().is_some());
@@ -69,13 +66,12 @@ fn payload(events: &mut Events, number: u64, change: impl Fn(&mut Vec<u8>)) {
     }
 }
 
-/// Returns the instant, ns, at which the last frame of cycle `number` ends.
 fn end(gps: usize, number: u64) -> u64 {
     let events = Events::flawless(gps, number);
     events.events.iter().filter(|event| is_sent(event)).map(|event| event.at).max().unwrap()
 }
 
-/// Returns the payload of a frame of three receivers, with these timestamps of Reported-Position and each GPS object.
+/// Returns a payload for three receivers, with these timestamps of Reported-Position and each GPS object.
 fn stamped(stamps: [u32; 4]) -> Vec<u8> {
     let [reported, gps @ ..] = stamps;
     let gps = gps.map(crate::testing::silent_gps);

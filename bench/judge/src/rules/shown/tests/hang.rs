@@ -1,10 +1,10 @@
-//! Tests which data may stay readable while a DPR hangs, and which data must not.
+//! Tests which data may stay readable while a DPR hangs.
 
 use super::super::synthetic::{Air, Image, MS, Run, US};
 use super::{RECEIVERS, hide};
 use crate::{Board, Event, Violation, What, bounds};
 
-/// Returns a run in which the DPR publishes nothing new from `at` on, and in which its watchdog bites 80 ms after that.
+/// Returns a run in which the DPR publishes nothing new from `at` on, and its watchdog bites 80 ms later.
 fn stopped(n: usize, at: u64) -> Run {
     Run {
         cycles: 80,
@@ -13,12 +13,12 @@ fn stopped(n: usize, at: u64) -> Run {
     }
 }
 
-/// Returns an edit after which the DPR publishes nothing new from `at` on, so that the images published before expire.
+/// Returns an edit after which the DPR publishes nothing new from `at` on, so its images expire.
 fn silent(at: u64) -> impl Fn(&mut Vec<Image>) {
     move |images| images.retain(|image| image.at <= at || image.at >= at + 80 * MS)
 }
 
-/// Adds to a run the event that the bench stopped the DPR's core at `at`.
+/// Adds the event that the bench stopped the DPR's core at `at`.
 fn told(mut run: Run, at: u64) -> Run {
     run.extra.push(Event { at, what: What::Hung { board: Board::Dpr } });
     run
@@ -33,7 +33,7 @@ fn a_hang_of_the_dpr_excuses_what_it_no_longer_publishes() {
             assert_eq!(told(stopped(n, at), at).broken(silent(at)), [], "{n} receivers, {after}");
             let blamed = stopped(n, at).broken(silent(at));
             assert!(blamed.contains(&Violation::NotShown), "{n} receivers, {after}: {blamed:?}");
-            // A hang of HORUS excuses nothing that concerns the DPR.
+            // A hang of HORUS does not excuse the DPR.
             let mut other = stopped(n, at);
             other.extra.push(Event { at, what: What::Hung { board: Board::Horus } });
             assert_eq!(other.broken(silent(at)), blamed);
@@ -109,7 +109,7 @@ fn what_reaches_the_antenna_of_a_dpr_that_hangs_is_never_shown() {
 
 #[test]
 fn objects_may_outlast_a_repeated_frame_if_the_dpr_hangs_first() {
-    // The run has one receiver, and a frame of one of its cycles arrives twice.
+    // The run has one receiver, and a frame arrives twice.
     let run = Run::new(1);
     let (cycle, after) = (20, 5_300 * US);
     let repeated = run.end(cycle) + after;
