@@ -68,6 +68,7 @@ impl<M> Sent<M> {
     }
 }
 
+/// What passes between two boards, and the actors beside each board.
 pub trait Between<A: Board, B: Board, C: Cost = Fast> {
     /// The messages to the first board.
     type ToA;
