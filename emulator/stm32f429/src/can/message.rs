@@ -1,4 +1,4 @@
-//! A CAN message on the bus and in memory: its bits including stuff bits, and the receive FIFOs (RM0090 32.7.3).
+//! CAN messages: stuff bits, and the receive FIFOs (RM0090 32.7.3).
 
 use super::*;
 
@@ -41,14 +41,14 @@ impl Mailbox {
             run = if bit == last { run + 1 } else { 1 };
             last = bit;
             if run == 5 {
-                // The stuff bit is the complement of the run of equal bits before it, and begins the next run.
+                // A stuff bit is the complement of the run before it, and begins the next run.
                 (run, last, stuffed) = (1, 1 - bit, stuffed + 1);
             }
         }
         u64::from(count) + stuffed
     }
 
-    /// The values of a message with which a filter of 32 bits and one of 16 bits compare.
+    /// The values that a 32-bit filter and a 16-bit filter compare with.
     pub(super) fn compared(&self) -> (u32, u32) {
         let wide = self.identifier & !TXRQ;
         let narrow = wide >> 21 << 5 | (wide & RTR) << 3 | (wide & IDE) << 1 | (wide >> 18 & 7);
