@@ -86,7 +86,6 @@ pub struct Core<C: Cost> {
     pub(crate) basepri: u8,
     /// CONTROL: bit 0 is nPRIV, bit 1 SPSEL, bit 2 FPCA.
     pub(crate) control: u8,
-    /// The floating-point registers s0 to s31.
     pub(crate) s: [u32; 32],
     pub(crate) fpscr: u32,
     /// The address that the local exclusive monitor holds, if it is set.
@@ -138,7 +137,6 @@ pub struct Core<C: Cost> {
     pub(crate) told_sleep: bool,
     pub(crate) told_lockup: bool,
     pub(crate) told_halt: bool,
-    /// Whether the caller requested [`Exit::Fault`], see [`Core::tell_faults`].
     pub(crate) tells_faults: bool,
     pub(crate) in_fault: bool,
     pub(crate) watch: Watch,

@@ -51,7 +51,8 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     pub(super) fn probe_log(&mut self, at: u64) {
-        // A firmware without a file has no names for its log. A probe that is attached reads that log itself.
+        // RAM is searched only for a firmware with an ELF file. Otherwise an attached probe that has the file reads the
+        // log.
         if self.log_block.is_none() && self.firmware.is_a_file() && at >= self.search_at {
             // The searches become rarer, since a firmware that logs does so early.
             self.search_at = at + at.clamp(PROBE_PERIOD, LONGEST_SEARCH);

@@ -14,7 +14,6 @@ const CFSR: u32 = 0xE000_ED28;
 const HFSR: u32 = 0xE000_ED2C;
 const BFAR: u32 = 0xE000_ED38;
 
-/// The Thumb instruction `B .`, which branches to itself.
 pub(super) const BRANCH_TO_ITSELF: u64 = 0xE7FE;
 
 /// The exception number of HardFault, ARMv7-M ARM table B1-4. MemManage, BusFault and UsageFault follow.

@@ -52,7 +52,6 @@ pub(crate) struct Drained {
     pub(crate) overran: bool,
 }
 
-/// The number of up channels in the control block at `block`.
 pub(crate) fn count<P: Part>(part: &P, block: u64) -> Result<u64, RttFault> {
     let mut magic = [0; 16];
     if !memory::read(part, block, &mut magic) {

@@ -191,7 +191,6 @@ impl<B: Board> Side<B> {
             self.time.change(at, clock.hz, clock.ppb);
             self.board_event = self.board.next_event();
             self.board_due = self.time.cycle(self.board_event);
-            // At the new rate the horizon's instant has another cycle.
             self.horizon = self.time.cycle(self.horizon_ns);
             self.part.signals().stop();
         }

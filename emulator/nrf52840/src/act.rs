@@ -12,7 +12,6 @@ pub(crate) type Id = usize;
 
 /// The ID of P0 and P1 in this model. They have none in the part.
 pub(crate) const GPIO: Id = 0x30;
-/// The ID of COMP and LPCOMP.
 pub(crate) const COMP: Id = 0x13;
 
 /// An effect of a peripheral beyond its own registers.
@@ -43,11 +42,9 @@ pub(crate) enum Act {
     Compare,
     /// The semaphore of an SPIS changed, or a transaction ended. This is recorded for the outside.
     Spis { id: Id, event: SpisEvent },
-    /// The clock controller changed the source of a clock.
     Clock(Source),
     /// The watchdog needs LFCLK to run.
     DemandLfclk,
-    /// The part restarts.
     Restart,
     Off,
     /// The flash controller stalls the core until this cycle.

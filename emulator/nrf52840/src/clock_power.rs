@@ -157,7 +157,6 @@ impl ClockPower {
         self.plain.iter().find(|(at, ..)| *at == offset).map_or(0, |(_, value, _)| *value)
     }
 
-    /// Sets the crystal's start-up time, from its next start on.
     pub(crate) fn set_hfxo_startup(&mut self, startup_ns: Option<u64>) {
         self.hfxo_startup = startup_ns.map(cycles);
     }

@@ -74,7 +74,6 @@ impl Gpio {
         self.levels[port] >> n & 1 != 0
     }
 
-    /// Whether GPIO's registers make the pin an output.
     #[inline]
     pub(crate) fn is_output(&self, pin: Pin) -> bool {
         let (port, n) = pin.place();

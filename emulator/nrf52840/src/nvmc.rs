@@ -39,7 +39,6 @@ pub(crate) struct Nvmc {
 }
 
 impl Nvmc {
-    /// Whether the instruction cache is on.
     pub(crate) fn is_cached(&self) -> bool {
         self.cache & 1 != 0
     }

@@ -19,7 +19,6 @@ impl Pin {
         exists.then_some(Self(pin.port << 5 | pin.number))
     }
 
-    /// The bench's name for the pin.
     #[inline]
     pub(crate) const fn named(self) -> part::Pin {
         part::Pin::new(self.0 >> 5, self.0 & 31)

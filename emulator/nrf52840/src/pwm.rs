@@ -48,7 +48,6 @@ pub(crate) struct Pwm {
     step: bool,
     compare: [u16; 4],
     levels: [bool; 4],
-    /// The cycle at which the present period began.
     began: Cycle,
     count: u64,
     top: u64,

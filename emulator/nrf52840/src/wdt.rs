@@ -10,7 +10,6 @@
 use crate::clocks::Clocks;
 use crate::instance::{Act, Block, Cx, Instance, index};
 
-/// The value that makes a reload request.
 const RELOAD: u32 = 0x6E52_4635;
 /// The LFCLK ticks from TIMEOUT to the reset.
 const GRACE: u64 = 2;

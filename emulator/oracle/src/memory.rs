@@ -17,7 +17,7 @@ pub(crate) enum Kind {
     Multiple,
     /// Exclusive accesses: LDREX and STREX.
     Exclusive,
-    /// Accesses to the bit-band alias of the window.
+    /// Accesses to the window's bit-band alias.
     BitBand,
     /// FP accesses: VLDR, VSTR, VLDM, VSTM, VPUSH, VPOP.
     Floating,

@@ -38,7 +38,6 @@ impl Instruction {
     }
 }
 
-/// Makes a random instance of `template`, with core registers from `registers`.
 pub(crate) fn instance(template: &Template, random: &mut Random, registers: &[u32]) -> Instruction {
     let (pattern, rule) = template;
     loop {

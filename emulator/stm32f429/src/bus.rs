@@ -340,7 +340,7 @@ impl Stm32f429 {
         result
     }
 
-    /// The offset in flash of an address in flash or in its alias at 0.
+    /// The offset in flash of an address in flash or in the alias of flash at 0.
     #[inline]
     pub(crate) fn flash_offset(&self, address: u32) -> Option<u32> {
         let offset = address.wrapping_sub(flash::BASE);

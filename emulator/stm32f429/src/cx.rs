@@ -45,7 +45,6 @@ impl Ratio {
         u64::try_from((u128::from(ticks) * u128::from(self.num)).div_ceil(u128::from(self.den))).unwrap_or(NEVER)
     }
 
-    /// The number of whole ticks in `cycles`.
     pub(crate) fn ticks(self, cycles: Cycle) -> u64 {
         if self.num == 0 {
             return 0;
@@ -286,7 +285,6 @@ pub(crate) struct Cx<'a> {
 }
 
 impl Cx<'_> {
-    /// Reports a finding.
     pub(crate) fn find(&mut self, kind: FindingKind, text: &'static str) {
         self.out.notes.push(Note { kind, at: self.now, pc: self.pc, place: self.name, text, value: None });
     }
@@ -313,13 +311,9 @@ impl Cx<'_> {
 
 /// The outside of the part.
 pub(crate) trait Wires {
-    /// Exchanges an SPI frame, see [`Outside::spi`].
     fn spi(&mut self, frame: &SpiFrame) -> Option<u32>;
-    /// Sends a UART frame, see [`Outside::uart`].
     fn uart(&mut self, at: Cycle, pin: Pin, frame: &UartFrame);
-    /// Carries out an action on an I2C bus, see [`Outside::i2c`].
     fn i2c(&mut self, at: Cycle, scl: Pin, sda: Pin, event: I2cEvent) -> I2cAnswer;
-    /// Reads the voltage on a pin, see [`Outside::microvolts`].
     fn microvolts(&self, at: Cycle, pin: Pin) -> i32;
 }
 
@@ -344,8 +338,6 @@ impl<O: Outside> Wires for Outward<'_, O> {
     }
 }
 
-/// One instance of a peripheral.
-///
 /// The part first calls [`Peripheral::advance`] for everything that is due before the present cycle. While RCC gates
 /// the instance's clock off, accesses are blocked, but pending events still happen.
 pub(crate) trait Peripheral: Clone {

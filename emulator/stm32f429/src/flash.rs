@@ -80,7 +80,6 @@ pub(crate) struct FlashControl {
     option_key: Key,
     optcr: u32,
     optcr1: u32,
-    /// The cycle until which each bank programs or erases.
     busy_until: [Cycle; 2],
     readable: bool,
     /// The number of wait states that are missing because of the supply.

@@ -208,7 +208,6 @@ pub struct Stm32f429 {
     dirty: u64,
     /// The DMA requests of each instance.
     requests: [u8; id::SCHEDULED],
-    /// The cycle until which each DMA controller pauses because of a lasting request.
     dma_pauses_until: [Cycle; 2],
     listened: [u8; id::SCHEDULED],
     hungry: u64,

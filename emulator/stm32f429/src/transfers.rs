@@ -172,7 +172,6 @@ impl Stm32f429 {
         }
     }
 
-    /// Moves all data of a memory-to-memory stream.
     pub(crate) fn move_memory(&mut self, nth: usize, number: usize, now: Cycle) {
         while self.dma[nth].streams[number].is_on() {
             let stream = &self.dma[nth].streams[number];
@@ -252,7 +251,6 @@ impl Stm32f429 {
         self.bus_write(address, width, value, now, None, None::<&mut emulator_part::Open>)
     }
 
-    /// The memory that has `address`, and the offset in it.
     pub(crate) fn locate(&self, address: u32) -> Option<(Memory, usize)> {
         if let Some(offset) = self.flash_offset(address) {
             return Some((Memory::Flash, offset as usize));

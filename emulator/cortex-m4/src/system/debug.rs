@@ -143,7 +143,6 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Halts the core for debug. Time goes on.
     pub(crate) fn halt(&mut self, reason: u32) {
         self.system.scb.dfsr |= reason;
         self.system.debug.halt_wanted = 0;

@@ -50,7 +50,6 @@ pub(crate) struct System {
     fpb: fpb::Fpb,
     coresight: coresight::CoreSight,
     due: u64,
-    /// Whether the set of breakpoints of the FPB and the DWT changed.
     pub(crate) breakpoints_changed: bool,
     unmodelled: Vec<(u32, u32, u64)>,
     known: BTreeSet<u32>,

@@ -191,7 +191,6 @@ impl Soc {
         if self.moving >> SPIM3 & 1 == 1 { 1 } else { 32 / Cycle::from(self.moving.count_ones().max(1)) }
     }
 
-    /// The most wait states of an access.
     pub(crate) fn worst_wait_states(&mut self, access: &Access) -> u32 {
         // The processor has the highest priority on the AHB multilayer. It waits only for an access of EasyDMA to the
         // same slave that has already begun (PS 4.7).

@@ -70,7 +70,6 @@ pub(super) static BLOCKS: [BlockSpec; 44] = [
     at(GPIO, "GPIO", r::GPIO, true),
 ];
 
-/// The CryptoCell, which is not modelled.
 const CRYPTOCELL: std::ops::Range<u32> = 0x5002_A000..0x5002_C000;
 
 /// Registers that the workarounds of USBD's anomalies 166, 171 and 187 write. No table lists them.

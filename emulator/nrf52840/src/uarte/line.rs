@@ -23,7 +23,6 @@ impl Line {
         })
     }
 
-    /// The first falling edge at or after `from`.
     pub(super) fn falling_edge(&self, from: Cycle, period: u64) -> Option<Cycle> {
         for (begins, frame) in &self.frames {
             let mut high = true;

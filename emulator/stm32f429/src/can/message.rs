@@ -3,7 +3,7 @@
 use super::*;
 
 impl Mailbox {
-    /// The number of bits from start of frame to the end of the CRC, including stuff bits.
+    /// The number of bits of a frame up to the end of the CRC, including stuff bits.
     pub(super) fn stuffed_bits(&self) -> u64 {
         let mut frame = (0_u128, 0_u32);
         let mut push = |value: u32, width: u32| {

@@ -24,7 +24,6 @@ impl I2c {
         in_byte && self.held.is_none() && (at - self.began) % self.bit() * 2 >= self.bit()
     }
 
-    /// The cycle at which bit `number` of the present step is sampled.
     fn sampled_at(&self, number: u64) -> Cycle {
         self.began + number * self.bit() + self.bit() * SAMPLED / 4
     }
@@ -136,7 +135,6 @@ impl I2c {
         self.due = NEVER;
     }
 
-    /// Loses the arbitration.
     pub(super) fn lose(&mut self) {
         self.abandon();
         self.sr1 = self.sr1 & !(TXE | BTF) | ARLO;
@@ -145,7 +143,7 @@ impl I2c {
         self.goes_on = false;
     }
 
-    /// Begins a step. If another device holds a line, it holds this step too.
+    /// Begins a step. If another device holds a line, the device also holds the step.
     pub(super) fn begun(&mut self, cx: &Cx) {
         let (scl, sda) = self.lines(cx);
         self.low = 0;

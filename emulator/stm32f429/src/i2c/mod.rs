@@ -97,7 +97,6 @@ pub(crate) struct I2c {
     shifted: u8,
     /// The present step, and the bus's answer while it stretches the clock.
     step: Option<(Step, Option<I2cAnswer>)>,
-    /// The cycle at which the present step began.
     began: Cycle,
     low_since: Option<Cycle>,
     /// The bits of the step, from bit 0, that were sampled while SDA was held low.

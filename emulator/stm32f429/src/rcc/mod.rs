@@ -131,7 +131,6 @@ struct Rate {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Supply {
     pub(crate) scale: u8,
-    /// Whether over-drive is on and selected.
     pub(crate) over_drive: bool,
     pub(crate) backup_writable: bool,
 }

@@ -64,7 +64,6 @@ impl Rcc {
         (divides && runs).then_some(vco)
     }
 
-    /// The rate of SYSCLK when SWS is `system`.
     fn system_rate(&self, system: u32) -> Option<Rate> {
         match system {
             0 => self.source(false),

@@ -80,7 +80,6 @@ pub(crate) struct Rtc {
     locked: (Option<u32>, Option<u32>),
 
     clock: Ratio,
-    /// The cycle from which RTC clocks are counted.
     origin: Cycle,
     counted: u64,
     total: u64,

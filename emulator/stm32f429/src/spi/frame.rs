@@ -32,7 +32,6 @@ impl Spi {
         self.due = ends;
     }
 
-    /// The cycle of the next PCLK edge.
     pub(super) fn edge(&self, now: Cycle) -> Cycle {
         // A PCLK cycle is a power of two of core cycles.
         let step = u64::from(self.pclk);

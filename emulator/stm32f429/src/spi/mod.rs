@@ -65,7 +65,6 @@ struct Flight {
     data: u16,
     begins: Cycle,
     ends: Cycle,
-    /// Whether the frame is the CRC.
     is_crc: bool,
 }
 

@@ -21,7 +21,6 @@ impl Tim {
         }
     }
 
-    /// Handles a change of an input, see [`INPUT_ETR`].
     pub(super) fn input_changed(&mut self, input: usize, level: bool, cx: &mut Cx) {
         if self.inputs[input] == level {
             return;

@@ -146,13 +146,11 @@ pub(crate) struct Tim {
     /// The edges counted by the input prescalers of channels 1 to 4 and ETR.
     edges: [u8; 5],
     requests: u32,
-    /// The number of transfers left in a DMA burst.
     burst_left: u32,
     burst_next: u32,
     /// The number of rising edges of the trigger output that were not reported yet.
     trigger_pulses: u8,
     trigger_level: bool,
-    /// The outputs that were last reported.
     told: Outputs,
     told_references: u8,
     told_level: bool,

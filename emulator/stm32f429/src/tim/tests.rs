@@ -324,7 +324,6 @@ fn an_update_request_stays_until_the_dma_has_served_its_burst() {
     assert_eq!((rig.read(CCR1), rig.read(CCR2)), (7, 8));
 }
 
-/// The state that depends on the time.
 fn state(rig: &mut Rig<Tim>) -> (u32, u32, [bool; 4], u32, u32, u32) {
     let status = rig.read(SR);
     let timer = &rig.instance;

@@ -3,7 +3,6 @@
 use super::*;
 
 impl Usart {
-    /// The length of a sent frame in cycles.
     pub(super) fn frame_cycles(&self) -> u64 {
         (self.bit * (2 * (1 + u64::from(self.data_bits())) + u64::from(self.stop_halves()))) / 2
     }

@@ -7,7 +7,6 @@ use std::cmp::Ordering;
 
 use super::{AHP, DN, DZC, FZ, IDC, IOC, IXC, Integer, OFC, RMODE, RMODE_SHIFT, SIGN, UFC};
 
-/// The default NaN.
 const DEFAULT_NAN: u32 = 0x7FC0_0000;
 const INFINITY: u32 = 0x7F80_0000;
 /// The highest bit of a NaN's fraction, which is set in a quiet NaN.

@@ -85,7 +85,6 @@ struct Truth {
 }
 
 impl Truth {
-    /// The expected result and the expected FPSCR afterwards.
     fn expected(&self, fpscr: u32) -> (u32, u32) {
         let Self { nearest, order, .. } = *self;
         let mode = fpscr & RMODE;
