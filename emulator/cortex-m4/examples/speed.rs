@@ -1,11 +1,12 @@
-//! Measures how many million instructions per second the core executes on each clock. The part around it is only memory
+//! Measures how many million instructions per second the core executes on each clock. The core is connected to memory
 //! and one device.
 //!
 //! Run it with `cargo run --release --example speed -p cortex-m4`. The programs are endless loops:
 //!
 //! - compute: a shift-register generator fills 256 bytes of RAM, a bitwise CRC (with an IT block) is computed over
 //!   these bytes, and a subroutine multiplies and accumulates 64 words.
-//! - polling: the program reads a status register until a bit is set, and then exchanges and stores data.
+//! - polling: the program reads a status register until a bit is set. It then exchanges data with the device and stores
+//!   the result.
 
 #[path = "../tests/common/mod.rs"]
 mod common;

@@ -58,7 +58,7 @@ pub struct Access {
     pub pc: u32,
 }
 
-/// The part did not answer, or refused: the core takes a precise bus fault.
+/// The error of an access that the part does not answer or refuses. The core takes a precise bus fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusError;
 
@@ -90,18 +90,16 @@ pub trait Bus {
     /// Returns [`BusError`] where nothing answers, or where the part refuses the write.
     fn write(&mut self, access: &Access, value: u32) -> Result<(), BusError>;
 
-    /// Returns the value that [`Bus::read`] would return, where the address is in memory that answers at once and
-    /// reading has no side effect. It is a faster way than [`Bus::read`] to the same value. Returns `None` for all
-    /// other addresses and for unaligned accesses.
+    /// Returns the value that [`Bus::read`] would return, if the access is aligned and goes to memory that answers at
+    /// once. Returns `None` for every other access. This way is faster than [`Bus::read`].
     #[inline(always)]
     fn read_memory(&self, address: u32, width: Width) -> Option<u32> {
         let _ = (address, width);
         None
     }
 
-    /// Does what [`Bus::write`] would do and returns `true`, where the address is in memory that takes the value at
-    /// once and writing has no other effect. It is a faster way than [`Bus::write`]. Returns `false` for all other
-    /// addresses and for unaligned accesses.
+    /// Writes as [`Bus::write`] does and returns `true`, if the access is aligned and goes to memory that takes the
+    /// value at once. Returns `false` for every other access. This way is faster than [`Bus::write`].
     #[inline(always)]
     fn write_memory(&mut self, address: u32, width: Width, value: u32) -> bool {
         let _ = (address, width, value);
@@ -118,9 +116,8 @@ pub trait Bus {
     /// Whether the memory at `address`, such as flash, stays the same until [`Signals::forget_code`] is called.
     fn is_constant(&self, address: u32) -> bool;
 
-    /// Begins to watch the page of 1 KiB that has `address`, in writable memory, for writes. Returns whether the part
-    /// can watch it. For memory that the part cannot watch, the core compares each decoded instruction with what
-    /// [`Bus::fetch`] reads before executing the instruction.
+    /// Begins to watch the page of 1 KiB that has `address` for writes. Returns whether the part can watch the page. If
+    /// it cannot, the core compares each decoded instruction with [`Bus::fetch`] before executing it.
     fn watch_code(&mut self, address: u32) -> bool {
         let _ = address;
         false
@@ -142,8 +139,7 @@ pub trait Bus {
     /// The next cycle at which something happens outside the core, `u64::MAX` for never.
     fn due(&self) -> u64;
 
-    /// Carries out, in order, every event outside the core that is due at or before `cycle`. Afterwards [`Bus::due`] is
-    /// later than `cycle`.
+    /// Carries out, in order, every event outside the core that is due at or before `cycle`.
     fn advance(&mut self, cycle: u64);
 
     /// Tells the part that the core fell asleep (`asleep`) or woke at `cycle`; `deep` is SCR.SLEEPDEEP.

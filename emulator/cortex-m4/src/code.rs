@@ -6,9 +6,8 @@
 //! | watched ([`Bus::watch_code`]) | a page, at its first execution | a page, when a byte in it was written |
 //! | other | each instruction, when it is first executed | an instruction, when memory holds other halfwords |
 //!
-//! A page has 1 KiB, and all of it must be memory of one kind. Clones of a core share pages, so that a clone costs
-//! little and decodes nothing that another clone has decoded. A page that also has data is written again and again.
-//! After such a page was decoded anew [`MOST_REWRITES`] times, it is no longer watched.
+//! A page has 1 KiB, and all of it must be memory of one kind. Clones of a core share decoded pages. A page that also
+//! holds data may be written often, so a page that was decoded anew [`MOST_REWRITES`] times is no longer watched.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -18,38 +17,34 @@ use crate::{Bus, Fault, decode};
 
 /// The number of address bits within a page.
 pub(crate) const BITS: u32 = 10;
-/// The number of instruction slots of a page, one for each halfword.
+/// The number of halfwords of a page. Each has its own entry, since an instruction may begin at any of them.
 const SLOTS: usize = 1 << (BITS - 1);
 /// The number of times that a page may be decoded anew as a whole because a byte in it was written.
 const MOST_REWRITES: u32 = 64;
-/// The number of entries of the index, which must be a power of two.
+/// The number of entries of the index of pages, a power of two.
 const INDEX: usize = 256;
 
-/// The way in which the core makes sure that the decoded instructions of a page match memory.
+/// The way in which the core makes sure that decoded instructions match memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     Constant,
     Watched,
-    /// The core compares each instruction with memory before it executes it.
     Compared,
 }
 
 /// The decoded instructions of one page.
 #[derive(Clone, Debug)]
 pub(crate) struct Page {
-    /// The page's address without its lowest [`BITS`] bits.
     number: u32,
     kind: Kind,
     /// Whether the page's last instruction extends into the next page.
     straddles: bool,
     ops: [Op; SLOTS],
-    /// The halfwords from which the instructions were decoded, the first one in the low half. Filled only where
-    /// instructions are compared with memory.
+    /// The halfwords of each instruction, the first one in the low half. Empty unless the page is [`Kind::Compared`].
     halfwords: Vec<u32>,
 }
 
 impl Page {
-    /// Whether `pc` is in this page.
     #[inline(always)]
     pub(crate) fn holds(&self, pc: u32) -> bool {
         pc >> BITS == self.number
@@ -72,15 +67,15 @@ impl Page {
     }
 }
 
-/// All pages of a core.
+/// The decoded pages of a core, and its breakpoints.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Code {
     pages: Vec<Arc<Page>>,
-    /// The place in `pages` where a page may be, found by the low bits of the page's number mixed with its region.
+    /// For each hash of a page's number, the position in `pages` where that page may be.
     index: Vec<u16>,
     /// The caller's breakpoints, sorted.
     breakpoints: Vec<u32>,
-    /// The addresses that the core's breakpoint units watch, sorted.
+    /// The addresses at which the FPB and the DWT have breakpoints, sorted.
     hardware: Vec<u32>,
     /// The value of [`Bus::rewritten`] when the pages were last checked.
     rewritten: u64,
@@ -89,7 +84,7 @@ pub(crate) struct Code {
 }
 
 impl Code {
-    /// Returns the place of the page that has `pc`, and decodes the page if necessary.
+    /// Returns the position in `pages` of the page that has `pc`, and decodes the page if necessary.
     #[inline(always)]
     pub(crate) fn page<B: Bus>(&mut self, bus: &mut B, pc: u32) -> usize {
         let number = pc >> BITS;
@@ -107,13 +102,11 @@ impl Code {
         &self.pages[place]
     }
 
-    /// The value of [`Bus::rewritten`] when the pages were last checked.
     #[inline(always)]
     pub(crate) fn rewritten(&self) -> u64 {
         self.rewritten
     }
 
-    /// Drops the pages in which a byte was written.
     #[cold]
     #[inline(never)]
     pub(crate) fn forget_rewritten<B: Bus>(&mut self, bus: &B) {
@@ -207,7 +200,6 @@ impl Code {
         op
     }
 
-    /// Drops all decoded instructions, since they no longer match memory.
     pub(crate) fn forget(&mut self) {
         self.pages.clear();
         self.index.clear();
@@ -227,12 +219,10 @@ impl Code {
         }
     }
 
-    /// Whether the caller has a breakpoint at `address`.
     pub(crate) fn is_callers(&self, address: u32) -> bool {
         self.breakpoints.binary_search(&address).is_ok()
     }
 
-    /// Replaces the addresses with which the FPB and the DWT compare the program counter.
     pub(crate) fn set_hardware(&mut self, mut addresses: Vec<u32>) {
         addresses.sort_unstable();
         let before = std::mem::replace(&mut self.hardware, addresses.clone());
@@ -241,7 +231,6 @@ impl Code {
         }
     }
 
-    /// Drops the page of `address`, so that it is decoded anew when it is next executed.
     fn drop_page(&mut self, address: u32) {
         self.pages.retain(|page| page.number != address >> BITS);
         self.index.clear();

@@ -86,7 +86,6 @@ pub struct Core<C: Cost> {
     pub(crate) basepri: u8,
     /// CONTROL: bit 0 is nPRIV, bit 1 SPSEL, bit 2 FPCA.
     pub(crate) control: u8,
-    /// The floating-point registers s0 to s31.
     pub(crate) s: [u32; 32],
     pub(crate) fpscr: u32,
     /// The address that the local exclusive monitor holds, if it is set.
@@ -97,33 +96,28 @@ pub struct Core<C: Cost> {
     pub(crate) waiting: Option<bool>,
     pub(crate) locked_up: bool,
     pub(crate) halted: bool,
-    /// Whether the core hangs, see [`Core::hang`].
     pub(crate) hung: bool,
     /// The cycles since the core was made. Resets and sleep do not stop the count.
     pub(crate) cycle: u64,
-    /// The cycles, among all counted ones, in which the core slept, was halted or locked up, or hung.
+    /// The cycles in which the core slept, was halted, was locked up, or hung. They also count in `cycle`.
     pub(crate) idle: u64,
-    /// The number of executed instructions.
     pub(crate) retired: u64,
-    /// Whether something may have become pending or a priority may have changed. If so, the run loop checks exceptions
-    /// before the next instruction.
+    /// Whether the run loop must check exceptions before the next instruction. It must after something became pending
+    /// or a priority changed.
     pub(crate) attention: bool,
     /// The registers in 0xE000_0000 to 0xE00F_FFFF: interrupts, faults, timers, MPU, debug.
     pub(crate) system: System,
-    /// The MPU rights that an aligned read needs to access memory directly, without the checks of other reads
-    /// ([`Core::load`]). The next field is the same for a write. Both are 0 while no access may go directly to memory.
+    /// The MPU rights with which an aligned read may go directly to memory ([`Core::load`]), 0 if no read may.
     pub(crate) short_read: u32,
     pub(crate) short_write: u32,
-    /// The cache of decoded instructions.
     pub(crate) code: Code,
-    /// The limit of `cycle` below which the core executes instructions without a break. Setting the limit to 0 makes
-    /// the run loop check for other events.
+    /// The cycle up to which the core executes instructions without checking for other events. 0 makes the core check
+    /// before the next instruction.
     pub(crate) limit: u64,
-    /// The cycle at which the next event is due.
     pub(crate) due: u64,
-    /// The cycles that the last instruction still has to take, since an event that fell due in its middle cut it short.
+    /// The remaining cycles of the last instruction, if an event in its middle cut it short.
     pub(crate) cut: u64,
-    /// The remaining cycles of instructions that exceptions interrupted. They pass with the next exception return.
+    /// The remaining cycles of instructions that exceptions interrupted. They pass at the next exception return.
     pub(crate) owed: u64,
     /// The cycle at which lazy preservation last saved the floating-point state.
     pub(crate) preserved_fp: u64,
@@ -133,26 +127,19 @@ pub struct Core<C: Cost> {
     pub(crate) fetched: u32,
     /// The cycle before which the core executes nothing, since the bus stalls it.
     pub(crate) stalled_until: u64,
-    /// An event in place of an instruction, which [`Core::run`] returns.
+    /// The breakpoint or semihosting call that the core has reached. [`Core::run`] returns it.
     pub(crate) paused: Option<Exit>,
-    /// The address of the breakpoint at which [`Core::run`] last returned. The core executes the instruction at that
-    /// address next.
+    /// The breakpoint at which [`Core::run`] last returned. The next run executes the instruction at this address.
     pub(crate) passed: Option<u32>,
     /// The address of a semihosting call that the caller does not answer, so that the core treats it as a plain `BKPT`.
     pub(crate) refused_call: Option<u32>,
-    /// Whether [`Bus::sleeps`](crate::Bus::sleeps) was called for the beginning of a sleep, and not yet for its end.
+    /// Whether the part was told that the core fell asleep, and not yet that it woke.
     pub(crate) told_sleep: bool,
-    /// Whether [`Exit::Lockup`] was reported.
     pub(crate) told_lockup: bool,
-    /// Whether [`Exit::Halted`] was reported.
     pub(crate) told_halt: bool,
-    /// Whether the caller requested an exit at each entry into a fault's handler, and whether there was an entry that
-    /// was not reported yet.
     pub(crate) tells_faults: bool,
     pub(crate) in_fault: bool,
-    /// The record of changes of the active exception.
     pub(crate) watch: Watch,
-    /// The caller's watchpoints on data accesses.
     pub(crate) watchpoints: Watchpoints,
     pub(crate) cost: PhantomData<C>,
 }
@@ -240,7 +227,6 @@ impl<C: Cost> Core<C> {
             cost: PhantomData,
         }
     }
-    /// Whether r13 is PSP.
     const fn on_process_stack(&self) -> bool {
         self.control & 2 != 0 && self.ipsr == 0
     }
@@ -349,11 +335,9 @@ impl<C: Cost> Core<C> {
         self.locked_up
     }
 
-    /// Makes the core hang: from the next instruction boundary on it executes nothing and takes no exception until it
-    /// is reset, like a core that is stuck in its highest exception with all others masked, NMI included. A sleeping
-    /// core does not wake. Everything except execution goes on: the core's timers count, interrupts become pending, a
-    /// debugger may halt and reset the core, and a step that a debugger asks for ends at the instruction at which it
-    /// began.
+    /// Makes the core hang until it is reset: from the next instruction boundary on it executes nothing, takes no
+    /// exception (not even NMI) and does not wake. Its timers count on, and interrupts become pending. A debugger may
+    /// halt and reset the core. A debugger's step ends at the instruction at which it began.
     pub fn hang(&mut self) {
         self.hung = true;
     }
@@ -398,9 +382,8 @@ impl<C: Cost> Core<C> {
         (self.r[0], self.r[1])
     }
 
-    /// Finishes a semihosting call after [`Exit::HostCall`]: puts the answer into r0 and sets the program counter
-    /// behind the call. With `None` the caller does not answer: the instruction is then a plain `BKPT`, as on a part
-    /// without a debugger.
+    /// Finishes a semihosting call after [`Exit::HostCall`]. `Some` goes into r0, and the program counter moves behind
+    /// the call. With `None` the instruction acts as a plain `BKPT`, as on a part without a debugger.
     pub fn finish_host_call(&mut self, answer: Option<u32>) {
         let pc = self.r[15];
         match answer {
@@ -414,7 +397,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Lets time pass until `cycle`, for a core that executes nothing, without telling the bus.
+    /// Counts the cycles up to `cycle` as idle. The core executes nothing in them, and the bus is not advanced.
     pub fn skip_to(&mut self, cycle: u64) {
         if cycle > self.cycle {
             self.idle += cycle - self.cycle;

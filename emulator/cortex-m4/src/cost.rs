@@ -31,8 +31,8 @@
 //! | SVC, BKPT | not stated: the cost of the exception, and | 1 | 1 |
 //! | floating point | TRM table 7-1 | [`crate::fp`] | [`crate::fp`] |
 //!
-//! Left out: no interrupt abandons a division, as silicon may do. Here the division completes first, which takes up to
-//! 12 cycles. The bounds hold for each instruction by itself; no silicon takes the most cycles for all instructions.
+//! Left out: on silicon an interrupt may abandon a division. Here the division completes first, which takes up to 12
+//! cycles. The bounds hold for each instruction by itself; no silicon takes the most cycles for all instructions.
 
 use std::fmt::Debug;
 
@@ -40,8 +40,8 @@ use crate::Bound;
 use crate::fp;
 use crate::op::Do;
 
-/// A clock of the core: what each instruction and exception costs. It is a type parameter, so that the fast clock does
-/// not compute what only the other clocks need.
+/// A clock of the core: the cycles that each instruction and exception costs. It is a type parameter of the core, so
+/// that the fast clock computes only what it needs.
 pub trait Cost: Copy + Clone + Debug + Default + Send + Sync + 'static {
     /// The clock's name, as it is given on a command line.
     const NAME: &'static str;
@@ -60,9 +60,9 @@ pub trait Cost: Copy + Clone + Debug + Default + Send + Sync + 'static {
     const EXCEPTION_RETURN: u64;
     /// The cycles from one handler to the next without unstacking and stacking: 6 (TRM 3.9.1).
     const TAIL_CHAIN: u64;
-    /// The extra cycles of an entry in whose middle a higher exception arrives, so that its vector is fetched in place
-    /// of the first. The TRM has no figure: at best the stacking hides the fetch, at worst it takes the time of a
-    /// tail-chain.
+    /// The extra cycles of an entry in whose middle an exception of higher priority arrives, since the core fetches
+    /// another vector. The TRM has no figure. At best the stacking hides the fetch; at worst the fetch takes the time
+    /// of a tail-chain.
     const LATE_ARRIVAL: u64;
     /// The extra cycles of stacking s0 to s15 and FPSCR in an entry, without lazy preservation. The entry then takes 29
     /// cycles in place of 12 (TRM 3.9.1).
@@ -74,9 +74,9 @@ pub trait Cost: Copy + Clone + Debug + Default + Send + Sync + 'static {
     const LAZY_STACKING: u64;
 }
 
-/// The clock with which a run is fastest on the host. It counts one cycle for each halfword of code, whether a branch
-/// is taken or not, and nothing for exceptions and wait states. Compiled code then takes about 1.4 cycles an
-/// instruction, which is between the two bounds.
+/// The clock that is fastest to emulate. It counts one cycle for each halfword of code and nothing for taken branches,
+/// exceptions and wait states. Compiled code then takes about 1.4 cycles per instruction, which is between the other
+/// two clocks.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Fast;
 

@@ -1,10 +1,10 @@
-//! A description in words of what an encoding means, for tests of the decoder.
+//! Describes in words how the core decodes an encoding, for tests of the decoder.
 
 use crate::decode;
 
-/// Describes the instruction at `address`: its size in bytes, and its operation with the operands as the core holds
-/// them. The text is for comparison only: it is no assembler syntax, and its form may change. `second` counts only
-/// where `first` begins a 32-bit instruction. An encoding that the core does not execute reads `Fault(...)`.
+/// Returns the size in bytes and a description of the instruction at `address`, with the operands as the core holds
+/// them. The text is for comparison only: it is no assembler syntax, and its form may change. `second` counts only if
+/// `first` begins a 32-bit instruction. An encoding that the core does not execute gives `Fault(...)`.
 #[must_use]
 pub fn describe(address: u32, first: u16, second: u16) -> (u8, String) {
     if decode::is_wide(first) {

@@ -5,7 +5,7 @@
 pub enum Fault {
     /// An undefined instruction: UFSR.UNDEFINSTR.
     Undefined,
-    /// An invalid state: EPSR.T is clear, or the instruction does not allow the IT state. UFSR.INVSTATE.
+    /// An invalid state, UFSR.INVSTATE: EPSR.T is clear, or the IT state does not allow the instruction.
     InvalidState,
     /// An illegal EXC_RETURN or exception frame: UFSR.INVPC.
     InvalidPc,

@@ -1,4 +1,4 @@
-//! How loads and stores of the core reach the bus.
+//! Loads and stores of the core.
 //!
 //! | ARM ARM, TRM | what is covered |
 //! |---|---|
@@ -9,20 +9,17 @@
 //! | B3.2.8 | CCR.BFHFNMIGN: a load that nothing answers reads 0, and CFSR and BFAR report the fault |
 //! | C1.8 | the comparators of the DWT check data accesses while they watch |
 //!
-//! An unaligned access becomes several aligned ones in rising order, as the TRM says of the bus interface (TRM 3.7.2).
-//! A half at an odd address becomes two bytes, a word at 2 mod 4 two halves, and a word at an odd address byte, half,
-//! byte. The core's own space allows aligned accesses only; unaligned ones take UFSR.UNALIGNED. The write buffer is not
+//! An unaligned access becomes several aligned ones at rising addresses (TRM 3.7.2). A half at an odd address becomes
+//! two bytes, a word at 2 mod 4 two halves, and a word at an odd address byte, half, byte. Unaligned accesses to the
+//! core's own space take UFSR.UNALIGNED. There is no write buffer, so each bus fault is precise.
 //! modelled: each bus fault is precise.
 
 use crate::system::mpu::data_right;
 use crate::{Access, Bus, Core, Cost, Fault, Purpose, Width};
 
-/// The first address of the core's own space.
 const PRIVATE: u32 = 0xE000_0000;
-/// The first address after the core's own space.
 const PRIVATE_END: u32 = 0xE010_0000;
 
-/// The access widths, as const parameters of functions.
 const BYTE: u8 = Width::Byte as u8;
 const HALF: u8 = Width::Half as u8;
 const WORD: u8 = Width::Word as u8;
@@ -35,14 +32,13 @@ const fn sized(bytes: u8) -> Width {
     }
 }
 
-/// Whether an access to `address` may need more than the bus, as bit-band aliases and the core's own space do. The
-/// result is also true for some addresses that do not need more.
+/// Whether `address` may be a bit-band alias or in the core's own space. Some other addresses give true as well.
 #[inline(always)]
 const fn is_special(address: u32) -> bool {
     address >= PRIVATE || address & 0x9E00_0000 == 0x0200_0000
 }
 
-/// The address of the byte and the number of the bit in it that a bit-band alias stands for (TRM 3.7.1).
+/// The byte and the bit in it that a bit-band alias stands for (TRM 3.7.1).
 const fn bit_band(address: u32) -> Option<(u32, u32)> {
     let region = address & 0xFE00_0000;
     if region != 0x2200_0000 && region != 0x4200_0000 {
@@ -53,8 +49,8 @@ const fn bit_band(address: u32) -> Option<(u32, u32)> {
 }
 
 impl<C: Cost> Core<C> {
-    /// Finds out which accesses may go directly to memory, without further checks: those to memory that answers at once
-    /// and that the MPU opens. Neither privilege nor watching changes while instructions execute without a break.
+    /// Computes `short_read` and `short_write`. Neither privilege nor watching changes while instructions execute
+    /// without a break, so the two values hold that long.
     #[inline(always)]
     pub(crate) fn note_short_way(&mut self) {
         let short = C::BOUND.is_none() && !self.watching();
@@ -63,7 +59,6 @@ impl<C: Cost> Core<C> {
         self.short_write = if short { data_right(true, privileged) } else { 0 };
     }
 
-    /// Reads `width` at `address`, without sign extension.
     #[inline(always)]
     pub(crate) fn load<B: Bus>(
         &mut self,
@@ -82,7 +77,6 @@ impl<C: Cost> Core<C> {
         self.load_as(bus, address, width, purpose, privileged)
     }
 
-    /// Writes the low part of `value` at `address`.
     #[inline(always)]
     pub(crate) fn store<B: Bus>(
         &mut self,
@@ -102,7 +96,7 @@ impl<C: Cost> Core<C> {
         self.store_as(bus, address, width, value, purpose, privileged)
     }
 
-    /// Loads as [`Core::load`] does, but with the given privilege, for the LDRT family.
+    /// Loads with the given privilege, for the LDRT family.
     #[inline(always)]
     pub(crate) fn load_as<B: Bus>(
         &mut self,
@@ -118,7 +112,7 @@ impl<C: Cost> Core<C> {
         self.load_plain(bus, address, width, purpose, privileged)
     }
 
-    /// Stores as [`Core::store`] does, but with the given privilege, for the STRT family.
+    /// Stores with the given privilege, for the STRT family.
     #[inline(always)]
     pub(crate) fn store_as<B: Bus>(
         &mut self,
@@ -135,8 +129,8 @@ impl<C: Cost> Core<C> {
         self.store_plain(bus, address, width, value, purpose, privileged)
     }
 
-    /// Reads the next word of a load multiple, at `address`. `reached` tells that [`Core::reaches`] holds for all its
-    /// words.
+    /// Reads the next word of a load multiple. `reached` says that [`Core::reaches`] holds for all words of the
+    /// instruction.
     #[inline(always)]
     pub(crate) fn load_next<B: Bus>(&mut self, bus: &mut B, address: u32, reached: bool) -> Result<u32, Fault> {
         match reached.then(|| bus.read_memory(address, Width::Word)).flatten() {
@@ -145,7 +139,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Writes the next word of a store multiple, as [`Core::load_next`] reads that of a load multiple.
+    /// Writes the next word of a store multiple. `reached` has the meaning that it has in [`Core::load_next`].
     #[inline(always)]
     pub(crate) fn store_next<B: Bus>(
         &mut self,
@@ -160,7 +154,7 @@ impl<C: Cost> Core<C> {
         self.store(bus, address, Width::Word, value, Purpose::Data)
     }
 
-    /// Whether the core may read or write all of `bytes` from `address` on directly, if they are memory: no wait states
+    /// Whether the core may access `bytes` bytes from `address` on without checks, if they are memory: no wait states
     /// are counted, the DWT does not watch, and the MPU opens these addresses.
     #[inline(always)]
     pub(crate) fn reaches(&mut self, address: u32, bytes: u32, write: bool, privileged: bool) -> bool {
@@ -172,7 +166,6 @@ impl<C: Cost> Core<C> {
         Access { address, width, purpose, privileged, cycle: self.cycle, pc: self.r[15] }
     }
 
-    /// Makes an aligned load, which the bus answers.
     #[inline(always)]
     fn load_plain<B: Bus>(
         &mut self,
@@ -189,7 +182,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Makes an aligned load of one width. It is a separate function so that the bus is not inlined into each load
+    /// Makes an aligned load. A separate function for each width keeps the bus from being inlined into each load
     /// instruction.
     #[inline(never)]
     fn load_sized<B: Bus, const WIDTH: u8>(
@@ -219,7 +212,6 @@ impl<C: Cost> Core<C> {
         Ok(value)
     }
 
-    /// Makes an aligned store, which the bus takes.
     #[inline(always)]
     fn store_plain<B: Bus>(
         &mut self,
@@ -237,7 +229,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Makes an aligned store of one width. It is a separate function so that the bus is not inlined into each store
+    /// Makes an aligned store. A separate function for each width keeps the bus from being inlined into each store
     /// instruction.
     #[inline(never)]
     fn store_sized<B: Bus, const WIDTH: u8>(
@@ -266,7 +258,7 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    /// Ends a burst of the run loop after an access in which the part announced a change.
+    /// Makes the run loop check for events if the part announced a change during an access.
     #[inline(always)]
     fn notice<B: Bus>(&mut self, bus: &mut B) {
         if bus.signals().is_announced() {
@@ -308,8 +300,7 @@ impl<C: Cost> Core<C> {
             if !self.mpu_data(address, false, privileged) {
                 return Err(refused(address, purpose, false));
             }
-            // The access has the width of the instruction's access, and goes to those bytes of the word to which the
-            // alias belongs (TRM 3.7.1).
+            // The access keeps its width and covers the bytes of the word to which the alias belongs (TRM 3.7.1).
             let whole = byte & !(width.bytes() - 1);
             let value = self.load_plain(bus, whole, width, purpose, privileged)?;
             return Ok(value >> (8 * (byte - whole) + bit) & 1);
@@ -360,7 +351,6 @@ impl<C: Cost> Core<C> {
     }
 }
 
-/// The aligned accesses that an unaligned one becomes, as offsets and widths.
 fn parts(address: u32, width: Width) -> impl Iterator<Item = (u32, Width)> {
     let list: [Option<(u32, Width)>; 3] = match (width, address & 1) {
         (Width::Word, 0) => [Some((0, Width::Half)), Some((2, Width::Half)), None],
@@ -370,7 +360,6 @@ fn parts(address: u32, width: Width) -> impl Iterator<Item = (u32, Width)> {
     list.into_iter().flatten()
 }
 
-/// The fault that the core takes where nothing answers.
 #[cold]
 const fn unanswered(address: u32, purpose: Purpose, write: bool) -> Fault {
     match (purpose, write) {
@@ -382,7 +371,6 @@ const fn unanswered(address: u32, purpose: Purpose, write: bool) -> Fault {
     }
 }
 
-/// The fault that the core takes where the MPU refuses.
 #[cold]
 const fn refused(address: u32, purpose: Purpose, write: bool) -> Fault {
     match (purpose, write) {

@@ -7,7 +7,7 @@
 //! | [`Op::least`], [`Op::most`] | core cycles at the two bounds, see [`crate::cost`] |
 //! | [`Op::block`] | how the instruction behaves in an IT block |
 //!
-//! An `Op` has sixteen bytes, so that four of them share a cache line of the host.
+//! An `Op` has sixteen bytes, so that four share a cache line of the host.
 
 use crate::Fault;
 use crate::fp::FpOp;
@@ -38,8 +38,8 @@ pub(crate) struct Op {
 const _: () = assert!(size_of::<Op>() <= 16);
 
 impl Op {
-    /// Whether the instruction moves several registers to or from memory and an interrupt need not wait for its end
-    /// (TRM 3.9.1). A load of PC does not count, since it may be a return from an exception.
+    /// Whether an interrupt need not wait for the end of this load/store multiple (TRM 3.9.1). It must wait for one
+    /// that loads PC, which may be an exception return.
     pub(crate) const fn is_multiple(&self) -> bool {
         match self.what {
             Do::Ldm { list, .. } => list >> 15 == 0,
@@ -70,8 +70,8 @@ pub(crate) enum Alu {
     Cmp,
 }
 
-/// Shifts by a constant or by a register (ARM ARM A7.4). LSR and ASR by the encoded amount 0 are already decoded as
-/// shifts by 32, and ROR by 0 as `Rrx`.
+/// Shifts by a constant or by a register (ARM ARM A7.4). LSR and ASR by the encoded amount 0 are decoded as shifts by
+/// 32, and ROR by 0 as `Rrx`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Shift {
     Lsl,
@@ -81,7 +81,7 @@ pub(crate) enum Shift {
     Rrx,
 }
 
-/// The effect of a logical operation with a modified immediate on the carry flag (ARM ARM A5.3.2).
+/// How a logical operation with a modified immediate changes the carry flag (ARM ARM A5.3.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Carry {
     Same,
@@ -89,7 +89,6 @@ pub(crate) enum Carry {
     Set,
 }
 
-/// The memory format of a single load or store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Format {
     Byte,
@@ -99,13 +98,12 @@ pub(crate) enum Format {
     SignedHalf,
 }
 
-/// The addressing of a load or store: the address and the privilege of the access, and whether and when the base
-/// register is written.
+/// How a load or store forms its address, and whether it writes the base register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Index {
     /// The access is at base plus offset. Nothing is written back.
     Offset,
-    /// The access is at base plus offset, which is written back.
+    /// The access is at base plus offset, and this address is written back.
     Pre,
     /// The access is at the base. Base plus offset is written back afterwards.
     Post,
@@ -113,7 +111,7 @@ pub(crate) enum Index {
     Unprivileged,
 }
 
-/// The extensions: ARM ARM A7.7, SXTB and its family.
+/// The extensions, ARM ARM A7.7, SXTB and its family.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Extend {
     SignedByte,
@@ -124,7 +122,7 @@ pub(crate) enum Extend {
     UnsignedBytes,
 }
 
-/// The way in which a parallel addition or subtraction pairs the lanes.
+/// How a parallel addition or subtraction pairs the lanes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Lanes {
     Add16,
@@ -135,7 +133,7 @@ pub(crate) enum Lanes {
     Sub8,
 }
 
-/// The way in which a lane's result is stored.
+/// How the result of a lane is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Lane {
     Signed,
@@ -155,7 +153,6 @@ pub(crate) enum Saturating {
     DoubleSub,
 }
 
-/// Operations with one operand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Unary {
     Rev,
@@ -175,8 +172,8 @@ pub(crate) enum Long {
     Umaal,
 }
 
-/// The operation. `d` is the destination, `n` and `m` are operands, `a` is an addend, and `t` is a register that is
-/// transferred.
+/// An operation. `d` is the destination, `n` and `m` are operands, `a` is an addend, and `t` is a register to load or
+/// store.
 // Each variant is on one line; rustfmt would give each field a line.
 #[rustfmt::skip]
 #[derive(Clone, Copy, Debug)]
@@ -231,7 +228,7 @@ pub(crate) enum Do {
     Sel { d: u8, n: u8, m: u8 },
     Parallel { lanes: Lanes, lane: Lane, d: u8, n: u8, m: u8 },
     Saturating { kind: Saturating, d: u8, n: u8, m: u8 },
-    // Multiplication and division. `a` is 15 where nothing is added.
+    // Multiplication and division. An `a` of 15 adds nothing.
     Mul { d: u8, n: u8, m: u8 },
     Muls { d: u8, n: u8, m: u8 },
     Mla { d: u8, n: u8, m: u8, a: u8 },
@@ -263,14 +260,14 @@ pub(crate) enum Do {
     LoadReg { format: Format, t: u8, n: u8, m: u8, amount: u8 },
     Store { format: Format, index: Index, t: u8, n: u8, imm: u32 },
     StoreReg { format: Format, t: u8, n: u8, m: u8, amount: u8 },
-    /// A load of two words. `n` is 15 for the literal form, whose base is the instruction's address plus 4, aligned to
-    /// a word.
+    /// A load of two words. An `n` of 15 is the literal form, whose base is the instruction's address plus 4,
+    /// word-aligned.
     Ldrd { index: Index, t: u8, t2: u8, n: u8, imm: u32 },
     Strd { index: Index, t: u8, t2: u8, n: u8, imm: u32 },
     Ldrex { format: Format, t: u8, n: u8, imm: u16 },
     Strex { format: Format, d: u8, t: u8, n: u8, imm: u16 },
     Clrex,
-    /// A load multiple: with `down` it decrements before (LDMDB), otherwise it increments after.
+    /// A load multiple: LDMDB if `down`, else LDMIA.
     Ldm { n: u8, list: u16, write_back: bool, down: bool },
     Stm { n: u8, list: u16, write_back: bool, down: bool },
     // Branches.
@@ -282,7 +279,6 @@ pub(crate) enum Do {
     Cbz { n: u8, target: u32 },
     Cbnz { n: u8, target: u32 },
     TableBranch { n: u8, m: u8, half: bool },
-    // Control instructions.
     It { state: u8 },
     Nop,
     Barrier,
@@ -295,14 +291,13 @@ pub(crate) enum Do {
     Mrs { d: u8, sysm: u8 },
     Cps { disable: bool, primask: bool, faultmask: bool },
     Fp(FpOp),
-    /// The core cannot execute the instruction: it is undefined, its coprocessor is absent, or its memory does not
-    /// answer.
+    /// The core takes this fault instead of executing the instruction.
     Fault(Fault),
-    // The following variants are placeholders and not instructions.
-    /// The instruction is not decoded yet, as for code in RAM.
+    // Placeholders, which are not instructions.
+    /// The instruction is not decoded yet.
     Unknown,
-    /// The caller has a breakpoint at the address of this operation.
+    /// The caller has a breakpoint at this address.
     Breakpoint,
-    /// `BKPT 0xAB`, a semihosting call that the caller answers, see [`crate::Core::finish_host_call`].
+    /// `BKPT 0xAB`, a semihosting call, see [`crate::Core::finish_host_call`].
     HostCall,
 }

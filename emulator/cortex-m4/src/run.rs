@@ -7,20 +7,20 @@
 //! | exceptions | after each event above, and after an instruction that may have changed a priority |
 //! | the MPU's rights to execute | once for each page, or at each instruction of a page that is not open as a whole |
 //!
-//! An instruction executes as a whole. The cycle of its access is the one at which the instruction began, plus the
-//! cycles of the accesses before it where the clock counts wait states.
+//! An instruction executes as a whole. Its accesses take place at the cycle at which it began. If the clock counts wait
+//! states, the cycles of its earlier accesses are added.
 
 use crate::code::{BITS as PAGE_BITS, Code, Kind, Page};
 use crate::op::{Block, Do, Op};
 use crate::{Access, Bound, Bus, Core, Cost, Exit, Fault, Purpose, Width, decode};
 
-/// The first of three ways in which a burst goes on: `ON` continues through a constant page. The other two end the
-/// burst at a write into a watched page, or after one instruction.
+/// The ways in which a burst goes on: through a constant page, through a watched page until it is written, or for one
+/// instruction.
 const ON: u8 = 0;
 const WHILE_UNWRITTEN: u8 = 1;
 const ONCE: u8 = 2;
 
-/// The point up to which the run loop continues.
+/// How far the run loop continues.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Pace {
     /// The run goes on until there is a reason to return to the caller.
@@ -33,8 +33,8 @@ enum Pace {
 
 impl<C: Cost> Core<C> {
     /// Executes until the cycle `until`, or until another reason to return, see [`Exit`]. While the core sleeps, is
-    /// halted, is locked up or hangs, time passes and the bus is advanced. After [`Exit::Breakpoint`] the run continues
-    /// with the instruction at the breakpoint.
+    /// halted, is locked up or hangs, time passes and the bus is advanced. A run after [`Exit::Breakpoint`] begins with
+    /// the instruction at the breakpoint.
     pub fn run<B: Bus>(&mut self, bus: &mut B, until: u64) -> Exit {
         let mut code = std::mem::take(&mut self.code);
         let exit = self.run_with(bus, &mut code, until, Pace::Free);
@@ -42,10 +42,9 @@ impl<C: Cost> Core<C> {
         exit
     }
 
-    /// Runs as [`Core::run`] does, but returns [`Exit::Until`] after at most one instruction, or right after an
-    /// exception entry, before the handler's first instruction. [`Core::retired`] and [`Core::exception_changes`] tell
-    /// which of the two happened; if neither changed, time passed for a core that sleeps. A run in such steps has the
-    /// same effect as one [`Core::run`].
+    /// Runs as [`Core::run`] does, but for at most one instruction or one exception entry, after which it returns
+    /// [`Exit::Until`]. [`Core::retired`] and [`Core::exception_changes`] tell which of the two happened. A run in such
+    /// steps has the same effect as one [`Core::run`].
     pub fn run_one<B: Bus>(&mut self, bus: &mut B, until: u64) -> Exit {
         let mut code = std::mem::take(&mut self.code);
         let exit = self.run_with(bus, &mut code, until, Pace::OneOrEntry);
@@ -54,8 +53,8 @@ impl<C: Cost> Core<C> {
     }
 
     /// Executes one instruction, even at a breakpoint, after any exception that is due. Returns [`Exit::Until`] unless
-    /// there is another reason to return. For a core that sleeps, is halted, is locked up or hangs, time passes until
-    /// the next event is due.
+    /// there is another reason to return. If the core sleeps, is halted, is locked up or hangs, time passes until the
+    /// next event.
     pub fn step<B: Bus>(&mut self, bus: &mut B) -> Exit {
         let mut code = std::mem::take(&mut self.code);
         self.passed = Some(self.r[15]);
@@ -83,7 +82,6 @@ impl<C: Cost> Core<C> {
                 if change.stop {
                     return Exit::Stopped;
                 }
-                // The change may have moved the cycle of the next event.
                 continue;
             }
             let stalled = self.stalled_until > self.cycle;
@@ -100,8 +98,7 @@ impl<C: Cost> Core<C> {
                 due = bus.due().min(self.system_due());
             }
             if self.cut > 0 {
-                // No exception came at the cycle at which the instruction was cut short, so the rest of its cycles pass
-                // now.
+                // No exception came where the instruction was cut short, so the rest of its cycles pass now.
                 self.cycle += std::mem::take(&mut self.cut);
                 continue;
             }
@@ -131,7 +128,7 @@ impl<C: Cost> Core<C> {
             stepped = single;
             self.limit = until.min(due);
             if self.attention && !stalled {
-                // The core still has to check exceptions, so the limit ends the burst after the next instruction.
+                // The burst ends after the next instruction, so that the core checks exceptions.
                 self.limit = self.limit.min(self.cycle + 1);
             }
             self.due = due;
@@ -183,7 +180,6 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Executes instructions until the limit, page by page.
     #[inline(always)]
     fn execute_until_limit<B: Bus>(&mut self, bus: &mut B, code: &mut Code, single: bool) {
         let careful = single || self.passed.is_some() || self.refused_call.is_some();
@@ -216,8 +212,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Returns the instruction at `pc` where the page's decoded instruction `op` cannot be used unchecked. `known`
-    /// tells that `op` matches memory.
+    /// Returns the instruction at `pc` if the page's decoded instruction `op` cannot be used unchecked. `known` says
+    /// that `op` matches memory.
     #[inline(never)]
     fn careful_op<B: Bus>(&mut self, bus: &mut B, code: &mut Code, pc: u32, op: Op, known: bool) -> Op {
         if never_executable(pc) || !self.mpu_fetch(pc) || !self.mpu_fetch(pc.wrapping_add(2)) && op.size == 4 {
@@ -234,8 +230,8 @@ impl<C: Cost> Core<C> {
         if refused && matches!(op.what, Do::HostCall) { Op { what: Do::Bkpt, ..op } } else { op }
     }
 
-    /// Executes `first`. Unless `GOES` is [`ONCE`], it then executes the following instructions on `page` while the
-    /// cycle is below the limit. With [`WHILE_UNWRITTEN`] it also stops when a watched page is written.
+    /// Executes `first`. Unless `GOES` is [`ONCE`], also executes the following instructions on `page` while the cycle
+    /// is below the limit. With [`WHILE_UNWRITTEN`] it stops when a watched page is written.
     #[inline(never)]
     fn burst<B: Bus, const GOES: u8>(&mut self, bus: &mut B, page: &Page, first: &Op) {
         let mut op = first;
@@ -243,13 +239,12 @@ impl<C: Cost> Core<C> {
         let rewritten = bus.rewritten();
         loop {
             if GOES != ONCE && self.it != 0 {
-                // A burst of one instruction handles IT blocks, so that the fast burst need not test for them.
+                // IT blocks are handled one instruction at a time, so that the fast burst need not test for them.
                 self.burst::<B, ONCE>(bus, page, op);
                 pc = self.r[15];
             } else {
                 let it = if GOES == ONCE { self.it } else { 0 };
-                // At a breakpoint no instruction is fetched yet: time stands still until the instruction at the
-                // breakpoint is executed.
+                // At a breakpoint no instruction is fetched, and time stands still until the breakpoint is passed.
                 if C::BOUND.is_some() && !matches!(op.what, Do::Breakpoint) {
                     self.fetch_waits(bus, pc, u32::from(op.size));
                 }
@@ -262,8 +257,7 @@ impl<C: Cost> Core<C> {
                             }
                             self.r[15] = next;
                             pc = next;
-                            // The counts never come near 2^64, so an overflow check at each instruction would be
-                            // wasted.
+                            // The count never comes near 2^64, so it needs no overflow check.
                             self.cycle = self.cycle.wrapping_add(cost::<C>(op));
                             self.retired = self.retired.wrapping_add(1);
                             if C::BOUND == Some(Bound::Best) && self.cycle > self.due {
@@ -289,8 +283,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Ends an instruction that did not complete. Its cycles pass nevertheless, so that time goes on whatever the fault
-    /// leads to.
+    /// Ends an instruction that faulted. Its cycles are counted too.
     #[cold]
     #[inline(never)]
     fn fail<B: Bus>(&mut self, bus: &mut B, op: &Op, it: u8, fault: Fault) {
@@ -302,10 +295,9 @@ impl<C: Cost> Core<C> {
     }
 
     /// On the optimistic clock, moves time back to an event that is due in the middle of `op`, which began at the cycle
-    /// `began`, if silicon interrupts the instruction in such a case. Silicon does so with a load/store multiple (TRM
-    /// 3.9.1) and with the lazy saving of the FP state (TRM 7.2). The rest of the instruction's cycles passes with the
-    /// return from the exception, or at once if there is none. The instruction's effects on registers and memory are
-    /// already complete.
+    /// `began`. This is done if silicon interrupts the instruction there: a load/store multiple (TRM 3.9.1), and the
+    /// lazy saving of the FP state (TRM 7.2). The remaining cycles pass at the return from the exception, or at once if
+    /// there is none. The effects of `op` on registers and memory are already complete.
     #[cold]
     #[inline(never)]
     fn cut_short(&mut self, op: &Op, began: u64) {
@@ -316,12 +308,11 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Within an IT block: whether `op` is to be executed now. If not, it was skipped or has faulted.
+    /// Whether `op`, in an IT block, is to be executed. If not, it was skipped or has faulted.
     #[inline(never)]
     fn begins_in_block<B: Bus>(&mut self, bus: &mut B, op: &Op) -> bool {
         let it = self.it;
-        // Breakpoints and semihosting calls are no instructions; BKPT and fetch faults happen whatever the condition
-        // is.
+        // Breakpoints and semihosting calls are not instructions. BKPT and fetch faults do not depend on the condition.
         if matches!(op.what, Do::Breakpoint | Do::HostCall | Do::Bkpt)
             || matches!(op.what, Do::Fault(Fault::BusInstruction | Fault::MemInstruction))
         {
@@ -343,7 +334,7 @@ impl<C: Cost> Core<C> {
         false
     }
 
-    /// Adds the wait states of fetching those words of an instruction that the previous instruction has not fetched.
+    /// Adds the wait states of the words of an instruction that the previous instruction has not fetched.
     fn fetch_waits<B: Bus>(&mut self, bus: &mut B, pc: u32, size: u32) {
         let Some(bound) = C::BOUND else {
             return;
@@ -365,7 +356,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Stops the run at a breakpoint or a call, which takes the place of an instruction.
+    /// Stops the run at a breakpoint or a semihosting call.
     #[cold]
     pub(crate) fn pause(&mut self, exit: Exit) {
         self.paused = Some(exit);
@@ -379,12 +370,10 @@ const fn never_executable(pc: u32) -> bool {
     pc >= 0xA000_0000 || pc >> 29 == 2
 }
 
-/// The IT state after an instruction (ITAdvance).
 pub(crate) const fn after(it: u8) -> u8 {
     if it & 7 == 0 { 0 } else { it & 0xE0 | it << 1 & 0x1F }
 }
 
-/// The cycles of an instruction without its wait states and branches.
 #[inline(always)]
 fn cost<C: Cost>(op: &Op) -> u64 {
     match C::BOUND {

@@ -2,8 +2,7 @@
 
 /// The signals that the part drives into the core, and its requests to [`crate::Core::run`].
 ///
-/// The core checks the signals only after an announcement. Every method here that changes a signal therefore announces
-/// it, and no signal can be changed in another way.
+/// The core checks the signals only after an announcement, so every method that changes a signal announces the change.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Signals {
     lines: [u64; 4],
@@ -23,7 +22,7 @@ impl Signals {
         self.changed = true;
     }
 
-    /// Whether an announcement waits for the core.
+    /// Whether the core has still to take an announced change.
     #[inline]
     #[must_use]
     pub fn is_announced(&self) -> bool {
@@ -70,8 +69,7 @@ impl Signals {
         (self.event, self.changed) = (true, true);
     }
 
-    /// Makes the core drop its decoded instructions, since memory no longer matches them (flash was programmed or
-    /// erased). RAM needs no such call.
+    /// Makes the core drop its decoded instructions, after flash was programmed or erased. RAM needs no such call.
     pub fn forget_code(&mut self) {
         (self.code_changed, self.changed) = (true, true);
     }
@@ -87,8 +85,7 @@ impl Signals {
         (self.stop, self.changed) = (true, true);
     }
 
-    /// Keeps the core from executing anything before `cycle`, since the bus stalls it (as a busy flash controller
-    /// does). 0 ends the stall.
+    /// Keeps the core from executing anything before `cycle`, as a busy flash controller does. 0 ends the stall.
     #[inline]
     pub fn stall_until(&mut self, cycle: u64) {
         if std::mem::replace(&mut self.stalled_until, cycle) != cycle {
@@ -102,7 +99,6 @@ impl Signals {
         self.stalled_until
     }
 
-    /// Takes the changes that were announced since the last call. Afterwards nothing is announced.
     #[inline]
     pub(crate) fn take_change(&mut self) -> Option<Change> {
         if !std::mem::take(&mut self.changed) {
@@ -112,20 +108,15 @@ impl Signals {
         Some(Change { stalled_until: self.stalled_until, forget_code, stop: std::mem::take(&mut self.stop) })
     }
 
-    /// Returns whether an event for `WFE` came since the last call, and clears the event.
     #[inline]
     pub(crate) fn take_event(&mut self) -> bool {
         std::mem::take(&mut self.event)
     }
 }
 
-/// The announced changes on which the core has to act.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Change {
-    /// The core must not execute anything before this cycle.
     pub(crate) stalled_until: u64,
-    /// Whether memory no longer matches the decoded instructions.
     pub(crate) forget_code: bool,
-    /// Whether [`crate::Core::run`] has to return.
     pub(crate) stop: bool,
 }

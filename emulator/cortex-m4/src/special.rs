@@ -1,7 +1,6 @@
 //! Special registers: MRS, MSR and CPS (ARM ARM B5.2), the program status register, and the selection of the stack.
 //!
-//! All of them are covered. An access that the privilege does not allow reads zero or writes nothing, as B5.2.2 and
-//! B5.2.3 say.
+//! An access that the privilege does not allow reads zero or writes nothing (B5.2.2, B5.2.3).
 
 use crate::{Core, Cost};
 
@@ -13,13 +12,11 @@ pub(crate) const CONTROL_SPSEL: u8 = 2;
 pub(crate) const CONTROL_FPCA: u8 = 4;
 
 impl<C: Cost> Core<C> {
-    /// Whether the core is privileged: it is in handler mode, or in thread mode without nPRIV.
     #[inline]
     pub(crate) fn is_privileged(&self) -> bool {
         self.ipsr != 0 || self.control & CONTROL_NPRIV == 0
     }
 
-    /// Selects the process stack (`true`) or the main stack (`false`).
     pub(crate) fn set_stack(&mut self, process: bool) {
         if process != (self.control & CONTROL_SPSEL != 0) {
             std::mem::swap(&mut self.r[13], &mut self.other_sp);
@@ -48,22 +45,20 @@ impl<C: Cost> Core<C> {
         self.ge = (value >> 16 & 0xF) as u8;
     }
 
-    /// APSR, EPSR and IPSR as one word, in the form that exception entry stacks (ARM ARM B1.4.2).
+    /// APSR, EPSR and IPSR as one word (ARM ARM B1.4.2).
     pub(crate) fn xpsr(&self) -> u32 {
         let it = u32::from(self.it);
         let progress = if self.it == 0 { u32::from(self.ici) << 12 } else { (it & 3) << 25 | (it >> 2) << 10 };
         self.apsr() | u32::from(self.thumb) << 24 | progress | u32::from(self.ipsr)
     }
 
-    /// Sets APSR, EPSR and IPSR from one word, the reverse of [`Self::xpsr`].
     pub(crate) fn set_xpsr(&mut self, value: u32) {
         self.set_flags(value);
         self.set_ge(value);
         self.thumb = value >> 24 & 1 != 0;
         self.ipsr = (value & 0x1FF) as u16;
         let progress = (value >> 25 & 3 | (value >> 10 & 0x3F) << 2) as u8;
-        // The field holds ICI if its bits 3:0 are all zero, since they never are in the IT state of a block (ARM ARM
-        // B1.4.2).
+        // The field holds ICI if its bits 3:0 are zero, which the IT state of a block never has (ARM ARM B1.4.2).
         (self.it, self.ici) = if progress & 0xF == 0 { (0, progress >> 4) } else { (progress, 0) };
     }
 
@@ -140,8 +135,7 @@ impl<C: Cost> Core<C> {
         self.priority_changed();
     }
 
-    /// Sets or clears FAULTMASK. It can be set only at a priority below HardFault's, and cleared at any (ARM ARM
-    /// B5.2.1, B5.2.3).
+    /// Sets or clears FAULTMASK. It can be set only at a priority below HardFault's (ARM ARM B5.2.1, B5.2.3).
     fn set_faultmask(&mut self, set: bool) {
         if !set || self.execution_priority() > -1 {
             self.faultmask = set;

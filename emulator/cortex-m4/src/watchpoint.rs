@@ -1,9 +1,8 @@
 //! A debugger's watchpoints: data accesses at which the caller wants to stop, any number of them.
 //!
-//! Watchpoints are independent of the comparators of the DWT, which belong to the firmware and to whoever writes the
-//! DWT's registers. Like the comparators (ARM ARM C1.8), watchpoints detect the loads and stores of instructions. They
-//! do not detect the stacking and unstacking of exceptions, vector fetches, or accesses of other bus controllers (DMA).
-//! The instruction completes, and [`Core::run`] then returns [`Exit::Watchpoint`] before anything else happens.
+//! Watchpoints do not use the comparators of the DWT, which belong to the firmware. Like the comparators (ARM ARM
+//! C1.8), they detect loads and stores of instructions, and not the stacking of exceptions, vector fetches or DMA. The
+//! instruction completes, and then [`Core::run`] returns [`Exit::Watchpoint`].
 
 use crate::{Bus, Core, Cost, Exit, Width};
 
@@ -21,7 +20,6 @@ pub struct Watchpoint {
 }
 
 impl Watchpoint {
-    /// Whether an access of `bytes` bytes at `address` touches one of the watched bytes and is of a kind that counts.
     fn sees(self, address: u32, bytes: u32, write: bool) -> bool {
         let wanted = if write { self.writes } else { self.reads };
         wanted && address.wrapping_sub(self.address) < self.length
@@ -44,9 +42,7 @@ pub struct Watched {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Watchpoints {
     list: Vec<Watchpoint>,
-    /// The first access that a watchpoint detected since the last call of [`Core::take_watched`].
     seen: Option<Watched>,
-    /// The value of `Core::limit` before the watchpoint lowered it to stop the run after this instruction.
     limit: u64,
 }
 
@@ -67,13 +63,11 @@ impl<C: Cost> Core<C> {
         self.watchpoints.list.len() < before
     }
 
-    /// Takes the access that led to [`Exit::Watchpoint`]. If the instruction made several such accesses, it is the
-    /// first.
+    /// Takes the access that led to [`Exit::Watchpoint`], the first one if the instruction made several.
     pub fn take_watched(&mut self) -> Option<Watched> {
         self.watchpoints.seen.take()
     }
 
-    /// Checks a data access against the caller's watchpoints.
     pub(crate) fn watch_for_caller(&mut self, address: u32, write: bool, width: Width) {
         let seen = self.watchpoints.list.iter().find(|watchpoint| watchpoint.sees(address, width.bytes(), write));
         if let Some(&watchpoint) = seen
@@ -86,9 +80,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// The value of [`Core::limit`] that holds for a load/store multiple under way. A watchpoint stops the run after
-    /// the instruction, and must not interrupt the instruction in the middle, which would cost time. A change that an
-    /// access announced meanwhile may interrupt it.
+    /// The value of [`Core::limit`] for a load/store multiple under way. A watchpoint lowers the limit to stop the run
+    /// after the instruction, which must not interrupt the instruction in its middle.
     pub(crate) fn limit_of_multiple<B: Bus>(&self, bus: &mut B) -> u64 {
         match self.paused {
             Some(Exit::Watchpoint) if !bus.signals().is_announced() => self.watchpoints.limit,

@@ -1,7 +1,7 @@
-//! A test of which encodings are instructions, against a recording of what LLVM's disassembler accepts.
+//! Compares which encodings are instructions with a recording of LLVM's disassembler.
 //!
-//! `cargo xtask oracle --record` makes the recording, and also compares the registers of each instruction. The crate
-//! `core-oracle` lists the encodings: every one of 16 bits, and 16 for each first halfword of those of 32 bits.
+//! `cargo xtask oracle --record` makes the recording, and also compares the registers of each instruction. The
+//! encodings are all of 16 bits, and 16 of 32 bits for each first halfword.
 
 use core_oracle::decode::{Verdict, encodings, verdict};
 

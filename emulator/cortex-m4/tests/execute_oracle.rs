@@ -1,7 +1,6 @@
-//! A test of what instructions do, against a recording of what QEMU did in the same random cases.
+//! Compares what instructions do with a recording of QEMU in the same random cases.
 //!
-//! `cargo xtask oracle --record` makes the recording. The crate `core-oracle` makes the cases from the recording's
-//! seed.
+//! `cargo xtask oracle --record` makes the recording, and the crate `core-oracle` the cases.
 
 use core_oracle::recording::Recording;
 

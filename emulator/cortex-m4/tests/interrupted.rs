@@ -1,14 +1,12 @@
-//! Tests of interrupts between and within instructions: interrupted code must compute the same results as uninterrupted
-//! code.
+//! Tests that interrupted code computes the same results as uninterrupted code.
 
 use crate::common;
 
 use common::{Board, CODE, CONFIG, DEVICE, RAM};
 use cortex_m4::{Access, Bound, Bus, BusError, Core, Cost, Exit, Fast, Optimistic, Pessimistic, Register, Signals};
 
-/// The program enables interrupt 0. Sixteen times it copies 256 bytes with LDM and STM, with PUSH, POP and an IT block
-/// in between, and mixes the bytes; then r7 is 99. The handler, [`HANDLER`] bytes from the start, writes to the device
-/// and increments the count at 0x2000_1000.
+/// The program enables interrupt 0, copies 256 bytes sixteen times with LDM, STM, PUSH and POP, mixes them, and sets r7
+/// to 99. The handler, [`HANDLER`] bytes from the start, writes to the device and counts at 0x2000_1000.
 #[rustfmt::skip]
 const PROGRAM: &[u16] = &[
     0x4816, 0x2101, 0x6001, 0xF04F, 0x5800, 0xF8DF, 0x9054, 0x2210, 0x4640, 0x4649, 0x2308, 0xE8B0, 0x5CF0,
@@ -19,10 +17,9 @@ const PROGRAM: &[u16] = &[
 ];
 const HANDLER: u32 = 0x64;
 
-/// The program allows the FPU, gives interrupt 1 the lower priority, and enables both interrupts. 64 times it pushes
-/// and pops 16 FP registers and pushes 12 core registers; then it writes to the device's byte 8. The handler of
-/// interrupt 1, [`LOW`] bytes from the start, pushes and pops the same FP registers. The handler of interrupt 0,
-/// [`HIGH`] bytes from the start, writes to the device at once.
+/// The program allows the FPU and enables both interrupts, interrupt 1 with the lower priority. 64 times it pushes and
+/// pops 16 FP registers and pushes 12 core registers; then it writes to the device's byte 8. The handler of interrupt 1
+/// ([`LOW`]) pushes and pops the same FP registers. The handler of interrupt 0 ([`HIGH`]) writes to the device at once.
 #[rustfmt::skip]
 const MULTIPLES: &[u16] = &[
     0x4817, 0xF44F, 0x0170, 0x6001, 0xF3BF, 0x8F4F, 0xF3BF, 0x8F6F, 0x4814, 0xF44F, 0x4100, 0x6001, 0x4813, 0x2103,
@@ -33,18 +30,17 @@ const MULTIPLES: &[u16] = &[
 const LOW: u32 = 0x40;
 const HIGH: u32 = 0x54;
 
-/// A part that raises line 0 every `period` cycles, and line 1 `before` cycles earlier if `before` is not 0. The writes
-/// of the handlers to the device lower the lines again.
+/// A part that raises line 0 every `period` cycles, and line 1 `before` cycles earlier unless `before` is 0. A write to
+/// the device lowers the lines.
 #[derive(Clone, Debug)]
 struct Storm {
     board: Board,
     period: u64,
     before: u64,
     due: u64,
-    /// The cycle at which line 0 was raised. The next field is the longest time from then until the handler's write.
+    /// The cycle at which line 0 rose; `latest` is the longest time from then to the handler's write.
     raised: u64,
     latest: u64,
-    /// The cycle at which the program wrote that it has ended.
     over: Option<u64>,
 }
 
@@ -108,7 +104,6 @@ impl Bus for Storm {
     }
 }
 
-/// Returns the bytes that the program leaves in RAM, and how often the handler ran.
 fn run<C: Cost>(period: u64) -> (Vec<u8>, u32) {
     let mut board = Board::new(PROGRAM);
     board.flash[0x40..0x44].copy_from_slice(&((CODE + HANDLER) | 1).to_le_bytes());
@@ -142,8 +137,8 @@ fn a_program_that_is_interrupted_anywhere_computes_the_same() {
     }
 }
 
-/// Returns the longest time from the raising of line 0 until its handler writes, how often the handler wrote, and how
-/// long the program takes.
+/// Returns the longest time from the rise of line 0 to its handler's write, the number of such writes, and the
+/// program's duration.
 fn multiples<C: Cost>(period: u64, before: u64) -> (u64, u64, u64) {
     let mut board = Board::new(MULTIPLES);
     for (vector, handler) in [(0x40, HIGH), (0x44, LOW)] {
@@ -166,7 +161,7 @@ fn multiples<C: Cost>(period: u64, before: u64) -> (u64, u64, u64) {
 #[test]
 fn at_best_no_interrupt_waits_for_a_load_or_store_multiple() {
     let (.., calm) = multiples::<Optimistic>(1_000_000, 0);
-    // The longest time is that of an entry and two instructions of the handler, plus that of a barrier and a return.
+    // The longest times are an entry with two instructions of the handler, and a barrier with a return.
     let (entry, left) = (12 + 1, 1 + 1 + 2 + 10);
     for period in 173..300 {
         let (latest, served, over) = multiples::<Optimistic>(period, 0);

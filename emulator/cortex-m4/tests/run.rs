@@ -22,7 +22,7 @@ fn the_bounds_count_the_refills_of_branches() {
     let mut worst = Rig::<Pessimistic>::with_clock(COUNT);
     best.steps(21);
     worst.steps(21);
-    // The loop executes movs, 10 × subs, and 10 × bne of which 9 are taken.
+    // movs, 10 × subs, and 10 × bne of which 9 are taken.
     assert_eq!((best.core.cycle(), worst.core.cycle()), (21 + 9, 21 + 27));
 }
 
@@ -73,13 +73,12 @@ fn a_core_that_hangs_takes_no_interrupt_and_no_nmi() {
         for nmi in [false, true] {
             let run = |hung: bool| {
                 let mut rig = Rig::new(code);
-                // The handler of NMI and of interrupt 0 is: b .
+                // The handler is: b .
                 let handler = CODE + 0x100;
                 rig.board.flash[handler as usize..][..2].copy_from_slice(&[0xFE, 0xE7]);
                 for vector in [0x08, 0x40] {
                     rig.board.flash[vector..vector + 4].copy_from_slice(&(handler | 1).to_le_bytes());
                 }
-                // The write to NVIC_ISER0 enables interrupt 0.
                 rig.core.debug_write(&mut rig.board, 0xE000_E100, 1).unwrap();
                 rig.core.run(&mut rig.board, 7);
                 assert_eq!(rig.core.is_asleep(), asleep);
@@ -97,7 +96,6 @@ fn a_core_that_hangs_takes_no_interrupt_and_no_nmi() {
             assert!(entered && executed && !slept, "{asleep} {nmi}");
             let (entered, executed, slept, pending) = run(true);
             assert_eq!((entered, executed, slept), (false, false, asleep), "{nmi}");
-            // The ICSR must show NMIPENDSET or ISRPENDING.
             assert_ne!(pending & if nmi { 1 << 31 } else { 1 << 22 }, 0, "what came is pending: {pending:#x}");
         }
     }
@@ -140,8 +138,8 @@ fn a_semihosting_call_is_answered_by_the_caller() {
     assert_eq!((rig.r(0), rig.core.pc()), (41, CODE + 6));
 }
 
-/// Makes cores with code in RAM from its byte 0x200 on, to which a branch by r4 leads. In the first, RAM is watched for
-/// writes; in the second, it is not.
+/// Makes cores with code in RAM at its byte 0x200, to which a branch by r4 leads. The first core's board can watch RAM
+/// for writes, the second's cannot.
 fn in_ram(code: &[u16]) -> [Rig<Fast>; 2] {
     [true, false].map(|watches| {
         let mut rig = Rig::new(&[0x4720]);
@@ -169,12 +167,10 @@ fn code_in_ram_is_executed_as_memory_holds_it_now() {
 #[test]
 fn a_loop_in_ram_that_rewrites_itself_executes_as_rewritten() {
     // The code is: loop: movw r0, #1; add r5, r0; adds r1, #1; strh r1, [r2]; adds r6, #1; cmp r6, #8; bne loop; b .
-    // The store goes to the second halfword of movw, so each pass adds one more than the one before.
     for mut rig in in_ram(&[0xF240, 0x0001, 0x4405, 0x3101, 0x8011, 0x3601, 0x2E08, 0xD1F7, 0xE7FE]) {
         rig.set(1, 1).set(2, RAM + 0x202).set(5, 0).set(6, 0);
         assert_eq!(rig.core.run(&mut rig.board, 200), Exit::Until);
         assert_eq!((rig.r(5), rig.r(6)), ((1..=8).sum(), 8));
-        // The code runs twice, the second time after a bus controller has changed it.
         rig.board.set_word(RAM + 0x200, 0x0064_F240);
         rig.board.set_word(RAM + 0x204, 0x3101_1A2D);
         rig.set(15, RAM + 0x200).set(5, 1000).set(6, 7);
@@ -183,7 +179,6 @@ fn a_loop_in_ram_that_rewrites_itself_executes_as_rewritten() {
     }
 }
 
-/// The code writes to its own page so often that the page is no longer watched.
 #[test]
 fn code_that_keeps_writing_to_its_own_page_executes_as_rewritten() {
     // The code is: loop: movw r0, #0; adds r1, #1; strh r1, [r2]; adds r5, r5, r0; b loop. r1 holds the second halfword
@@ -191,7 +186,7 @@ fn code_that_keeps_writing_to_its_own_page_executes_as_rewritten() {
     for mut rig in in_ram(&[0xF240, 0x0000, 0x3101, 0x8011, 0x182D, 0xE7F9]) {
         rig.set(1, 0).set(2, RAM + 0x202).set(5, 0);
         assert_eq!(rig.core.run(&mut rig.board, 1 + 6 * 200), Exit::Until);
-        // The second halfword has bits 11:0 of the immediate in pieces. Below 256 the halfword equals the immediate.
+        // Below 256 the second halfword equals the immediate.
         assert_eq!((rig.r(1), rig.r(5)), (200, (0..200).sum()));
     }
 }
@@ -259,8 +254,8 @@ fn wfi_lets_time_pass_to_the_end_asked_for() {
 #[test]
 fn what_is_no_instruction_ends_in_a_lockup_without_a_handler() {
     let codes: [&[u16]; 6] = [
-        // Each case is one of: udf #0; a branch within an IT block; cbz within one; mcr of an absent coprocessor; ldrd
-        // at an odd address; bx to an even address.
+        // udf #0; a branch within an IT block; cbz within one; mcr of an absent coprocessor; ldrd at an odd address; bx
+        // to an even address.
         &[0xDE00],
         &[0xBF04, 0xE000, 0xBF00],
         &[0xBF08, 0xB100],
@@ -281,9 +276,8 @@ fn what_is_no_instruction_ends_in_a_lockup_without_a_handler() {
 /// The code is: CPSID f; CCR = r3; r0 = the word at r1, where nothing answers; r6 = CFSR; r7 = BFAR; a store to r1; B .
 const PROBE: &[u16] = &[0xB671, 0x6013, 0x6808, 0x6826, 0x682F, 0x6008, 0xE7FE];
 
-/// With BFHFNMIGN, handlers of priority -1 and -2 ignore the exception of a data bus fault (ARM ARM B3.2.8), but the
-/// status is still set. Each precise fault sets the status (B3.2.15, PRECISERR and BFARVALID), by which firmware finds
-/// out whether anything answers at an address.
+/// With BFHFNMIGN, handlers of priority -1 and -2 ignore the exception of a data bus fault, but its status is set (ARM
+/// ARM B3.2.8, B3.2.15).
 #[test]
 fn firmware_that_probes_an_address_under_faultmask_reads_that_nothing_answered() {
     fn probes<C: Cost>() {
@@ -293,7 +287,6 @@ fn firmware_that_probes_an_address_under_faultmask_reads_that_nothing_answered()
         assert_eq!(rig.core.run(&mut rig.board, 100), Exit::Until);
         assert_eq!((rig.r(0), rig.r(6), rig.r(7)), (0, 1 << 15 | 1 << 9, 0x7000_0000), "{}", C::NAME);
         assert_eq!((rig.core.pc(), rig.core.locked_up(), rig.core.active_exception()), (CODE + 12, false, 0));
-        // Without BFHFNMIGN the same code takes the exception.
         let mut rig = Rig::<C>::with_clock(PROBE);
         rig.set(1, 0x7000_0000).set(2, 0xE000_ED14).set(3, 1 << 9);
         assert_eq!(rig.core.run(&mut rig.board, 100), Exit::Lockup, "{}", C::NAME);

@@ -1,31 +1,26 @@
 //! Tests of the record of the active exception. Each handler, and the code returned to, begins with a store to the
-//! device. The device's log has the cycle at which that instruction began, and the record must have the same cycle.
+//! device, whose log has that instruction's cycle. The record must have the same cycle.
 
 use crate::common;
 
 use common::{Board, CODE, CONFIG, DEVICE, RAM, Rig};
 use cortex_m4::{Core, Cost, Exit, Fast, Optimistic, Pessimistic, Register};
 
-/// The instruction str r1, [r7], which stores to the device.
+/// str r1, [r7], which stores to the device.
 const MARK: u16 = 0x6039;
-/// The instructions str r1, [r0] and str r2, [r0], which make interrupts 0 and 1 pending (NVIC_ISPR0).
+/// str r1, [r0] and str r2, [r0], which make interrupts 0 and 1 pending (NVIC_ISPR0).
 const PEND_0: u16 = 0x6001;
 const PEND_1: u16 = 0x6002;
-/// The instructions str r4, [r3] and str r6, [r5], which enable both interrupts (NVIC_ISER0) and set their priorities
-/// (NVIC_IPR0).
+/// str r4, [r3] and str r6, [r5], which enable both interrupts (NVIC_ISER0) and set their priorities (NVIC_IPR0).
 const SET_UP: [u16; 2] = [0x601C, 0x602E];
-/// The instruction bx lr.
 const RETURN: u16 = 0x4770;
-/// The instruction b to itself.
 const STAY: u16 = 0xE7FE;
-/// The instruction svc #0.
 const SVC: u16 = 0xDF00;
 
-/// The address of the handler of exception 16. Those of further exceptions follow.
 const HANDLERS: u32 = CODE + 0x100;
 
-/// Makes a core that is about to execute `SET_UP` and `thread`. Interrupts 0 and 1 have the two handlers and the two
-/// priorities, and SVC has the first handler.
+/// Makes a core about to execute `SET_UP` and `thread`. Interrupts 0 and 1 have the two handlers and priorities, and
+/// SVC has the first handler.
 fn rig<C: Cost>(thread: &[u16], handlers: [&[u16]; 2], priorities: [u8; 2]) -> Rig<C> {
     let mut board = Board::new(&[&SET_UP[..], thread].concat());
     for (index, code) in handlers.into_iter().enumerate() {
@@ -50,7 +45,6 @@ fn rig<C: Cost>(thread: &[u16], handlers: [&[u16]; 2], priorities: [u8; 2]) -> R
     rig
 }
 
-/// Runs to the end in one call and compares the record with the cycles of the device's log.
 fn assert_record<C: Cost>(mut rig: Rig<C>, active: &[u16]) {
     assert_eq!(rig.core.run(&mut rig.board, 500), Exit::Until);
     let marks = rig.board.writes.iter().map(|&(.., cycle)| cycle);
@@ -83,7 +77,7 @@ fn a_tail_chained_handler_follows_in_the_record_without_thread_mode_between() {
 #[test]
 fn a_handler_that_follows_itself_is_recorded_twice() {
     // The handler is: str r1, [r7]; cmp r8, r9; bne to the return; str r1, [r0]; mov r8, r1; bx lr. It makes its own
-    // interrupt pending once. r8 is not stacked, so it keeps what the first run left.
+    // interrupt pending once.
     let handler: &[u16] = &[MARK, 0x45C8, 0xD101, PEND_0, 0x4688, RETURN];
     let mut rig = rig::<Fast>(&[PEND_0, MARK, STAY], [handler, &[]], [0x40, 0x80]);
     rig.set(8, 0).set(9, 0);

@@ -1,7 +1,7 @@
-//! The access to a node through the access port of a debug port. The port itself is [`crate::debug_port`].
+//! The access to a node through the access port of a debug port.
 //!
-//! The debugger in [`super::hold`] stops the whole virtual world. The access port offers what silicon does: the core
-//! halts by its own debug registers, and everything else goes on.
+//! The debugger in [`super::hold`] stops the whole virtual world. Through the access port the core halts by its own
+//! debug registers, as on silicon, and everything else goes on.
 
 use cortex_m4::{Cost, Fault, Width};
 use emulator_part::Part;
@@ -9,18 +9,18 @@ use emulator_part::Part;
 use super::{Board, Error, Firmware, Node};
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// Makes a node at power-on from `part` on `board`. The node runs the firmware that the part's memory already
-    /// holds; on a new part there is none. It has no symbols.
+    /// Makes a node at power-on from `part` on `board`. The node runs what the part's memory holds, without symbols; a
+    /// new part holds no firmware.
     #[must_use]
     pub fn programmed(part: B::Part, board: B) -> Self {
         let mut node = Self::begin(part, board, &Firmware::raw("what is in flash", Vec::new()));
-        // Until a debugger writes a firmware, no known firmware runs, so faults of the core are not reported.
+        // The node does not report faults of the core as long as it does not know the firmware.
         node.core.tell_faults(false);
         node
     }
 
     /// Makes a node as [`Node::programmed`] does, for a part whose memory holds `firmware`. Reports name addresses by
-    /// this firmware's symbols.
+    /// the symbols of `firmware`.
     ///
     /// # Errors
     ///
@@ -38,12 +38,12 @@ impl<B: Board, C: Cost> Node<B, C> {
         Ok(Self::begin(part, board, firmware))
     }
 
-    /// Sets whether a debugger has powered the debug domain. While it has, the part does not reset on a lock-up.
+    /// Sets whether a debugger has powered the debug domain. Meanwhile a lock-up does not reset the part.
     pub fn set_debugged(&mut self, debugged: bool) {
         self.debugged = debugged;
     }
 
-    /// Reads at `address`, which is aligned to `width`, at the present instant, as an access port does.
+    /// Reads at `address`, which is aligned to `width`, at the present instant.
     ///
     /// # Errors
     ///
@@ -55,7 +55,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         answer
     }
 
-    /// Writes `value` at `address` as an access port does, see [`Node::access_port_read`].
+    /// Writes `value` at `address`, see [`Node::access_port_read`].
     ///
     /// # Errors
     ///
@@ -67,8 +67,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         answer
     }
 
-    /// Calls `call` with the part at the present cycle, for a debug port that has more than one access port to the
-    /// part.
+    /// Calls `call` with the part and the present cycle. A debug port uses it for its other access ports.
     pub fn with_part<T>(&mut self, call: impl FnOnce(&mut B::Part, u64) -> T) -> T {
         let at = self.present();
         let answer = self.side.with(at, |part, _| call(part, at));
@@ -82,7 +81,6 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.tell_halt();
     }
 
-    /// Tells the part whether the core is halted for debug.
     pub(super) fn tell_halt(&mut self) {
         let halted = self.core.is_halted();
         if halted != self.told_halt {

@@ -1,9 +1,8 @@
 //! What is wired around a microcontroller.
 //!
-//! A node calls its [`Board`] with what the part does to pins and buses ([`emulator_part::Outside`], with instants in
-//! nanoseconds). The board returns what its chips do to the part's pins. The node calls [`Board::settle`] after every
-//! call that reaches the board, and when the board's own [`Board::next_event`] has come. The part gets the result at
-//! that same instant.
+//! A node tells its [`Board`] what the part does to pins and buses ([`emulator_part::Outside`], with instants in
+//! nanoseconds). [`Board::settle`] returns what the board's chips do to the part's pins. The node calls it after every
+//! call that reaches the board and at [`Board::next_event`], and the part gets the result at that same instant.
 
 use std::fmt::Debug;
 use std::marker::PhantomData;
@@ -15,8 +14,8 @@ use emulator_part::{Cycle, I2cAnswer, I2cEvent, Outside, Pad, Part, Pin, SpiFram
 pub enum Input {
     /// The board drives the pin (`Some`) or stops driving it (`None`).
     Level(Pin, Option<bool>),
-    /// The board sends a UART frame on the pin. The start bit begins at this instant (ns), which is at most a frame's
-    /// length ago.
+    /// The board sends a UART frame on the pin. The start bit begins at this instant (ns), at most a frame's length
+    /// ago.
     Frame(Pin, u64, UartFrame),
 }
 
@@ -54,17 +53,17 @@ pub trait Board: Clone + Debug + Send + 'static {
     }
 
     /// The instant (ns) at which a chip of the board next acts by itself, `u64::MAX` for never. At that instant the
-    /// node calls [`Board::settle`], after which this must return a later one.
+    /// node calls [`Board::settle`], after which this function must return a later instant.
     fn next_event(&self) -> u64 {
         u64::MAX
     }
 
-    /// Lets the chips act up to the instant `at`, and adds to `inputs` the changes that they make to the part's pins.
+    /// Lets the chips act up to the instant `at`, and adds the changes of the part's pins to `inputs`.
     fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) {
         let _ = (at, inputs);
     }
 
-    /// Whether something waits to leave the board. If so, [`super::Node::advance`] returns at once.
+    /// Whether the board has output that its owner must take. If so, [`super::Node::advance`] returns at once.
     fn outgoing(&self) -> bool {
         false
     }
@@ -86,7 +85,7 @@ impl<P: Part> Board for Bare<P> {
     type Part = P;
 }
 
-/// A board as its part sees it: an [`Outside`] that converts the part's cycles into the bench's time.
+/// A board as its part sees it: an [`Outside`] that converts the part's cycles into nanoseconds.
 #[derive(Debug)]
 pub struct View<'a, B> {
     pub(super) board: &'a mut B,

@@ -21,7 +21,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Changes core register `number`, 0 to 15, between two instructions.
+    /// Changes core register `number`, 0 to 15.
     pub fn set_register(&mut self, number: usize, value: u32) {
         if let Ok(number @ 0..=15) = u8::try_from(number) {
             self.core.set_register(Register::R(number), value);
@@ -34,12 +34,12 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.core.register(register)
     }
 
-    /// Changes any register of the core, between two instructions.
+    /// Changes any register of the core.
     pub fn set_core_register(&mut self, register: Register, value: u32) {
         self.core.set_register(register, value);
     }
 
-    /// The level of `pin` now, whoever drives it; a floating pin is low.
+    /// The level of `pin` now, whoever drives the pin. A floating pin is low.
     #[must_use]
     pub fn pin(&self, pin: Pin) -> bool {
         self.side.part.pin(pin)
@@ -47,7 +47,7 @@ impl<B: Board, C: Cost> Node<B, C> {
 
     /// Fills `to` from `address` on, up to the first byte that nothing answers, and returns the number of bytes read.
     /// Memory is read directly. A word of a peripheral or of the core's own space is read on a copy of core and board,
-    /// which is then dropped. So the read reports, clears and starts nothing, whatever a real read of that word does.
+    /// so the read has no side effects.
     #[must_use]
     pub fn peek(&self, address: u32, to: &mut [u8]) -> usize {
         if memory::read(&self.side.part, u64::from(address), to) {
@@ -69,13 +69,12 @@ impl<B: Board, C: Cost> Node<B, C> {
         filled
     }
 
-    /// Writes `from` at `address` as a debugger does: memory, flash included, or whole words of peripherals and of the
-    /// core's own space, with all the effects of such a write.
+    /// Writes `from` at `address` as a debugger does: to memory, flash included, or to whole words of peripherals and
+    /// of the core's own space. A write of a peripheral has all its effects.
     ///
     /// # Errors
     ///
-    /// Returns [`Error::NotMemory`] where nothing takes the write, or where it would change a part of a word that is
-    /// not memory.
+    /// Returns [`Error::NotMemory`] where nothing takes the write, or for a part of a word that is not memory.
     pub fn poke(&mut self, address: u32, from: &[u8]) -> Result<(), Error> {
         let refused = Error::NotMemory { address: u64::from(address), length: from.len() };
         if self.write(u64::from(address), from).is_ok() {
@@ -151,7 +150,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.read(self.address_of(symbol)?, to)
     }
 
-    /// A number that differs when anything that the firmware could see differs: registers, RAM, time, instructions.
+    /// A digest of all that the firmware could see: registers, RAM, time, instructions.
     #[must_use]
     pub fn digest(&self) -> u64 {
         let mut digest = Digest::new();

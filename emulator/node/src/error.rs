@@ -1,4 +1,4 @@
-//! Failures of requests to a node: why a node cannot be made, or cannot answer.
+//! Failures of requests to a node.
 
 /// A failure of a request to a node, as opposed to a fault of its firmware.
 #[derive(Debug, thiserror::Error)]
@@ -22,7 +22,7 @@ pub enum Error {
         /// The segment's length in bytes.
         length: usize,
     },
-    /// The flash contents that a part should keep differ in size from the part's flash.
+    /// The flash contents that a part should keep do not have the size of its flash.
     #[error("{length} bytes are not what the {part} keeps")]
     OtherFlash {
         /// The name of the part.
@@ -48,7 +48,7 @@ pub enum Error {
         /// The requested name.
         symbol: String,
     },
-    /// A function of the image does not hold the bytes that were looked for at exactly one place.
+    /// A function of the image does not contain the bytes that were looked for exactly once.
     #[error("{function} holds {bytes:02x?} at {found}: is it another build of the firmware?")]
     NoPlace {
         /// The name of the function.
@@ -66,7 +66,7 @@ pub enum Error {
         /// The number of requested bytes.
         length: usize,
     },
-    /// The image has no vector table at the address from which the part's core reads it at reset.
+    /// The image has no vector table at the address from which the core reads the table at reset.
     #[error(
         "{firmware} has no vector table at {address:#010x}, where the {part} starts from, and begins at \
          {begins:#010x}: is it an image for this part, without a bootloader?"

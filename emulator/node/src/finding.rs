@@ -15,10 +15,9 @@ pub enum FindingKind {
     Lockup,
     /// The firmware accessed an address at which the part has nothing. The core took a bus fault.
     Unmapped,
-    /// The part refused an access: the peripheral's clock is off, or the bus answers with an error.
+    /// The part refused an access: the peripheral's clock is off, or the bus answered with an error.
     Refused,
-    /// The firmware accessed a register that this bench does not model. The value was stored or read back, and nothing
-    /// else happened.
+    /// The firmware accessed a register without a model. The register only stores values.
     Unmodelled,
     /// The firmware accessed an address inside a peripheral's block at which the manual has no register. It read zero.
     Undefined,
@@ -30,15 +29,14 @@ pub enum FindingKind {
     Unreachable,
     /// The firmware's log lost bytes, or carries a frame that does not decode.
     LogOverrun,
-    /// The RTT control block holds values that no firmware writes, or a channel's data is not what its name says.
+    /// The RTT control block or the data of a channel is not valid.
     LogCorrupt,
-    /// The firmware only restarts, again and again.
+    /// The firmware restarted again and again, and did nothing else.
     RestartLoop,
     /// The firmware ended the run itself with a status other than zero.
     ExitStatus,
     /// An input reached a board after the instant at which it was due, so the run is not exact. Either a message took
-    /// less time than the lookahead that the scheduler was given, or the instant of an actor beside the board was not
-    /// taken into account.
+    /// less time than the stated lookahead, or an actor beside the board stated its next instant too late.
     Late,
 }
 
@@ -58,13 +56,13 @@ impl From<emulator_part::FindingKind> for FindingKind {
 }
 
 impl FindingKind {
-    /// Whether the firmware stopped its work. After other findings the firmware goes on.
+    /// Whether the firmware stopped its work.
     #[must_use]
     pub fn is_fatal(self) -> bool {
         self.ends_run() || matches!(self, Self::Panic | Self::Unmapped | Self::ExitStatus)
     }
 
-    /// Whether a firmware that runs alone will do nothing more.
+    /// Whether the finding ends the run of a firmware that runs alone.
     pub(crate) fn ends_run(self) -> bool {
         matches!(self, Self::HardFault | Self::UnhandledInterrupt | Self::Lockup | Self::RestartLoop)
     }

@@ -1,4 +1,4 @@
-//! Firmware images: the contents of memory, and the names of addresses for a reader.
+//! Firmware images: contents of memory, and names of addresses.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -21,7 +21,6 @@ pub struct Symbol {
     pub size: u64,
 }
 
-/// A function of the image, by which addresses inside it are named.
 #[derive(Clone, Debug)]
 struct Function {
     start: u64,
@@ -41,7 +40,7 @@ struct Contents {
     symbols: BTreeMap<String, Symbol>,
     functions: Vec<Function>,
     log: Option<defmt_decoder::Table>,
-    /// The reason for which the table of log messages cannot be read, if the image has such a table or a part of one.
+    /// Why the table of log messages cannot be read, if the image has one.
     log_error: Option<String>,
 }
 
@@ -70,7 +69,7 @@ impl Firmware {
         if !elf.starts_with(&ELFMAG) {
             return Err(refuse(&"not an ELF file: name the one that the linker wrote, no .hex, .bin or source"));
         }
-        // The kind of the file decides how the rest of it is laid out, so it is checked before parsing.
+        // The file's kind is checked first, since it decides the layout of the rest.
         if let Ok(any) = object::File::parse(&*elf)
             && (any.architecture() != Architecture::Arm || !any.is_little_endian())
         {
@@ -118,7 +117,7 @@ impl Firmware {
             symbols.insert(name.to_owned(), Symbol { address, size: symbol.size() });
         }
         functions.sort_by(|a, b| (a.start, &a.name).cmp(&(b.start, &b.name)));
-        // An image may link crates that log with defmt without logging itself. Such an image runs all the same.
+        // An image may contain crates that log with defmt and yet not log itself. Such an image runs too.
         let (log, log_error) = match defmt_decoder::Table::parse(&elf) {
             Ok(table) => (table, None),
             Err(error) => (None, Some(error.to_string())),
@@ -153,19 +152,19 @@ impl Firmware {
         &self.0.segments
     }
 
-    /// The symbol with the linker's name `name`.
+    /// The symbol whose linker name is `name`.
     #[must_use]
     pub fn symbol(&self, name: &str) -> Option<Symbol> {
         self.0.symbols.get(name).copied()
     }
 
-    /// The address of a variable or function whose demangled name ends in `name`, as whole path segments. The hash that
-    /// the compiler appends does not count.
+    /// The address of a variable or function whose demangled name ends in `name`, as whole path segments. The
+    /// compiler's hash at the end of a name does not count.
     pub fn symbol_called(&self, name: &str) -> Option<u64> {
         self.variable_called(name).map(|symbol| symbol.address)
     }
 
-    /// The symbol that [`Firmware::symbol_called`] finds, with its size.
+    /// The symbol, with its size, whose address [`Firmware::symbol_called`] returns.
     pub fn variable_called(&self, name: &str) -> Option<Symbol> {
         let mut symbols = self.0.symbols.iter();
         let called = |symbol: &str| {
@@ -176,14 +175,14 @@ impl Firmware {
         symbols.find(|(symbol, _)| called(symbol)).map(|(_, symbol)| *symbol)
     }
 
-    /// The number of bytes of the function that begins at `address`, 0 where none does.
+    /// The size in bytes of the function that begins at `address`, 0 if none does.
     pub fn size_at(&self, address: u64) -> usize {
         let sizes = self.0.functions.iter().filter(|function| function.start == address).map(|function| function.size);
         sizes.max().and_then(|size| usize::try_from(size).ok()).unwrap_or(0)
     }
 
-    /// The end of what the image places in RAM between `from` and `top`: `from` where the image places nothing there,
-    /// and `None` for an image without sections.
+    /// The end of the image's sections in RAM between `from` and `top`. It is `from` if there are none, and `None` for
+    /// an image without sections.
     pub(crate) fn placed_below(&self, from: u32, top: u32) -> Option<u32> {
         let file = object::File::parse(&*self.0.elf).ok()?;
         let mut any = false;
@@ -191,7 +190,6 @@ impl Firmware {
         for section in file.sections() {
             any = true;
             let (first, behind) = (section.address(), section.address() + section.size());
-            // Sections that are not loaded have address 0.
             if first >= u64::from(from) && behind <= u64::from(top) {
                 end = end.max(behind);
             }
@@ -210,7 +208,6 @@ impl Firmware {
             .map(|function| function.start)
     }
 
-    /// Whether the image was read from an ELF file.
     pub(crate) fn is_a_file(&self) -> bool {
         !self.0.elf.is_empty()
     }
@@ -225,12 +222,11 @@ impl Firmware {
         self.0.log.as_ref()
     }
 
-    /// The reason for which the image's defmt table cannot be read, if the image has such a table or a part of one.
     pub(crate) fn log_error(&self) -> Option<&str> {
         self.0.log_error.as_deref()
     }
 
-    /// The name of `address` as function and offset, like `horus_tx_fw::app::cycle+0x1c`.
+    /// The name of `address` as function and offset, such as `horus_tx_fw::app::cycle+0x1c`.
     #[must_use]
     pub fn name_of(&self, address: u64) -> Option<String> {
         let address = address & !1;
@@ -247,10 +243,10 @@ impl Firmware {
         (address - function.start < function.size.max(2)).then_some(function)
     }
 
-    /// The function and source line of the instruction at `address`, for a reader, like `horus_tx_fw::app::cycle+0x1c
-    /// (src/main.rs:120)`. For code that was inlined from the language's own libraries or from a dependency, function
-    /// and line are those of the innermost caller in the firmware itself. If that caller was inlined too, the function
-    /// of the linker's symbol follows: `horus_tx_fw::clock::init (src/clock.rs:70), inlined in main+0x1c`.
+    /// The function and source line of the instruction at `address`, such as `horus_tx_fw::app::cycle+0x1c
+    /// (src/main.rs:120)`. Code that was inlined from a library is described by its innermost caller in the firmware
+    /// itself. If that caller was inlined too, the linker's function follows: `horus_tx_fw::clock::init
+    /// (src/clock.rs:70), inlined in main+0x1c`.
     #[must_use]
     pub fn place_of(&self, address: u64) -> Option<String> {
         let name = self.name_of(address)?;
@@ -262,8 +258,8 @@ impl Firmware {
         })
     }
 
-    /// The source line of the instruction at `address`, like `src/main.rs:120`, where the image carries DWARF. Where
-    /// there are several lines, [`Firmware::place_of`] says which of them it is.
+    /// The source line of the instruction at `address`, such as `src/main.rs:120`, if the image has DWARF. Inlined code
+    /// has several lines, of which this is the one that [`Firmware::place_of`] names.
     #[must_use]
     pub fn line_of(&self, address: u64) -> Option<String> {
         self.source_of(address).map(|source| source.line)
@@ -290,7 +286,7 @@ impl Firmware {
                 let raw = function.raw_name().ok()?;
                 Some(format!("{:#}", rustc_demangle::demangle(&raw)))
             });
-            // There is another frame around the frame that was found, so the latter was inlined.
+            // An outer frame exists, so the frame that was found is inlined.
             if let (Some(found), true) = (&mut found, outermost.is_some()) {
                 found.inlined = found.inlined.take().or_else(|| found.function.take());
             }
@@ -306,8 +302,8 @@ impl Firmware {
             }
             outermost = function;
         }
-        // The debug information still has code that the linker removed from the image, at address 0. On a part whose
-        // flash begins at 0, that code overlaps the code that is really there.
+        // Code that the linker removed is still in the debug information, at address 0. On a part whose flash begins at
+        // 0 it would hide the code that is there.
         let start = self.function_at(address)?.start;
         let is_there = |name: &String| {
             let bare = |name: &str| name.rsplit("::").next().unwrap_or_default().to_owned();
@@ -321,18 +317,16 @@ impl Firmware {
     }
 }
 
-/// The source of an instruction.
 #[derive(Debug)]
 struct Source {
-    /// The function that contains the instruction, where the image says so.
+    /// The function that contains the instruction, if the image states one.
     function: Option<String>,
-    /// The function that contains the instruction, if that function was inlined into another.
+    /// That function, if it was inlined into another.
     inlined: Option<String>,
-    /// The source file and line.
     line: String,
 }
 
-/// The path of `file` without the directory in which it was compiled, which does not help a reader.
+/// The path of `file` relative to the directory in which it was compiled.
 fn within<'a>(file: &'a str, directory: Option<&str>) -> &'a str {
     directory.and_then(|directory| file.strip_prefix(directory)?.strip_prefix('/')).unwrap_or(file)
 }

@@ -1,9 +1,9 @@
 //! A debugger that halts a node's core, with breakpoints, watchpoints and steps.
 //!
-//! No time passes for a halted node: [`Node::advance`] returns at once, and whoever advances the node must stop
-//! everything else of its world too. So a firmware cannot detect that it was halted, and its watchdogs, its timers and
-//! the other board are not affected; on silicon they all would be. If a debugger changes no register and no memory
-//! between [`Halt`] and [`Resume`], it does not change the run.
+//! No time passes for a halted node: [`Node::advance`] returns at once. Whoever advances the node must also stop
+//! everything else of its world. A firmware then cannot detect that it was halted, and its watchdogs and the other
+//! board are not affected, as they would be on silicon. A debugger that only halts, reads and resumes does not change
+//! the run.
 //!
 //! | what | rule |
 //! |---|---|
@@ -38,7 +38,7 @@ pub enum Halt {
     /// The part was reset, and the debugger requested a halt then.
     Reset,
     /// The firmware ended in a HardFault, in an exception without a handler or in a lock-up, and the debugger requested
-    /// a halt then.
+    /// a halt at the end.
     Ended,
 }
 
@@ -53,27 +53,23 @@ pub enum Resume {
     StepWithin(Range<u32>),
 }
 
-/// A debugger's settings and requests for a core.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Hold {
     halted: Option<Halt>,
     breakpoints: BTreeSet<u32>,
-    /// The place at which the core was resumed: its program counter, and the number of instructions that it had
-    /// executed. The breakpoint at that place does not halt the core again.
+    /// The program counter and the number of executed instructions when the core was resumed. A breakpoint there does
+    /// not halt the core again.
     resumed: Option<(u32, u64)>,
     step: Option<Step>,
     halts_after_reset: bool,
     halts_at_end: bool,
 }
 
-/// A step that is under way.
 #[derive(Clone, Debug)]
 struct Step {
-    /// The range of the program counter in which the step continues.
     within: Range<u32>,
-    /// The position in the code that is stepped: program counter, stack pointer, active exception.
+    /// The stepped code's program counter, stack pointer and active exception.
     place: (u32, u32, u16),
-    /// Whether an interrupt is being handled during the step.
     away: bool,
 }
 
@@ -96,7 +92,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.hold.halted = None;
         self.hold.step = match how {
             Resume::Continue => None,
-            // This range is empty, so the step ends after one instruction.
+            // The range is empty, so the step ends after one instruction.
             Resume::Step => Some(Step { within: 0..0, place, away: false }),
             Resume::StepWithin(within) => Some(Step { within, place, away: false }),
         };
@@ -111,14 +107,14 @@ impl<B: Board, C: Cost> Node<B, C> {
     /// Removes a breakpoint. Returns whether it was set.
     pub fn clear_breakpoint(&mut self, address: u32) -> bool {
         let was = self.hold.breakpoints.remove(&(address & !1));
-        // If the node itself stops at this address to report an event of the firmware, that stop remains.
+        // The node itself may stop at this address to report an event. That stop remains.
         if was && !self.is_trap(u64::from(address & !1)) {
             self.core.clear_breakpoint(address);
         }
         was
     }
 
-    /// Makes the core halt after each instruction that makes the access of `watchpoint`, from now on.
+    /// Makes the core halt after each instruction that makes the access of `watchpoint`.
     pub fn set_watchpoint(&mut self, watchpoint: Watchpoint) {
         self.core.set_watchpoint(watchpoint);
     }
@@ -133,8 +129,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.hold.halts_after_reset = on;
     }
 
-    /// Sets whether the core halts when the firmware ends ([`Halt::Ended`]): before the first instruction of the
-    /// fault's handler, or after the last instruction before a lock-up.
+    /// Sets whether the core halts when the firmware ends ([`Halt::Ended`]): before the first instruction of a fault's
+    /// handler, or at a lock-up.
     pub fn halt_at_end(&mut self, on: bool) {
         self.hold.halts_at_end = on;
     }
@@ -153,13 +149,12 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.hold.step = None;
     }
 
-    /// Runs the core to `until` at the latest, with the debugger's step if there is one.
+    /// Runs the core to `until` at the latest, by single instructions if the debugger has requested a step.
     #[inline]
     pub(super) fn run_held(&mut self, until: u64) -> Exit {
         if self.hold.step.is_some() { self.run_step(until) } else { self.core.run(&mut self.side, until) }
     }
 
-    /// Continues a step by one instruction or exception entry.
     #[cold]
     fn run_step(&mut self, until: u64) -> Exit {
         let (executed, changes) = (self.core.retired(), self.core.exception_changes());
@@ -174,7 +169,7 @@ impl<B: Board, C: Cost> Node<B, C> {
             step.place = place;
         } else if executed || entered && FAULTS.contains(&place.2) {
             self.hold.step = None;
-            // Where both apply, a watchpoint is the more specific reason to halt.
+            // A watchpoint is a more specific reason to halt than the end of a step.
             if exit != Exit::Watchpoint {
                 self.halt_for(Halt::Stepped);
             }
@@ -184,34 +179,32 @@ impl<B: Board, C: Cost> Node<B, C> {
         exit
     }
 
-    /// Handles a stop of the core before an instruction with a breakpoint or a trap.
     pub(super) fn met_breakpoint(&mut self) {
         let pc = self.core.pc();
         if !self.hold.breakpoints.contains(&pc) {
             return;
         }
-        // The code that handled a trap at this address may have removed the breakpoint.
+        // Handling a trap at this address may have removed the debugger's breakpoint.
         self.core.set_breakpoint(pc);
         if self.hold.resumed != Some((pc, self.core.retired())) {
             self.halt_for(Halt::Breakpoint);
         }
     }
 
-    /// Handles a stop of the core after an access that is watched.
     pub(super) fn met_watchpoint(&mut self) {
         if let Some(watched) = self.core.take_watched() {
             self.halt_for(Halt::Watchpoint(watched));
         }
     }
 
-    /// Handles a reset of the part.
     pub(super) fn hold_after_reset(&mut self) {
         if self.hold.step.is_some() || self.hold.halts_after_reset {
             self.halt_for(Halt::Reset);
         }
     }
 
-    /// Handles a trap or a lock-up that may be the firmware's end. `before` is the number of findings before it.
+    /// Halts, if requested, at a trap or lock-up that is the firmware's end. `before` is the number of findings before
+    /// it.
     pub(super) fn hold_at_end(&mut self, before: usize) {
         let ended = self.findings().iter().skip(before).any(|finding| finding.kind.ends_run());
         if ended && self.hold.halts_at_end {

@@ -6,14 +6,14 @@ use emulator_part::{Cycle, Part, Pin, UartFrame};
 use super::{Board, Node, View};
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// The board around the part, for reading.
+    /// The board around the part.
     #[must_use]
     pub fn board(&self) -> &B {
         &self.side.board
     }
 
-    /// Lets `act` change the board's chips now, or take what they have collected. The chips may change the instants of
-    /// their next events, and what they do to the part's pins takes effect at this same instant.
+    /// Lets `act` change the board's chips, or take their output. What the chips do to the part's pins takes effect at
+    /// the present instant.
     pub fn board_mut<T>(&mut self, act: impl FnOnce(&mut B) -> T) -> T {
         let answer = act(&mut self.side.board);
         let at = self.present();
@@ -23,14 +23,14 @@ impl<B: Board, C: Cost> Node<B, C> {
         answer
     }
 
-    /// The microcontroller without its core, for reading.
+    /// The microcontroller without its core.
     #[must_use]
     pub fn part(&self) -> &B::Part {
         &self.side.part
     }
 
-    /// Lets `act` change the part now: its pins, a bus or an oscillator. `act` gets the part, its surroundings, and the
-    /// present cycle.
+    /// Lets `act` change the part: its pins, a bus or an oscillator. `act` gets the part, its board, and the present
+    /// cycle.
     pub fn input<T>(&mut self, act: impl FnOnce(&mut B::Part, &mut View<'_, B>, Cycle) -> T) -> T {
         let at = self.present();
         let answer = self.side.with(at, |part, view| act(part, view, at));
@@ -39,12 +39,12 @@ impl<B: Board, C: Cost> Node<B, C> {
         answer
     }
 
-    /// Drives `pin` from outside from now on, or stops driving the pin.
+    /// Drives `pin` from outside (`Some`), or stops driving it (`None`).
     pub fn drive(&mut self, pin: Pin, level: Option<bool>) {
         self.input(|part, view, at| part.drive(at, pin, level, view));
     }
 
-    /// Sends a UART frame to `pin`. The frame's start bit begins now.
+    /// Sends a UART frame to `pin`. Its start bit begins now.
     pub fn receive(&mut self, pin: Pin, frame: UartFrame) {
         self.input(|part, view, at| part.receive(at, pin, frame, view));
     }

@@ -1,5 +1,4 @@
-//! A board for a part that is otherwise alone, with leads to the part's pins: some pins are watched or driven, and some
-//! have a UART at the far end.
+//! A board with nothing but leads to the part's pins: some are watched or driven, and some have a UART at the far end.
 
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
@@ -46,8 +45,8 @@ pub struct Sending {
 /// The leads that are connected to a part that is otherwise alone.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Connected {
-    /// The pins of which every change is reported, at the latest at the end of the UART or SPI frame that makes the
-    /// change. The levels of I2C are not reported.
+    /// The pins whose changes are reported, at the latest at the end of the UART or SPI frame that makes the change.
+    /// The levels of I2C are not reported.
     pub watched: Vec<Pin>,
     /// The levels that are driven onto pins.
     pub driven: Vec<Drive>,
@@ -55,7 +54,7 @@ pub struct Connected {
     pub listened: Vec<Pin>,
     /// The bytes that are sent.
     pub sent: Vec<Sending>,
-    /// Pairs of pins with a wire between them: whatever the part drives on one, level or UART frame, arrives at the
+    /// Pairs of pins with a wire between them. A level or UART frame that the part sends on one pin arrives at the
     /// other.
     pub wires: Vec<[Pin; 2]>,
 }
@@ -71,15 +70,14 @@ pub struct SentByte {
     pub byte: u8,
 }
 
-/// The board with leads to its part.
+/// A board with leads to the part's pins.
 #[derive(Clone, Debug)]
 pub struct Leads<P> {
     connected: Connected,
-    /// The state in which the part holds each watched pin now.
     pads: BTreeMap<Pin, Pad>,
     edges: Vec<PinEdge>,
     heard: Vec<SentByte>,
-    /// The inputs of the part that are still to come, latest first, each with its instant.
+    /// The inputs that are still to come, latest first, each with its instant.
     plan: Vec<(u64, Input)>,
     part: PhantomData<P>,
 }
@@ -94,11 +92,10 @@ impl<P> Leads<P> {
             let mut at = sending.at;
             for &byte in &sending.bytes {
                 let frame = UartFrame::eight_n_one(byte, sending.baud.max(1));
-                // The part receives a frame at the frame's end, and the frame begins before that.
+                // [`Input::Frame`] is due at the frame's end, with the instant at which the frame begins.
                 plan.push((at + frame.ns(), Input::Frame(sending.pin, at, frame)));
                 at += frame.ns();
             }
-            // The line of a UART rests high.
             plan.push((0, Input::Level(sending.pin, Some(true))));
         }
         plan.sort_by_key(|&(at, _)| std::cmp::Reverse(at));
@@ -111,8 +108,7 @@ impl<P> Leads<P> {
         std::mem::take(&mut self.edges)
     }
 
-    /// Records what the part does to `pin` from `at` (ns) on, if the pin is watched and the state differs from the last
-    /// one.
+    /// Records the state of `pin` from `at` (ns) on, if the pin is watched and its state changes.
     fn watch(&mut self, at: u64, pin: Pin, pad: Pad) {
         if self.connected.watched.contains(&pin) && self.pads.insert(pin, pad) != Some(pad) {
             self.edges.push(PinEdge { at, pin, pad });
@@ -124,7 +120,7 @@ impl<P> Leads<P> {
         std::mem::take(&mut self.heard)
     }
 
-    /// Carries an input at `at` (ns) over the wires to the pins that are joined to `pin`.
+    /// Carries an input over the wires to the pins that are joined to `pin`.
     fn carry(&mut self, at: u64, pin: Pin, input: impl Fn(Pin) -> Input) {
         for [one, other] in &self.connected.wires {
             for (from, to) in [(*one, *other), (*other, *one)] {
@@ -219,7 +215,6 @@ mod tests {
         assert_eq!(settled(&mut leads, 6), []);
     }
 
-    /// The changes of one watched pin, each with its instant.
     fn changes(leads: &mut Leads<Nrf52840>) -> Vec<(u64, Pad)> {
         leads.take_edges().into_iter().map(|edge| (edge.at, edge.pad)).collect()
     }

@@ -1,10 +1,9 @@
 //! Nodes: real firmware images on emulated microcontrollers, in virtual time.
 //!
-//! A [`Node`] is one board: a Cortex-M4 ([`cortex_m4`]), the models of its part ([`emulator_part::Part`]) and what is
-//! wired around the part ([`Board`]). [`Node::advance`] runs it to an instant. A [`Pair`] keeps two nodes in lock-step,
-//! with whatever passes between them. A [`Relay`] runs two nodes, one of which only sends and the other only receives,
-//! on one thread or on two. A run is a function of the images, the board and the caller's inputs: nothing depends on
-//! wall-clock time, randomness or the order of threads. All state is plain data: a clone that is run on does what the
+//! A [`Node`] is one board: a Cortex-M4 ([`cortex_m4`]), the models of its part ([`emulator_part::Part`]) and the chips
+//! around the part ([`Board`]). [`Node::advance`] runs the node to an instant. A [`Pair`] keeps two nodes in lock-step.
+//! A [`Relay`] runs a sender and a receiver, on one thread or on two. A run depends only on the images, the boards and
+//! the caller's inputs, and not on wall-clock time or threads. All state is plain data, and a clone runs on as the
 //! original does.
 //!
 //! ```
@@ -27,15 +26,14 @@
 //! ```
 //!
 //! # Time
-//! Virtual time is `u64` nanoseconds from power-on, and it is the same for all boards. Inside a board, time is counted
-//! in cycles of its core, whose rate follows from its crystals and its clock tree ([`emulator_part::Timebase`]). Models
-//! act at their exact cycles. The core acts at instruction boundaries, so whatever involves the core is late by at most
-//! one instruction.
+//! Virtual time is `u64` nanoseconds from power-on, the same for all boards. Inside a board, time is counted in cycles
+//! of its core, whose rate follows from crystals and clock tree ([`emulator_part::Timebase`]). Models act at their
+//! exact cycles. The core acts between instructions, so it is late by at most one instruction.
 //!
 //! # How a run shows what is not modelled
-//! An access to an address where the part has nothing faults, as on silicon. An access to a register without a model,
-//! to a peripheral whose clock is off, or to a state that the manual forbids makes a [`Finding`] with the instruction
-//! that did it. A run with findings has not passed.
+//! An access to an address where the part has nothing faults, as on silicon. Some accesses make a [`Finding`] that
+//! names the instruction: those to a register without a model, to a peripheral whose clock is off, or into a state that
+//! the manual forbids. A run with findings has not passed.
 #![forbid(unsafe_code)]
 
 mod access_port;
@@ -89,10 +87,8 @@ pub use usage::{LineEdge, Usage};
 
 /// One board that runs one firmware: a core, its part, the chips around it, and the clock between them.
 ///
-/// [`Node::advance`] runs the core until an instant is reached. Events of the part and of the board that are due before
-/// that happen on the way, each at its own instant. The part counts cycles of its core; an [`emulator_part::Timebase`]
-/// converts cycles into the bench's nanoseconds and follows the part's clock tree. A node is plain data: a clone that
-/// is run on does what the original does.
+/// [`Node::advance`] runs the core until an instant is reached. Events of the part and of the board happen on the way,
+/// each at its own instant. The node is plain data, and a clone runs on as the original does.
 #[derive(Clone, Debug)]
 pub struct Node<B: Board, C: Cost = Fast> {
     core: Core<C>,
@@ -101,23 +97,18 @@ pub struct Node<B: Board, C: Cost = Fast> {
     semihosting: bool,
     exit: Option<u32>,
     traps: Traps,
-    /// The debugger's settings and requests for the core.
     hold: Hold,
-    /// Whether the part has its supply.
     powered: bool,
-    /// The lowest supply voltage since the supply began to hold the part in reset, in µV.
+    /// The lowest supply voltage, in µV, since the supply began to hold the part in reset.
     lowest: u32,
-    /// Whether a debugger has powered the debug domain.
     debugged: bool,
-    /// Whether the part was told (by `Part::halts`) that the core is halted for debug.
     told_halt: bool,
-    /// The active exception from each instant (ns) on; `None` if exceptions are not recorded.
+    /// The exceptions that became active, each with its instant in ns; `None` if they are not recorded.
     tasks: Option<Vec<(u64, u16)>>,
     resets: Vec<ResetAt>,
     probe_at: u64,
     log_block: Option<Symbol>,
-    /// The instant, virtual ns, at which the RAM is next searched for the log's control block, if the image does not
-    /// say where the block is.
+    /// The virtual instant, in ns, of the next search of RAM for the log's control block.
     search_at: u64,
     log: rtt::Channels,
     lines: Vec<LogLine>,
@@ -126,7 +117,7 @@ pub struct Node<B: Board, C: Cost = Fast> {
     reported: BTreeSet<(FindingKind, String)>,
 }
 
-/// The instructions at which the node stops to report an event of the firmware, before the firmware continues.
+/// The instructions before which the node stops to report an event of the firmware.
 #[derive(Clone, Debug, Default)]
 struct Traps {
     default_handler: BTreeSet<u64>,

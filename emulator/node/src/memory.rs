@@ -1,8 +1,8 @@
-//! Access to a part's memory as a debug probe has it, without timing or side effects.
+//! Access to a part's memory without timing or side effects.
 
 use emulator_part::Part;
 
-/// The little-endian value of `length` (1 to 8) bytes at `address`; `None` where some of these bytes are not memory.
+/// The little-endian value of `length` (1 to 8) bytes at `address`; `None` if a byte is not memory.
 pub(crate) fn value<P: Part>(part: &P, address: u64, length: usize) -> Option<u64> {
     let bytes = part.memory(u32::try_from(address).ok()?, length)?;
     let mut word = [0; 8];

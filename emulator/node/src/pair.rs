@@ -1,14 +1,12 @@
 //! Two boards in lock-step.
 //!
 //! The method is conservative parallel simulation on one thread: a board never runs past the first instant at which
-//! something could reach it. The bound on that instant is the other board's next possible action (its next event if it
-//! sleeps, its present if it is awake) plus the [`Lookahead`], the least time that anything takes to cross. Each
-//! message carries the instant of its delivery. Actors beside a board (a flight controller, a receiver) act at their
-//! own instants. A sleeping board does not hold the other one back.
+//! something could reach it. That instant is the other board's next possible action plus the [`Lookahead`], the least
+//! time to cross. The next possible action is the board's next event while it sleeps, and its present while it is
+//! awake. Actors beside a board (a flight controller, a receiver) act at their own instants.
 //!
-//! The caller describes what passes between the boards in a [`Between`]: what leaves a board, when it arrives, and
-//! which actors are beside each board. The order is fixed: messages come before actors, and messages are ordered by
-//! instant and then by when they were sent. So a run is a function of its inputs.
+//! The caller describes in a [`Between`] what leaves a board, when it arrives, and which actors are beside each board.
+//! At one instant, messages come before actors, in the order in which they were sent.
 
 use std::collections::BTreeMap;
 
@@ -16,11 +14,11 @@ use cortex_m4::{Cost, Fast};
 
 use super::{Board, Node};
 
-/// The least time that anything takes to cross between the boards, in virtual nanoseconds.
+/// The least times of a crossing from one board to the other, in virtual nanoseconds.
 ///
-/// At least one of the two times must not be zero. [`Lookahead::NEVER`] is for a direction in which nothing ever
-/// passes. A controller on one board that reads an answer from the other within one transfer needs a time below a byte
-/// time of its bus, 1 µs at 8 MHz.
+/// At least one of the two must not be zero. [`Lookahead::NEVER`] is for a direction in which nothing ever passes. If a
+/// controller on one board reads an answer of the other within one transfer, the time must be less than a byte of its
+/// bus takes: 1 µs at 8 MHz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lookahead {
     /// The least time from the first board to the second.
@@ -34,11 +32,11 @@ impl Lookahead {
     pub const NEVER: u64 = u64::MAX;
 }
 
-/// The longest time by which one board may run ahead of the other if nothing holds it back, in virtual nanoseconds. It
-/// limits the number of messages that wait to be delivered.
+/// The longest time by which one board may run ahead of the other, in virtual nanoseconds. It limits the number of
+/// undelivered messages.
 const MOST_LEAD: u64 = 1_000_000;
 
-/// The messages that are under way, each with the instant at which it arrives.
+/// The undelivered messages, each with the instant at which it arrives.
 #[derive(Debug)]
 pub struct Sent<M> {
     queue: BTreeMap<(u64, u64), M>,
@@ -52,7 +50,7 @@ impl<M> Default for Sent<M> {
 }
 
 impl<M> Sent<M> {
-    /// Sends `message` to arrive at `at` (virtual ns), after everything that was sent earlier for that instant.
+    /// Sends `message` to arrive at `at` (virtual ns), after all earlier messages for that instant.
     pub fn send(&mut self, at: u64, message: M) {
         self.queue.insert((at, self.count), message);
         self.count += 1;
@@ -77,26 +75,26 @@ pub trait Between<A: Board, B: Board, C: Cost = Fast> {
     /// The messages to the second board.
     type ToB;
 
-    /// The least times that anything takes to cross, in both directions.
+    /// The least times of a crossing.
     fn lookahead(&self) -> Lookahead;
 
-    /// Takes what left the first board up to its present, and sends each message with the instant of its arrival.
+    /// Takes what left the first board, and sends each message with the instant of its arrival.
     fn leave_a(&mut self, node: &mut Node<A, C>, to_b: &mut Sent<Self::ToB>) {
         let _ = (node, to_b);
     }
 
-    /// Takes what left the second board up to its present, and sends each message with the instant of its arrival.
+    /// Takes what left the second board, and sends each message with the instant of its arrival.
     fn leave_b(&mut self, node: &mut Node<B, C>, to_a: &mut Sent<Self::ToA>) {
         let _ = (node, to_a);
     }
 
-    /// Delivers `message`, which is due at `at`, to the first board, which has reached that instant. An implementation
-    /// uses [`Node::input`].
+    /// Delivers `message`, which is due at `at`, to the first board, which has reached `at`. An implementation uses
+    /// [`Node::input`].
     fn arrive_a(&mut self, at: u64, message: Self::ToA, node: &mut Node<A, C>) {
         let _ = (at, message, node);
     }
 
-    /// Delivers `message`, which is due at `at`, to the second board, which has reached that instant.
+    /// Delivers `message`, which is due at `at`, to the second board, which has reached `at`.
     fn arrive_b(&mut self, at: u64, message: Self::ToB, node: &mut Node<B, C>) {
         let _ = (at, message, node);
     }
@@ -111,14 +109,14 @@ pub trait Between<A: Board, B: Board, C: Cost = Fast> {
         None
     }
 
-    /// Lets the actor beside the first board act at `at`, when it is due. [`Between::next_at_a`] must return a later
-    /// instant afterwards.
+    /// Lets the actor beside the first board act at `at`. [`Between::next_at_a`] must return a later instant
+    /// afterwards.
     fn act_at_a(&mut self, at: u64, node: &mut Node<A, C>) {
         let _ = (at, node);
     }
 
-    /// Lets the actor beside the second board act at `at`, when it is due. [`Between::next_at_b`] must return a later
-    /// instant afterwards.
+    /// Lets the actor beside the second board act at `at`. [`Between::next_at_b`] must return a later instant
+    /// afterwards.
     fn act_at_b(&mut self, at: u64, node: &mut Node<B, C>) {
         let _ = (at, node);
     }
@@ -155,7 +153,7 @@ impl<A: Board, B: Board, L: Between<A, B, C>, C: Cost> Pair<A, B, L, C> {
     ///
     /// # Panics
     ///
-    /// Panics if both lookaheads are zero, since neither board could then move.
+    /// Panics if both lookaheads are zero, since no board could then advance.
     #[must_use]
     pub fn new(a: Node<A, C>, b: Node<B, C>, between: L) -> Self {
         let lookahead = between.lookahead();
@@ -197,7 +195,6 @@ impl<A: Board, B: Board, L: Between<A, B, C>, C: Cost> Pair<A, B, L, C> {
         }
     }
 
-    /// The first instant at which the first board can act: by itself, by a message, or by an actor.
     fn first_act_a(&self) -> u64 {
         let outside = self.to_a.next().min(next(self.between.next_at_a())).max(self.a.now());
         self.a.earliest().min(outside)

@@ -5,12 +5,11 @@ use cortex_m4::Cost;
 use super::rtt::{self, LogLine};
 use super::{Board, Node, Symbol, memory};
 
-/// The time from one reading of the firmware's log to the next, in virtual nanoseconds. Each reading empties the log,
-/// as when a debug probe polls RTT.
+/// The time between two readings of the firmware's log, in virtual nanoseconds. Each reading empties the log, as when a
+/// debug probe polls RTT.
 pub const PROBE_PERIOD: u64 = 1_000_000;
 
-/// The longest time between two searches of RAM for the log of an image without the usual symbol, in virtual
-/// nanoseconds.
+/// The longest time between two searches of RAM for the log, in virtual nanoseconds.
 const LONGEST_SEARCH: u64 = 100_000_000;
 
 impl<B: Board, C: Cost> Node<B, C> {
@@ -20,8 +19,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         std::mem::take(&mut self.lines)
     }
 
-    /// Takes the log lines since the last call, as [`Node::take_log`] does, and then the lines that the firmware has
-    /// not finished.
+    /// Takes the log lines since the last call, and then the incomplete lines.
     pub fn finish_log(&mut self) -> Vec<LogLine> {
         let mut lines = self.take_log();
         let at = self.now();
@@ -30,22 +28,21 @@ impl<B: Board, C: Cost> Node<B, C> {
         lines
     }
 
-    /// Takes the bytes that came over RTT up channel `channel` since the last call, up to the latest 64 KiB. The log
-    /// contains these bytes as well.
+    /// Takes the bytes of RTT up channel `channel` since the last call, at most the latest 64 KiB. The log has them
+    /// too.
     pub fn take_channel(&mut self, channel: u64) -> Vec<u8> {
         self.probe_log(self.now());
         self.log.take_raw(channel)
     }
 
-    /// Reads the log as a debug probe does, on a grid of [`PROBE_PERIOD`].
     pub(super) fn probe(&mut self, now: u64) {
         self.probe_at = (now / PROBE_PERIOD + 1) * PROBE_PERIOD;
         self.probe_log(now);
     }
 
     /// Overwrites the firmware's log with zeros, as debug probes do before a start. Until start-up code has written the
-    /// control block anew, RAM holds the block of an earlier start or the noise of power-on. If another probe is
-    /// attached, that probe may be reading the block, and clears it by itself.
+    /// control block anew, RAM holds noise or the block of an earlier start. If another probe is attached, it clears
+    /// the block by itself.
     pub(super) fn clear_log(&mut self) {
         if let Some(block) = self.log_block.filter(|_| !self.debugged) {
             let size = usize::try_from(block.size).unwrap_or(0);
@@ -54,10 +51,10 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     pub(super) fn probe_log(&mut self, at: u64) {
-        // RAM is searched for the log only if the image was read from an ELF file. If the firmware is what was already
-        // in flash, an attached probe that has the firmware's file reads the log.
+        // RAM is searched only for a firmware with an ELF file. Otherwise an attached probe that has the file reads the
+        // log.
         if self.log_block.is_none() && self.firmware.is_a_file() && at >= self.search_at {
-            // The searches become rarer, since a firmware that logs writes its first line soon.
+            // The searches become rarer, since a firmware that logs does so early.
             self.search_at = at + at.clamp(PROBE_PERIOD, LONGEST_SEARCH);
             self.log_block = rtt::find(&self.side.part).map(|address| Symbol { address, size: 0 });
         }

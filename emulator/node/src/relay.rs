@@ -1,11 +1,9 @@
 //! Two boards, one of which only sends and the other only receives.
 //!
-//! Nothing ever passes back to the first board, so its behaviour depends only on itself and on what is beside it. It
-//! may run on its own thread, ahead of the second board, and it sends every message with an instant. The second board
-//! begins a millisecond of virtual time only after the first has completed that millisecond. A message reaches the
-//! second board a fixed virtual time ahead of the message's instant, which the receiver of messages must allow for.
-//! What either board does follows from virtual instants only, and never from the order of threads, so a run is a
-//! function of its inputs.
+//! Nothing passes back to the first board, so it may run on its own thread, ahead of the second board. The second board
+//! begins a millisecond of virtual time only after the first has completed it. A message reaches the second board a
+//! fixed virtual time ahead of the message's instant, which the [`Downstream`] must allow for. A run depends only on
+//! virtual instants, and never on the order of threads.
 //!
 //! The caller describes what is beside the first board in an [`Upstream`] (receivers on its lines), and what is beside
 //! the second in a [`Downstream`] (a flight controller).
@@ -17,74 +15,73 @@ use cortex_m4::{Cost, Fast};
 
 use super::{Board, Node};
 
-/// The length of the pieces of time in which the boards run, virtual ns.
+/// The piece of time in which each board runs, in virtual ns.
 const PIECE: u64 = 1_000_000;
 
-/// The longest time by which a message is delivered ahead of its instant, virtual ns.
+/// The longest time by which a message is delivered ahead of its instant, in virtual ns.
 const HEARD_AHEAD: u64 = 1_000_000;
 
-/// The number of pieces by which the first board may be ahead on its own thread: enough that neither thread waits for
-/// the other's bursts of work, and few enough that little data waits.
+/// The number of pieces by which the first board may be ahead on its own thread. It is enough that neither thread waits
+/// for the other's bursts, and few enough that little data waits.
 const LEAD: usize = 50;
 
-/// The surroundings of the first board, which take the messages that leave it.
+/// The surroundings of the first board, from which messages leave.
 pub trait Upstream<A: Board, C: Cost = Fast>: Send {
     /// A message that leaves the board.
     type Message: Send;
 
-    /// Everything else that is reported of the board: its log, a trace.
+    /// Other reports about the board: its log, a trace.
     type Notes: Send;
 
-    /// Takes what left the board up to its present, each message with its instant (virtual ns), in order of time.
+    /// Adds what left the board to `sent`, each message with its instant (virtual ns), in order of time.
     fn leave(&mut self, node: &mut Node<A, C>, sent: &mut Vec<(u64, Self::Message)>);
 
-    /// Takes everything else that is to be reported of the board since the last call. It is called at least once a
-    /// millisecond of virtual time.
+    /// Takes the other reports since the last call. It is called at least once a millisecond of virtual time.
     fn notes(&mut self, node: &mut Node<A, C>) -> Self::Notes;
 
-    /// The next instant at which an actor beside the board acts on it (virtual ns), `u64::MAX` for never.
+    /// The next instant (virtual ns) at which an actor beside the board acts on it, `u64::MAX` for never.
     fn next_at(&self) -> u64 {
         u64::MAX
     }
 
-    /// Lets the actor act at `at`, when it is due. [`Upstream::next_at`] must return a later instant afterwards.
+    /// Lets the actor act at `at`. [`Upstream::next_at`] must return a later instant afterwards.
     fn act(&mut self, at: u64, node: &mut Node<A, C>) {
         let _ = (at, node);
     }
 }
 
-/// The surroundings of the second board, which bring it the messages that left the first board.
+/// The surroundings of the second board, at which messages arrive.
 pub trait Downstream<B: Board, C: Cost = Fast> {
     /// A message that left the first board.
     type Message;
 
-    /// Everything else that is reported of the first board.
+    /// Other reports about the first board.
     type Notes;
 
-    /// Receives `message`, which left the first board at `at` (virtual ns). The second board may not have reached that
-    /// instant yet.
+    /// Receives `message`, which left the first board at `at` (virtual ns). The second board may not have reached `at`
+    /// yet.
     fn hear(&mut self, at: u64, message: Self::Message, node: &mut Node<B, C>);
 
-    /// Receives the `notes` of the first board, which may be far ahead.
+    /// Receives the other reports about the first board, which may be far ahead.
     fn noted(&mut self, notes: Self::Notes);
 
-    /// Takes what left the second board. None of that reaches another board.
+    /// Takes what left the second board.
     fn leave(&mut self, node: &mut Node<B, C>) {
         let _ = node;
     }
 
-    /// The next instant at which an actor beside the board acts on it (virtual ns), `u64::MAX` for never.
+    /// The next instant (virtual ns) at which an actor beside the board acts on it, `u64::MAX` for never.
     fn next_at(&self) -> u64 {
         u64::MAX
     }
 
-    /// Lets the actor act at `at`, when it is due. [`Downstream::next_at`] must return a later instant afterwards.
+    /// Lets the actor act at `at`. [`Downstream::next_at`] must return a later instant afterwards.
     fn act(&mut self, at: u64, node: &mut Node<B, C>) {
         let _ = (at, node);
     }
 }
 
-/// The number of threads on which a [`Relay`] runs. The results are the same, byte for byte.
+/// The number of threads of a [`Relay`]. It does not change the results.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Threads {
     /// The caller's thread only.
@@ -94,18 +91,17 @@ pub enum Threads {
     Two,
 }
 
-/// The first board's report to the second about a piece of time.
+/// The first board's report about a piece of time.
 #[derive(Debug)]
 struct Interval<M, N> {
     sent: Vec<(u64, M)>,
     notes: N,
-    /// The instant before which everything that left the board has been sent.
+    /// The instant before which all messages have been sent.
     reached: u64,
-    /// Whether the board has reached the end of the run.
     ended: bool,
 }
 
-/// Two boards and what is beside each. Between two runs no message is under way, so a clone is a complete bench.
+/// Two boards and their surroundings. Between two runs no message is under way, so a clone is complete.
 #[derive(Clone, Debug)]
 pub struct Relay<A: Board, B: Board, U, D, C: Cost = Fast> {
     /// The board that sends.
@@ -123,10 +119,10 @@ where
     U: Upstream<A, C>,
     D: Downstream<B, C, Message = U::Message, Notes = U::Notes>,
 {
-    /// Runs both boards to `end` (virtual ns), or to the first instruction boundary after it. `each` is called whenever
-    /// the second board has advanced by another `step` of virtual time, and at the end, with the instant, the second
-    /// board and its surroundings. The results do not depend on where runs end or on `threads`. A board with
-    /// breakpoints must be run by [`Relay::run_course`] instead: its halt would end this run with messages under way.
+    /// Runs both boards to `end` (virtual ns), or to the first instruction boundary after it. `each` is called after
+    /// every `step` of virtual time and at the end, with the instant, the second board and its surroundings. The
+    /// results do not depend on `threads` or on where runs end. Boards with breakpoints need [`Relay::run_course`],
+    /// since a halt would end this run with messages under way.
     ///
     /// # Errors
     ///
@@ -153,16 +149,16 @@ where
                             }
                         }
                     });
-                    // This function drops the channel's receiver when it returns, which ends the other thread.
+                    // Returning drops the channel's receiver, which ends the other thread.
                     follow(b, downstream, end, step, move || told.recv().ok(), each)
                 })
             }
         }
     }
 
-    /// Runs both boards on along `course`, on the caller's thread, to the end of its next step or to where a board's
-    /// debugger halts that board ([`Node::halted`]). After a halt both boards stand still, and the next call continues
-    /// once the halted board is resumed. The results are those of [`Relay::run`] for the same boards without debuggers.
+    /// Runs both boards along `course`, on the caller's thread, to the end of its next step or to the halt of a board
+    /// by its debugger ([`Node::halted`]). After a halt both boards stand still, and the next call continues once the
+    /// halted board is resumed. Halts do not change the results.
     pub fn run_course(&mut self, course: &mut Course<U::Message>) -> Way {
         let Self { a, b, upstream, downstream } = self;
         let Course { lead, follower, end, step } = course;
@@ -170,8 +166,7 @@ where
     }
 }
 
-/// The progress of a [`Relay`] through time, which can be interrupted anywhere. It holds the messages that are under
-/// way between the boards.
+/// The progress of a [`Relay`], with the messages under way. It can be interrupted at any instant.
 #[derive(Clone, Debug)]
 pub struct Course<M> {
     lead: Lead<M>,
@@ -181,7 +176,7 @@ pub struct Course<M> {
 }
 
 impl<M> Course<M> {
-    /// Makes a course from `from` to `end` in steps of `step`, all in virtual ns.
+    /// Makes a course from `from` to `end` in steps of `step`, in virtual ns.
     #[must_use]
     pub fn new(from: u64, end: u64, step: u64) -> Self {
         Self { lead: Lead { sent: Vec::new(), to: None }, follower: Follower::new(from), end, step }
@@ -194,25 +189,24 @@ impl<M> Course<M> {
     }
 }
 
-/// The point at which a call of [`Relay::run_course`] has ended.
+/// Why a call of [`Relay::run_course`] has returned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
-    /// The second board has reached the end of a step, which is at this instant (virtual ns).
+    /// The second board has reached the end of a step, at this instant (virtual ns).
     Reached(u64),
     /// A board is halted.
     Halted,
 }
 
-/// The progress of the first board through time.
 #[derive(Clone, Debug)]
 struct Lead<M> {
     sent: Vec<(u64, M)>,
-    /// The end of the piece of time that the board has begun; `None` between two pieces.
+    /// The end of the piece that the board has begun; `None` between two pieces.
     to: Option<u64>,
 }
 
 impl<M> Lead<M> {
-    /// Runs the first board through its next piece of time. Returns `None` if its debugger halted it within the piece.
+    /// Runs the first board through its next piece. Returns `None` if its debugger halted it.
     fn piece<A: Board, C: Cost, U: Upstream<A, C, Message = M>>(
         &mut self,
         node: &mut Node<A, C>,
@@ -242,7 +236,7 @@ impl<M> Lead<M> {
     }
 }
 
-/// Runs the second board to `end`, or to a halt of either board by its debugger.
+/// Runs the second board to `end`, or to the halt of a board by its debugger.
 fn follow<B: Board, C: Cost, D: Downstream<B, C>, E>(
     node: &mut Node<B, C>,
     downstream: &mut D,
@@ -251,7 +245,7 @@ fn follow<B: Board, C: Cost, D: Downstream<B, C>, E>(
     mut tell: impl FnMut() -> Option<Interval<D::Message, D::Notes>>,
     mut each: impl FnMut(u64, &mut Node<B, C>, &mut D) -> Result<(), E>,
 ) -> Result<(), E> {
-    // The ends of steps lie on one grid wherever runs end, even if a board has gone on to the end of an instruction.
+    // The ends of steps are multiples of `step`, even if a board has passed one by part of an instruction.
     let mut follower = Follower::new(node.now() / step * step);
     while follower.at < end {
         let Way::Reached(at) = follower.step(node, downstream, end, step, &mut tell) else { break };
@@ -260,16 +254,12 @@ fn follow<B: Board, C: Cost, D: Downstream<B, C>, E>(
     Ok(())
 }
 
-/// The progress of the second board through time.
 #[derive(Clone, Debug)]
 struct Follower<M> {
-    /// The messages that left the first board and were not delivered yet.
     on_the_way: VecDeque<(u64, M)>,
-    /// The instant up to which the reports of the first board are known. The next field is whether the first board has
-    /// ended.
+    /// The instant up to which the first board has reported.
     reached: u64,
     ended: bool,
-    /// The end of the last complete step.
     at: u64,
 }
 
@@ -278,8 +268,8 @@ impl<M> Follower<M> {
         Self { on_the_way: VecDeque::new(), reached: 0, ended: false, at }
     }
 
-    /// Runs the second board to the end of its next step. `tell` returns the next report of the first board, or `None`
-    /// if the first board is halted. After a halt of either board the next call continues the step.
+    /// Runs the second board to the end of its next step. `tell` returns the first board's next report, or `None` if
+    /// that board is halted. After a halt the next call continues the step.
     fn step<B: Board, C: Cost, D: Downstream<B, C, Message = M>>(
         &mut self,
         node: &mut Node<B, C>,
@@ -316,13 +306,12 @@ impl<M> Follower<M> {
                 downstream.hear(at, message, node);
             }
             let unheard = self.on_the_way.front().map_or(u64::MAX, |(at, _)| at - HEARD_AHEAD);
-            // A delivered message may have moved the instant at which an actor acts next.
+            // A delivered message may have moved the actor's next instant.
             let next = downstream.next_at();
             node.advance(to.min(next).min(piece).min(unheard));
         }
         if to == end {
-            // Some reports of the first board were not needed until now, and some messages are for instants after the
-            // end of the run. All of them are delivered here.
+            // Reports that were not needed until now, and messages for instants after the end, are delivered here.
             while !self.ended {
                 let Some(told) = tell() else { return Way::Halted };
                 self.hear(told, downstream);
@@ -336,7 +325,6 @@ impl<M> Follower<M> {
         Way::Reached(to)
     }
 
-    /// Takes in a report of the first board.
     fn hear<B: Board, C: Cost, D: Downstream<B, C, Message = M>>(
         &mut self,
         told: Interval<M, D::Notes>,

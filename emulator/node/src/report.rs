@@ -6,7 +6,7 @@ use emulator_part::{Part, Reset};
 use super::finding::{Finding, FindingKind};
 use super::{Board, Node, memory};
 
-/// The maximum number of findings that a node keeps. A firmware in a loop would otherwise fill the host's memory.
+/// The maximum number of findings that a node keeps, since a firmware in a loop could make very many.
 const MOST_FINDINGS: usize = 200;
 
 /// The addresses of the Configurable Fault Status, HardFault Status and Bus Fault Address registers, ARMv7-M ARM B3.2.
@@ -14,10 +14,9 @@ const CFSR: u32 = 0xE000_ED28;
 const HFSR: u32 = 0xE000_ED2C;
 const BFAR: u32 = 0xE000_ED38;
 
-/// The Thumb instruction `B .`, which branches to itself.
 pub(super) const BRANCH_TO_ITSELF: u64 = 0xE7FE;
 
-/// The exception number of HardFault, ARMv7-M ARM table B1-4. Those of MemManage, BusFault and UsageFault follow.
+/// The exception number of HardFault, ARMv7-M ARM table B1-4. MemManage, BusFault and UsageFault follow.
 const HARD_FAULT: u16 = 3;
 
 impl<B: Board, C: Cost> Node<B, C> {
@@ -25,7 +24,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     pub fn take_findings(&mut self) -> Vec<Finding> {
         self.report_errors();
         let mut findings = std::mem::take(&mut self.findings);
-        // Among findings of one instant, those of the part come first, since they explain why the core then stops.
+        // At one instant the part's findings come first, since they explain why the core stops.
         findings.sort_by_key(|finding| (finding.at, finding.kind.ends_run()));
         findings
     }
@@ -49,8 +48,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.findings.push(Finding { kind, at, pc, symbol, text });
     }
 
-    /// Adds a finding if the input `what` from outside, which was due at `at` (virtual ns), came late: the node is
-    /// beyond that instant by more than one instruction of its core, so the run is not exact.
+    /// Adds a finding if the outside input `what`, which was due at `at` (virtual ns), is late by more than one
+    /// instruction of the core.
     pub(super) fn note_late(&mut self, at: u64, what: &str) {
         let now = self.now();
         if now > at.saturating_add(self.instruction_ns()) {
@@ -58,7 +57,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Takes over the findings that the models and the core listed since the last call.
+    /// Takes over new findings of the models and the core.
     fn report_errors(&mut self) {
         self.side.changed(self.present());
         let mut found = std::mem::take(&mut self.side.findings);
@@ -78,10 +77,9 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Handles a stop of the core before an instruction that the node watches.
     pub(super) fn trapped(&mut self) {
         let pc = u64::from(self.core.pc());
-        // A handler that is a branch to itself stops here at every turn of its loop.
+        // A handler that is only a branch to itself reaches this stop in every turn.
         if memory::value(&self.side.part, pc, 2) == Some(BRANCH_TO_ITSELF) {
             self.core.clear_breakpoint(self.core.pc());
         }
@@ -120,9 +118,9 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.locked_up();
     }
 
-    /// Whether the core is before the first instruction of the handler that the vector table has for HardFault, in
-    /// HardFault or in another fault with the same handler. A fault with another handler may be part of normal
-    /// operation: a system may let a stack grow, or end one task of many.
+    /// Whether the core has just entered the vector table's HardFault handler, for HardFault or for another fault with
+    /// the same handler. A fault with another handler may be normal operation: a system may let a stack grow, or end
+    /// one task of many.
     pub(super) fn is_in_hard_faults_handler(&self) -> bool {
         let vector = u64::from(self.core.vector_table()) + 4 * u64::from(HARD_FAULT);
         let handler = memory::value(&self.side.part, vector, 4).map(|handler| handler & !1);
@@ -133,7 +131,6 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Reports that the core has just entered the handler of `kind`.
     pub(super) fn report_exception(&mut self, kind: FindingKind) {
         let exception = self.core.register(Register::Xpsr) & 0x1FF;
         let returns = self.register(14);
@@ -173,8 +170,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     /// The address of the call in the firmware's own code that led to the panic: the innermost return address on the
-    /// stack that is not in the language's libraries. A word that only looks like a return address is rare above the
-    /// stack pointer, and the text of the finding has the place that the panic itself states.
+    /// stack that is not in a library. A word may look like a return address by chance, but that is rare.
     fn panicking_call(&self) -> Option<u64> {
         const LIBRARIES: [&str; 5] = ["core::", "<core::", "alloc::", "<alloc::", "compiler_builtins::"];
         let part = &self.side.part;
@@ -189,8 +185,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         })
     }
 
-    /// The place that a `PanicInfo` names. Its layout is not stable, but it holds a `&Location`: {file name, its
-    /// length, line, column}. The function takes the first word that points to something of that shape.
+    /// The source line in a `PanicInfo`. The layout is not stable, but it holds a `&Location` {file name, its length,
+    /// line, column}. The first word that points to something of this form is taken.
     fn panic_place(&self) -> Option<String> {
         let info = u64::from(self.register(0));
         let part = &self.side.part;

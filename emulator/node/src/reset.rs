@@ -35,17 +35,18 @@ pub enum FromOutside {
     Pin,
     /// The supply came on. RAM holds noise that follows from the seed.
     PowerOn(u64),
-    /// The supply dipped below the brown-out threshold. RAM keeps its contents, which is the harder case for firmware.
+    /// The supply fell below the brown-out threshold and came back. RAM keeps its contents, which is the harder case
+    /// for firmware.
     BrownOut,
-    /// The watchdog resets the part, whatever the firmware did. RAM keeps its contents.
+    /// The watchdog reset the part. RAM keeps its contents.
     Watchdog,
-    /// A debugger resets the part through the part's own access port, with the effect of AIRCR.SYSRESETREQ.
+    /// A debugger reset the part through the part's own access port, with the effect of AIRCR.SYSRESETREQ.
     SoftReset,
 }
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// Restarts the part from outside, now. The part's reset flags show the cause as far as the part has flags for it,
-    /// and [`Node::resets`] lists it. A part whose supply is off can begin only with a power-on.
+    /// Restarts the part from outside. The part's reset flags and [`Node::resets`] show the cause. A part without
+    /// supply can only be restarted by a power-on.
     pub fn restart(&mut self, why: FromOutside) {
         match why {
             FromOutside::PowerOn(seed) => self.power_on(seed),
@@ -57,18 +58,17 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Switches the part's supply off, now. Its core executes nothing and its pins are not driven until
-    /// [`Node::power_on`]. Time goes on for the board, whose chips act as before; the caller decides whether they still
-    /// have their supply. The call does nothing to a part that is off.
+    /// Switches the part's supply off. The core executes nothing and its pins are not driven until [`Node::power_on`].
+    /// The board's chips go on; the caller decides whether they have a supply. Does nothing to a part that is off.
     pub fn power_off(&mut self) {
         if !self.powered {
             return;
         }
         let at = self.present();
-        // The log is read once more, since the firmware's last lines cannot be read afterwards.
+        // The firmware's last lines cannot be read afterwards.
         self.probe_log(self.now());
         self.powered = false;
-        // A part without its supply is in the state of a power-on before its core begins: all pins are open.
+        // Without a supply the part is as at power-on before its core begins: all pins are open.
         self.side.with(at, |part, view| part.reset(at, Reset::PowerOn, view));
         self.side.reset = None;
         self.side.settle(at);
@@ -76,9 +76,9 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.note_power();
     }
 
-    /// Switches the part's supply on, now. RAM holds noise that follows from `seed`, flash is unchanged, and the part
-    /// starts as [`Reset::PowerOn`] says, which [`Node::resets`] lists. A part that is on is treated as if its supply
-    /// had been off for no time.
+    /// Switches the part's supply on. RAM holds noise that follows from `seed`, and flash is unchanged.
+    /// [`Node::resets`] lists the start as [`Reset::PowerOn`]. If the part is on, its supply is taken to have been off
+    /// for no time.
     pub fn power_on(&mut self, seed: u64) {
         self.powered = true;
         self.side.stirred = true;
@@ -87,10 +87,10 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.note_power();
     }
 
-    /// Sets the part's supply to `microvolts` from now on. A supply that holds the part in reset counts as off. When
-    /// the supply returns, RAM keeps everything if the voltage stayed above 1.4 V, nothing if it fell below 0.4 V, and
-    /// in between some pieces of eight bytes, each as a whole (assumed, since no data sheet says). `seed` decides what
-    /// is lost, and what goes wrong at a voltage that is too low for what the part does.
+    /// Sets the part's supply to `microvolts`. A supply that holds the part in reset counts as off. When the supply
+    /// returns, RAM keeps everything if the voltage stayed above 1.4 V, and nothing if it fell below 0.4 V. In between
+    /// RAM keeps some pieces of eight bytes (assumed, since no data sheet says). `seed` decides what is lost, and what
+    /// goes wrong at a voltage too low for the part's work.
     pub fn supply(&mut self, microvolts: u32, seed: u64) {
         let supplied = self.input(|part, view, at| part.supply(at, microvolts, seed, view));
         match supplied {
@@ -118,9 +118,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.side.part.take_supply_warning()
     }
 
-    /// Makes the core execute nothing and take no interrupt from now on, see [`cortex_m4::Core::hang`], until something
-    /// resets the part, such as a watchdog that the firmware no longer feeds. Everything else goes on. The call does
-    /// nothing to a part without its supply.
+    /// Makes the core execute nothing and take no interrupt until the part is reset, see [`cortex_m4::Core::hang`]. A
+    /// watchdog that the firmware no longer feeds may do that. Does nothing to a part without supply.
     pub fn hang(&mut self) {
         if self.powered {
             self.core.hang();
@@ -141,27 +140,26 @@ impl<B: Board, C: Cost> Node<B, C> {
 
     pub(super) fn reset_by(&mut self, cause: Reset) {
         let at = self.present();
-        // The log is read once more, before the firmware's start-up code clears its buffer.
+        // Start-up code clears the log's buffer.
         self.probe_log(self.now());
         self.resets.push(ResetAt { at: self.now(), cause });
         self.side.with(at, |part, view| part.reset(at, cause, view));
         self.side.reset = None;
         self.side.settle(at);
         self.core.reset(&mut self.side);
-        // Some models of the part are made anew and assume that the core runs. Others keep their state.
+        // Some models are made anew and assume that the core runs, others keep their state.
         self.told_halt = self.told_halt && !self.core.is_halted();
         self.tell_halt();
         let unfinished = self.log.finish(self.now());
         self.lines.extend(unfinished);
         self.clear_log();
-        // The events that were reported before the restart may happen and be reported again.
+        // These events may happen again after the restart and must then be reported again.
         self.reported.retain(|(kind, _)| *kind != FindingKind::HardFault && *kind != FindingKind::UnhandledInterrupt);
         self.arm();
         self.hold_after_reset();
     }
 
-    /// Fills RAM with noise that follows from `seed` (SplitMix64), as at power-on: one in `one_in` pieces of eight
-    /// bytes.
+    /// Fills one in `one_in` pieces of eight bytes of RAM with noise that follows from `seed` (SplitMix64).
     fn come_up(&mut self, seed: u64, one_in: u64) {
         let mut state = seed;
         for (start, size) in B::Part::RAM {

@@ -2,70 +2,56 @@
 //!
 //! A firmware keeps a control block called `_SEGGER_RTT`: the magic, the numbers of up and down channels, then 24 bytes
 //! for each channel {name, buffer, size, write offset, read offset, flags}. The probe reads an up channel from the read
-//! offset to the write offset, wraps at the size, and sets the read offset to the write offset, which makes room for
-//! more data.
+//! offset to the write offset, with a wrap at the size. It then sets the read offset to the write offset, which makes
+//! room for more data.
 //!
 //! | what | how |
 //! |---|---|
 //! | the channel called `defmt` | frames, decoded with the image's own table |
 //! | every other up channel | text, by lines; bytes that are not UTF-8 show as U+FFFD |
-//! | a channel that was full when the probe came | a finding, unless the firmware waits for room (mode 2) |
+//! | a channel that was full at a reading | a finding, unless the firmware waits for room (mode 2) |
 //! | a field with an impossible value | a finding, once; the other channels go on |
-//! | down channels | not written: a firmware that waits for input goes on waiting |
+//! | down channels | not written: the probe sends no input |
 
 use emulator_part::Part;
 
 use super::finding::FindingKind;
 use super::{Firmware, memory};
 
-/// The length in bytes of a message that counts as short: it fits into a buffer that is not nearly full.
+/// The length in bytes of a short message, which fits into a buffer that is not nearly full.
 const SHORT_MESSAGE: u64 = 32;
 /// The first bytes of every initialised control block. The firmware writes them last.
 pub(super) const MAGIC: &[u8; 16] = b"SEGGER RTT\0\0\0\0\0\0";
-/// The offset of the number of up channels in the control block.
 const UP_COUNT: u64 = 16;
-/// The offset of the first channel in the control block.
 const CHANNELS: u64 = 24;
-/// The number of bytes that describe one channel.
 const CHANNEL_BYTES: u64 = 24;
-/// The largest number of channels that is accepted. No firmware declares more, so a larger number is garbage.
+/// The largest number of channels that is accepted. A larger number is taken as garbage.
 const MOST_CHANNELS: u64 = 16;
-/// The length of the longest control block in bytes. It assumes as many down channels as up channels.
+/// The length in bytes of the longest control block, with as many down channels as up channels.
 pub(super) const LONGEST: usize = (CHANNELS + 2 * MOST_CHANNELS * CHANNEL_BYTES) as usize;
 
-/// The longest channel name that is shown, in bytes.
 const LONGEST_NAME: usize = 32;
-/// The name of the channel with defmt frames: `defmt-rtt` gives it this name, and by convention every other crate does
-/// too.
+/// The name of the channel with defmt frames, by the convention of `defmt-rtt`.
 const DEFMT: &str = "defmt";
-/// The longest line of text in bytes. A line without an end by then is shown as it is.
+/// The longest line of text in bytes. A longer line is shown in pieces.
 const LONGEST_LINE: usize = 4096;
-/// The greatest number of bytes that are kept for [`Channels::take_raw`], and of bytes in a frame whose end has not
-/// come.
+/// The greatest number of bytes that are kept for [`Channels::take_raw`], and for an incomplete frame.
 const MOST_RAW: usize = 1 << 16;
 
-/// The reason for which a channel could not be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum RttFault {
-    /// The control block does not exist yet, as before the firmware's first log line.
     NotYet,
-    /// A field of the control block has an impossible value.
     Corrupt(String),
 }
 
-/// The result of reading a channel once.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Drained {
-    /// The bytes that the firmware wrote since the last reading.
     pub(crate) bytes: Vec<u8>,
-    /// Whether the channel has a buffer.
     pub(crate) in_use: bool,
-    /// Whether the buffer had no room left and the firmware does not wait for room, so that what it wrote meanwhile is
-    /// lost.
+    /// Whether the buffer was full and the firmware does not wait for room, so that data is lost.
     pub(crate) overran: bool,
 }
 
-/// The number of up channels in the control block at `block`.
 pub(crate) fn count<P: Part>(part: &P, block: u64) -> Result<u64, RttFault> {
     let mut magic = [0; 16];
     if !memory::read(part, block, &mut magic) {
@@ -76,15 +62,14 @@ pub(crate) fn count<P: Part>(part: &P, block: u64) -> Result<u64, RttFault> {
     }
     match memory::value(part, block + UP_COUNT, 4).unwrap_or(0) {
         count @ 1..=MOST_CHANNELS => Ok(count),
-        // Start-up code may copy the block from its image in flash into RAM that is zero, and copies the name before
-        // the number.
+        // Start-up code may copy the block from flash into RAM, the name before the number.
         0 => Err(RttFault::NotYet),
         count => Err(RttFault::Corrupt(format!("the RTT control block counts {count} up channels"))),
     }
 }
 
-/// Finds a control block in the part's RAM: the first that begins with the magic at a multiple of four and has a
-/// possible number of channels. The search is for an image that gives its block another name, or has no symbols.
+/// Finds a control block in RAM, for an image whose symbols do not tell its address: the first one with the magic at a
+/// multiple of four and a possible number of channels.
 pub(crate) fn find<P: Part>(part: &P) -> Option<u64> {
     P::RAM.iter().find_map(|&(start, size)| {
         let bytes = part.memory(start, size)?;
@@ -94,7 +79,6 @@ pub(crate) fn find<P: Part>(part: &P) -> Option<u64> {
     })
 }
 
-/// The name of up channel `channel`, empty where it has no readable name.
 pub(crate) fn name<P: Part>(part: &P, block: u64, channel: u64) -> String {
     let entry = block + CHANNELS + CHANNEL_BYTES * channel;
     let Some(at @ 1..) = memory::value(part, entry, 4) else { return String::new() };
@@ -103,7 +87,6 @@ pub(crate) fn name<P: Part>(part: &P, block: u64, channel: u64) -> String {
     String::from_utf8_lossy(&bytes).chars().filter(|character| !character.is_control()).collect()
 }
 
-/// Reads and empties up channel `channel` of the control block at `block`.
 pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<Drained, RttFault> {
     if channel >= count(part, block)? {
         return Ok(Drained::default());
@@ -112,8 +95,7 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
     let entry = block + CHANNELS + CHANNEL_BYTES * channel;
     let (buffer, size) = (word(part, entry + 4), word(part, entry + 8));
     let (write, read) = (word(part, entry + 12), word(part, entry + 16));
-    // A firmware that tests its RAM as it starts writes zeros and ones over the control block of the last start, whose
-    // magic may remain.
+    // A RAM test at the start of a firmware writes zeros and ones over the old control block, and the magic may remain.
     if size == 0 || [size, write, read].contains(&u64::from(u32::MAX)) {
         return Ok(Drained::default());
     }
@@ -121,7 +103,7 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
         let text = format!("RTT up channel {channel} has offsets {write} and {read} in {size} bytes");
         return Err(RttFault::Corrupt(text));
     }
-    // The range is checked before the copy, since an impossible size may be large.
+    // The range is checked before the copy, since an invalid size may be large.
     let extent = u32::try_from(buffer).ok().zip(usize::try_from(size).ok());
     if extent.and_then(|(buffer, size)| part.memory(buffer, size)).is_none() {
         let text = format!("RTT up channel {channel}'s buffer, {size} bytes at {buffer:#010x}, is not in memory");
@@ -144,7 +126,7 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
         memory::write(part, entry + 16, &offset.to_le_bytes());
     }
     // One byte always stays free, since a full buffer would otherwise look empty. In mode 0 a message that does not fit
-    // is dropped whole, so the buffer rarely fills to the last byte, and a nearly full buffer counts as full.
+    // is dropped, so the last byte is rarely reached. A nearly full buffer therefore counts as full.
     let free = size - 1 - u64::try_from(bytes.len()).unwrap_or(0);
     let overran = match word(part, entry + 20) & 3 {
         0 => free < (size / 4).min(SHORT_MESSAGE),
@@ -174,14 +156,14 @@ pub enum LogLevel {
 /// One line that the firmware logged.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LogLine {
-    /// The instant at which the probe read the line, in virtual nanoseconds. It is up to a probe period after the
+    /// The instant at which the probe read the line, in virtual nanoseconds: up to [`crate::PROBE_PERIOD`] after the
     /// firmware wrote it.
     pub at: u64,
     /// The firmware's own timestamp, empty if there is none.
     pub timestamp: String,
     /// The severity of the line.
     pub level: LogLevel,
-    /// The RTT channel of the line. It is empty if the firmware has only one channel, and for a semihosting console.
+    /// The RTT channel of the line, empty if the firmware has only one channel and for a semihosting console.
     pub channel: String,
     /// The text of the line.
     pub text: String,
@@ -202,20 +184,18 @@ impl std::fmt::Display for LogLine {
     }
 }
 
-/// Makes a log line of the plain text that came over `channel`.
 pub(crate) fn text_line(at: u64, channel: &str, bytes: &[u8]) -> LogLine {
     let text = String::from_utf8_lossy(bytes).trim_end_matches(['\r', '\n']).to_owned();
     LogLine { at, timestamp: String::new(), level: LogLevel::None, channel: channel.to_owned(), text }
 }
 
-/// A stream of text that is cut into lines.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Text {
     pending: Vec<u8>,
 }
 
 impl Text {
-    /// Adds `bytes` and calls `line` with every complete line, including its end, and with lines that become too long.
+    /// Calls `line` with every line that `bytes` complete, including its end, and with lines that become too long.
     pub(crate) fn take(&mut self, bytes: &[u8], mut line: impl FnMut(&[u8])) {
         for piece in bytes.split_inclusive(|&byte| byte == b'\n') {
             self.pending.extend_from_slice(piece);
@@ -226,21 +206,19 @@ impl Text {
         }
     }
 
-    /// Ends the stream and returns the line that the firmware did not finish, if there is one.
+    /// Returns the last line, which the firmware did not end.
     pub(crate) fn finish(&mut self) -> Option<Vec<u8>> {
         (!self.pending.is_empty()).then(|| std::mem::take(&mut self.pending))
     }
 }
 
-/// A stream of defmt frames.
 #[derive(Clone, Debug, Default)]
 struct Frames {
     pending: Vec<u8>,
 }
 
 impl Frames {
-    /// Adds `bytes` from the channel and calls `line` with every complete frame. Returns the number of frames that did
-    /// not decode.
+    /// Calls `line` with every frame that `bytes` complete. Returns the number of frames that did not decode.
     fn take(
         &mut self,
         table: &defmt_decoder::Table,
@@ -288,34 +266,29 @@ impl Frames {
     }
 }
 
-/// The probe's state for one up channel.
 #[derive(Clone, Debug, Default)]
 struct Channel {
-    /// The name of the channel in log lines, see [`LogLine::channel`].
     label: String,
     text: Text,
     frames: Frames,
-    /// The received bytes, for [`Channels::take_raw`].
     raw: Vec<u8>,
-    /// Whether a corrupt channel was already reported, so that a firmware in a loop is not reported for ever.
+    /// Whether the channel was already reported as corrupt. It is reported once.
     told_corrupt: bool,
     told_overrun: bool,
     told_malformed: bool,
     told_encoding: bool,
 }
 
-/// The up channels of a node.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Channels {
     list: Vec<Channel>,
     told_corrupt: bool,
 }
 
-/// The result of reading the channels: log lines, and findings.
 pub(crate) type ChannelOutput = (Vec<LogLine>, Vec<(FindingKind, String)>);
 
 impl Channels {
-    /// Reads and empties all up channels of the control block at `block`. `at` is the instant of the lines.
+    /// Reads and empties all up channels of the control block at `block`. The lines get the instant `at`.
     pub(crate) fn probe<P: Part>(&mut self, part: &mut P, block: u64, firmware: &Firmware, at: u64) -> ChannelOutput {
         let mut output = (Vec::new(), Vec::new());
         let count = match count(part, block) {
@@ -370,14 +343,13 @@ impl Channels {
         output
     }
 
-    /// Takes the bytes that came over up channel `channel` since the last call, at most the latest 64 KiB.
     pub(crate) fn take_raw(&mut self, channel: u64) -> Vec<u8> {
         let channel = usize::try_from(channel).ok().and_then(|channel| self.list.get_mut(channel));
         channel.map(|channel| std::mem::take(&mut channel.raw)).unwrap_or_default()
     }
 
-    /// Ends the streams, since the firmware has ended or starts again. Unfinished lines count as complete, and
-    /// unfinished frames are dropped.
+    /// Ends the streams, since the firmware has ended or restarts. Incomplete lines count as lines, and incomplete
+    /// frames are dropped.
     pub(crate) fn finish(&mut self, at: u64) -> Vec<LogLine> {
         self.list
             .iter_mut()
@@ -390,7 +362,7 @@ impl Channels {
 }
 
 impl Channel {
-    /// Makes log lines of `bytes`. `decoded` says that some channel has the name of the channel with defmt frames.
+    /// Makes log lines of `bytes`. `decoded` says that some channel has the name of the defmt channel.
     #[expect(clippy::too_many_arguments, reason = "all of a look's circumstances")]
     fn take(
         &mut self,
@@ -470,8 +442,7 @@ mod tests {
         memory::write(part, address, &u32::try_from(value).unwrap().to_le_bytes());
     }
 
-    /// Makes a part whose RAM has a control block with two up channels. The second has `text` from the offset `read`
-    /// on.
+    /// A part whose RAM has a control block with two up channels. The second holds `text` at the offset `read`.
     fn part(text: &[u8], read: u64) -> Nrf52840 {
         let mut part = Nrf52840::new(Settings::default());
         memory::write(&mut part, BLOCK, MAGIC);
@@ -499,8 +470,8 @@ mod tests {
     fn a_control_block_is_found_by_its_magic_and_a_plausible_count() {
         assert_eq!(find(&part(b"text", 0)), Some(BLOCK));
         assert_eq!(find(&Nrf52840::new(Settings::default())), None);
-        // The part's RAM also has copies of the magic alone: one before the block, and one at an address where no word
-        // begins.
+        // Copies of the magic alone must not be taken: one before the block, and one at an address that is not a
+        // multiple of four.
         let mut part = part(b"text", 0);
         for copy in [BLOCK - 0x40, BLOCK - 0x81] {
             memory::write(&mut part, copy, MAGIC);

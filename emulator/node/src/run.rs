@@ -1,9 +1,9 @@
-//! Running one firmware alone on one board to its end, for `cargo xtask run` and on-target test suites.
+//! Runs one firmware alone on one board to its end, for `cargo xtask run` and on-target test suites.
 //!
 //! The run ends when the firmware exits through semihosting, when it dies (a HardFault, an exception without a handler,
-//! a lock-up), when it does nothing but restart, or at a limit of virtual time. After a fault, the handler runs on for
-//! [`LAST_WORDS`], so that its output about the fault is received, unless the part restarts or locks up before.
-//! defmt-test exits with `SYS_EXIT_EXTENDED`; panic-probe ends a failed test in a HardFault.
+//! a lock-up), when it only restarts, or at a limit of virtual time. After a fault the handler runs on for
+//! [`LAST_WORDS`], so that its output is received. defmt-test exits with `SYS_EXIT_EXTENDED`; panic-probe ends a failed
+//! test in a HardFault.
 
 use std::collections::BTreeMap;
 use std::str::FromStr;
@@ -20,12 +20,12 @@ use super::{Connected, Error, Firmware, Halt, Leads, Node, PinEdge, ResetAt, Sen
 /// The clock of the core: what its instructions and exceptions cost, see [`cortex_m4::Cost`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Clock {
-    /// Instructions have a fixed cost, see [`cortex_m4::Fast`].
+    /// A fixed cost, see [`cortex_m4::Fast`].
     #[default]
     Fast,
-    /// No real Cortex-M4 is faster than this clock, see [`cortex_m4::Optimistic`].
+    /// The fewest cycles of a real Cortex-M4, see [`cortex_m4::Optimistic`].
     Optimistic,
-    /// No real Cortex-M4 is slower than this clock, see [`cortex_m4::Pessimistic`].
+    /// The most cycles of a real Cortex-M4, see [`cortex_m4::Pessimistic`].
     Pessimistic,
 }
 
@@ -52,8 +52,8 @@ impl std::fmt::Display for Clock {
     }
 }
 
-/// How long a firmware continues to run after a HardFault or an exception without a handler, in virtual
-/// nanoseconds. In this time a UART sends 1 150 bytes at 115 200 baud.
+/// How long a firmware runs on after a HardFault or an exception without a handler, in virtual nanoseconds. A UART at
+/// 115 200 baud sends 1 150 bytes in it.
 const LAST_WORDS: u64 = 100_000_000;
 
 /// A board on which a firmware can run alone, with nothing on its pins.
@@ -109,8 +109,8 @@ impl Target {
         self.run_here(clock, firmware, connected, limits, &mut event)
     }
 
-    /// Does what [`Target::run_connected`] does, but without a type parameter of the caller. The core is therefore
-    /// compiled in this crate, with this crate's options, and not in the caller's crate.
+    /// Does what [`Target::run_connected`] does, without a type parameter of the caller. The core is therefore compiled
+    /// with this crate's options.
     fn run_here(
         self,
         clock: Clock,
@@ -153,7 +153,7 @@ pub struct Limits {
     pub virtual_time: u64,
     /// The interval at which output is reported, in virtual nanoseconds.
     pub step: u64,
-    /// The number of restarts at which the run ends. A firmware that restarts so often does nothing else.
+    /// The number of restarts at which the run ends.
     pub restarts: usize,
 }
 
@@ -164,7 +164,7 @@ impl Default for Limits {
     }
 }
 
-/// What a run reports while it goes on.
+/// What a run reports.
 #[derive(Debug)]
 pub enum Event<'a> {
     /// The firmware logged a line.
@@ -184,7 +184,7 @@ pub enum Event<'a> {
 pub struct Outcome {
     /// The status with which the firmware exited, or `None` if it did not exit.
     pub exit: Option<u32>,
-    /// Whether the firmware died: in a HardFault, an exception without a handler, a lock-up, or nothing but restarts.
+    /// Whether the firmware died in a HardFault, an exception without a handler or a lock-up, or only restarted.
     pub died: bool,
     /// The virtual time that the run took, in nanoseconds.
     pub virtual_time: u64,
@@ -198,12 +198,11 @@ pub struct Outcome {
     pub load: f64,
     /// The number of instructions that the core executed.
     pub instructions: u64,
-    /// The most stack that was used, and the size of the stack, in bytes; `None` if the image does not say where the
-    /// stack is.
+    /// The most stack that was used, and the size of the stack, in bytes; `None` if the stack's address is not known.
     pub stack: Option<(usize, usize)>,
-    /// What the core was doing at the end of the run, in words.
+    /// What the core was doing at the end, in words.
     pub doing: String,
-    /// Whether the firmware had stopped itself for good by the end of the run, see [`Node::stopped_itself`].
+    /// Whether the firmware had stopped itself for good, see [`Node::stopped_itself`].
     pub stopped_itself: bool,
 }
 
@@ -214,8 +213,8 @@ impl Outcome {
         self.exit == Some(0) && self.findings.is_empty()
     }
 
-    /// The exit status for a process that represents this run: the firmware's own status, 101 if the firmware died (as
-    /// for a panic of a host process), or 124 if the run reached the limit (as for `timeout`).
+    /// The exit status for a host process: the firmware's own status, 101 if the firmware died (as for a panic), or 124
+    /// if the run reached the limit (as for `timeout`).
     #[must_use]
     pub fn status(&self) -> u32 {
         status(self.exit, self.died)
@@ -263,20 +262,17 @@ pub fn run_connected<P: Part, C: Cost>(
     Ok(running.finish())
 }
 
-/// A run of one firmware alone on one board, in pieces. A debugger's halt interrupts a piece, which later continues to
-/// the same instant, so the outcome is the same as without the halt.
+/// A run of one firmware alone on one board, in pieces. A debugger's halt interrupts a piece and does not change the
+/// outcome.
 pub struct Running<P: Part, C: Cost> {
     node: Node<Leads<P>, C>,
     limits: Limits,
     stack: Option<Stack>,
-    /// The end of the present piece, in virtual ns.
     piece: u64,
-    /// The number of restarts that were reported so far.
     told: usize,
     lines: Vec<LogLine>,
     findings: Vec<Finding>,
     died: bool,
-    /// The end of the run after the firmware's death, in virtual ns.
     last: u64,
     over: bool,
 }
@@ -298,15 +294,14 @@ impl<P: Part, C: Cost> Running<P, C> {
         Ok(Self { node, limits, stack, piece, told: 0, lines, findings, died: false, last: u64::MAX, over: false })
     }
 
-    /// Runs to the end of the piece, or to a halt of the board before that, and reports what happened.
+    /// Runs to the end of the piece or to a halt of the board, and reports what happened.
     pub fn go(&mut self, event: &mut dyn FnMut(Event<'_>)) {
-        // The run stops at every restart, so that a firmware that only restarts cannot fill a whole step with restarts.
+        // The run stops at every restart, so that their number is checked before a whole step is full of them.
         let restarted = self.node.advance_to_restart(self.piece);
         let halted = self.node.halted().filter(|_| !restarted);
         if let Some(why) = halted {
             self.hand_over(event);
-            // When the firmware has ended, the findings tell a user the reason, before the user inspects the halted
-            // core.
+            // The findings tell a user of the debugger why the firmware has ended.
             if why == Halt::Ended {
                 self.take_findings(event);
             }
@@ -321,7 +316,7 @@ impl<P: Part, C: Cost> Running<P, C> {
         let ended = self.died && (restarted || self.node.now() >= self.last);
         self.over = ended || self.node.exit_status().is_some() || self.node.now() >= self.limits.virtual_time;
         self.hand_over(event);
-        // Restarts are reported after the lines: the run stops at every restart, and the lines were logged before it.
+        // The lines were logged before the restart.
         self.node.resets()[self.told..].iter().for_each(|reset| event(Event::Reset(reset)));
         self.told = self.node.resets().len();
         for finding in found {
@@ -334,7 +329,6 @@ impl<P: Part, C: Cost> Running<P, C> {
         self.piece = (self.node.now() + self.limits.step).min(self.limits.virtual_time).min(self.last);
     }
 
-    /// Reports what the firmware logged and what the leads received.
     fn hand_over(&mut self, event: &mut dyn FnMut(Event<'_>)) {
         let (edges, heard) = self.node.board_mut(|board| (board.take_edges(), board.take_sent()));
         heard.into_iter().for_each(|heard| event(Event::Byte(heard)));
@@ -349,7 +343,7 @@ impl<P: Part, C: Cost> Running<P, C> {
         edges.for_each(|edge| event(Event::Pin(&edge)));
     }
 
-    /// Sets the end of the run, if `finding` says that the firmware has died.
+    /// Sets the end of the run if `finding` means that the firmware has died.
     fn note_end(&mut self, finding: &Finding) {
         if finding.kind.ends_run() {
             self.died = true;
@@ -378,8 +372,8 @@ impl<P: Part, C: Cost> Running<P, C> {
         &mut self.node
     }
 
-    /// The status of the run so far, as in [`Outcome::status`], except that it is not zero after findings. With
-    /// `runs_on`, for a firmware that is meant to run for ever, the status is zero as long as there are no findings.
+    /// The status of the run so far, as in [`Outcome::status`], but not zero after findings. `runs_on` is for a
+    /// firmware that is meant to run for ever: the status is then zero without findings.
     pub fn status(&self, runs_on: bool) -> u32 {
         let exit = self.node.exit_status().or(runs_on.then_some(0));
         match status(exit, self.died) {
@@ -388,12 +382,12 @@ impl<P: Part, C: Cost> Running<P, C> {
         }
     }
 
-    /// The latest end of the run, in virtual ns.
+    /// The latest instant at which the run ends, in virtual ns.
     pub fn end(&self) -> u64 {
         self.limits.virtual_time
     }
 
-    /// Ends the run and returns the outcome so far.
+    /// Ends the run and returns the outcome.
     pub fn finish(self) -> Outcome {
         let Self { node, stack, lines, findings, died, .. } = self;
         Outcome {

@@ -9,54 +9,45 @@ use super::LineEdge;
 use super::board::{Board, Input, View};
 use super::finding::Finding;
 
-/// The first address of peripherals. Code and RAM lie below it.
 const PERIPHERALS: u32 = 0x4000_0000;
-/// The first address of RAM. Code lies below it.
 const RAM: u32 = 0x2000_0000;
 
-/// The number of earlier clocks that a node keeps. A restart changes the clock three times.
+/// The number of earlier clocks that are kept. A restart changes the clock three times.
 const CHANGES: usize = 16;
 
-/// Everything of a node that its core accesses while it runs: the part, the board and the clock.
 #[derive(Clone, Debug)]
 pub(super) struct Side<B: Board> {
     pub(super) part: B::Part,
     pub(super) board: B,
     pub(super) time: Timebase,
-    /// The clocks before the last changes, each with the cycle at which it ended, oldest first.
+    /// The earlier clocks, each with the cycle at which it ended, oldest first.
     before: VecDeque<(Cycle, Timebase)>,
     pub(super) clock: Clock,
-    /// The time in ns for which the core was awake up to the last change of its clock, and its awake cycles until then.
+    /// How long the core was awake, in ns and in its cycles, up to the last change of its clock.
     pub(super) awake: (u64, u64),
-    /// Whether something reached the board since the board last settled.
     pub(super) touched: bool,
-    /// The cycle at which a chip of the board next acts. The next field is that instant in ns.
+    /// The cycle at which a chip of the board next acts; `board_event` is that instant in ns.
     pub(super) board_due: Cycle,
     board_event: u64,
     pub(super) inputs: Vec<Input>,
-    /// The restart that the part requested.
     pub(super) reset: Option<Reset>,
     pub(super) watched: Vec<(u16, bool)>,
     pub(super) edges: Vec<LineEdge>,
-    /// The findings of the part's models, with their instants.
     pub(super) findings: Vec<Finding>,
     pub(super) noted: usize,
-    /// The number of cycles in which the core did not run, up to the cycle at which it last came to rest.
     idle: u64,
-    /// The cycle at which the core last came to rest, `None` if it runs.
+    /// The cycle at which the core last stopped executing; `None` while it executes.
     idle_from: Option<Cycle>,
-    /// The cycle past which nothing outside the core may happen yet, because an actor outside the board may act on it
-    /// at that cycle. The next field is its instant in ns.
+    /// The cycle past which nothing outside the core may happen yet, since an actor beside the board may act at that
+    /// cycle. `horizon_ns` is that instant.
     pub(super) horizon: Cycle,
     pub(super) horizon_ns: u64,
-    /// Whether something acted on the board since the core last ran, so that the core may have to wake.
+    /// Whether something acted on the board since the core last ran, and may have to wake it.
     pub(super) stirred: bool,
-    /// The instants in ns at which the core fell asleep (`true`) and woke; `None` if they are not recorded.
     pub(super) sleeps: Option<Vec<(u64, bool)>>,
 }
 
 impl<B: Board> Side<B> {
-    /// Makes a part and its board at power-on.
     pub(super) fn new(part: B::Part, board: B) -> Self {
         let clock = part.clock();
         let time = Timebase::new(clock.hz, clock.ppb);
@@ -85,7 +76,6 @@ impl<B: Board> Side<B> {
         }
     }
 
-    /// Calls the part with its view of the board.
     pub(super) fn with<T>(&mut self, at: Cycle, call: impl FnOnce(&mut B::Part, &mut View<'_, B>) -> T) -> T {
         let Self { part, board, time, touched, .. } = self;
         let answer = call(part, &mut View { board, time, touched });
@@ -93,7 +83,7 @@ impl<B: Board> Side<B> {
         answer
     }
 
-    /// Lets the board react to what reached it, and takes over the part's changes.
+    /// Lets the board react, and takes over the part's changes.
     #[inline]
     pub(super) fn after(&mut self, at: Cycle) {
         if self.touched {
@@ -104,7 +94,7 @@ impl<B: Board> Side<B> {
         }
     }
 
-    /// Lets the board's chips act up to `at`, and passes what they do to the part, until nothing changes any more.
+    /// Lets the board's chips act up to `at`, and passes their inputs to the part, until there are no more.
     pub(super) fn settle(&mut self, at: Cycle) {
         let ns = self.time.ns(at);
         let mut inputs = std::mem::take(&mut self.inputs);
@@ -134,7 +124,6 @@ impl<B: Board> Side<B> {
         }
     }
 
-    /// Takes over the instant of the board's next event, which may have moved.
     fn replan(&mut self) {
         let event = self.board.next_event();
         if event != self.board_event {
@@ -147,10 +136,9 @@ impl<B: Board> Side<B> {
         }
     }
 
-    /// Takes over the part's findings, clock, reset request and interrupt lines, after a change that the part
-    /// announced.
+    /// Takes over the part's findings, clock, reset request and interrupt lines after an announced change.
     pub(super) fn changed(&mut self, at: Cycle) {
-        // Findings come before a change of rate, since their instants are counted at the old rate.
+        // Findings come before a change of rate, since their cycles are counted at the old rate.
         let found = self.part.findings();
         if found.len() > self.noted {
             for finding in &found[self.noted..] {
@@ -182,11 +170,10 @@ impl<B: Board> Side<B> {
         }
     }
 
-    /// Changes the rate of the core's clock from `at` on, or stops the clock.
     fn follow(&mut self, clock: Clock, at: Cycle) {
         let stopped = std::mem::replace(&mut self.clock, clock).hz == 0;
-        // While the core has no clock, cycles are counted on at the last rate, so that they stand for the bench's time.
-        // A change from one rate to another does not release a core that waits for its flash.
+        // A stopped clock counts cycles on at the last rate, so that cycles still measure time. A change of rate does
+        // not release a core that waits for its flash.
         if clock.hz == 0 {
             self.part.signals().stall_until(NEVER);
         } else if stopped {
@@ -194,7 +181,7 @@ impl<B: Board> Side<B> {
         }
         if clock.hz > 0 {
             let idle = self.idle + self.idle_from.map_or(0, |from| at.saturating_sub(from));
-            // The core may be within an instruction that ends after this cycle.
+            // The core's present instruction may end after this cycle.
             let cycles = (at - idle).max(self.awake.1);
             self.awake = (self.awake.0 + self.scaled(cycles - self.awake.1), cycles);
             if self.before.len() == CHANGES {
@@ -204,25 +191,23 @@ impl<B: Board> Side<B> {
             self.time.change(at, clock.hz, clock.ppb);
             self.board_event = self.board.next_event();
             self.board_due = self.time.cycle(self.board_event);
-            // At the new rate the horizon's instant has another cycle, and the core must not run on to the old cycle.
             self.horizon = self.time.cycle(self.horizon_ns);
             self.part.signals().stop();
         }
     }
 
-    /// Records that at `cycle` the core has not run in `idle` of its cycles. `rests` says whether it is at rest now.
+    /// Records that up to `cycle` the core did not execute in `idle` cycles, and whether it rests now.
     pub(super) fn note_idle(&mut self, cycle: Cycle, idle: u64, rests: bool) {
         (self.idle, self.idle_from) = (idle, rests.then_some(cycle));
     }
 
-    /// The instant of `cycle` in ns, past or future. It is exact unless the clock has changed more than [`CHANGES`]
-    /// times since.
+    /// The instant of `cycle` in ns. It is exact unless the clock has changed more than [`CHANGES`] times since
+    /// `cycle`.
     pub(super) fn ns(&self, cycle: Cycle) -> u64 {
         let then = self.before.iter().find(|(until, _)| cycle < *until);
         then.map_or(&self.time, |(_, time)| time).ns(cycle)
     }
 
-    /// The time of `cycles` at the present rate, in ns.
     pub(super) fn scaled(&self, cycles: u64) -> u64 {
         self.time.span_ns(cycles)
     }
@@ -243,7 +228,7 @@ impl<B: Board> Bus for Side<B> {
     fn write(&mut self, access: &Access, value: u32) -> Result<(), BusError> {
         let Self { part, board, time, touched, .. } = self;
         let answer = part.write(access, value, &mut View { board, time, touched });
-        // A store to a code address concerns the flash controller.
+        // A store to a code address is for the flash controller.
         if !(RAM..PERIPHERALS).contains(&access.address) {
             self.after(access.cycle);
         }

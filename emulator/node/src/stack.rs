@@ -1,14 +1,13 @@
 //! The amount of stack that a firmware used.
 //!
-//! The memory between the stack's bottom and its top is filled with a pattern before the first instruction, as
-//! debuggers do on a board. Bytes that no longer hold the pattern were used. Bytes that were reserved and never written
-//! do not count, and neither does a process stack in other memory.
+//! The stack is filled with a pattern before the first instruction, and bytes that no longer hold the pattern were
+//! used. Bytes that were reserved and never written do not count. A process stack in other memory does not count
+//! either.
 
 use emulator_part::Part;
 
 use super::{Firmware, memory};
 
-/// The value of the bytes of unused stack.
 const PATTERN: u8 = 0xA5;
 
 /// The address range of a firmware's stack.
@@ -21,14 +20,14 @@ pub struct Stack {
 }
 
 impl Stack {
-    /// Finds the stack of an image on this part. Returns `None` if the image has no symbols for its contents of RAM, or
-    /// has a stack pointer outside RAM.
+    /// Finds the stack of an image on this part. Returns `None` if the image has no symbols for RAM, or has a stack
+    /// pointer outside RAM.
     #[must_use]
     pub fn of<P: Part>(firmware: &Firmware, part: &P) -> Option<Self> {
         let vectors = u64::from(part.core().vector_table);
         let top = u32::try_from(memory::value(part, vectors, 4)?).ok()?;
         let &(ram, _) = P::RAM.iter().find(|&&(start, size)| top > start && (top - start) as usize <= size)?;
-        // With flip-link the image places nothing below the stack, so the bottom is the start of RAM.
+        // With flip-link the stack is lowest in RAM.
         let bottom = firmware.placed_below(ram, top)?;
         (bottom < top).then_some(Self { bottom, top })
     }
@@ -46,7 +45,7 @@ impl Stack {
         (self.top - self.bottom) as usize
     }
 
-    /// The number of bytes from the top down to the lowest byte that was written.
+    /// The number of bytes from the top to the lowest byte that was written.
     #[must_use]
     pub fn used<P: Part>(self, part: &P) -> usize {
         let bytes = part.memory(self.bottom, self.size()).unwrap_or_default();

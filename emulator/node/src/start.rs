@@ -1,4 +1,4 @@
-//! Makes a node: puts the image into the part's memory, and begins at power-on.
+//! Makes a node at power-on, with an image in the part's memory.
 
 use std::collections::BTreeSet;
 
@@ -40,10 +40,9 @@ impl<B: Board, C: Cost> Node<B, C> {
         Ok(Self::begin(part, board, firmware))
     }
 
-    /// Makes the node at power-on, with `firmware` already in the part's memory.
     pub(super) fn begin(part: B::Part, board: B, firmware: &Firmware) -> Self {
         let config = part.core();
-        // The panic handler has no symbol of its own if the linker's optimisation inlined it into its only caller.
+        // The linker may have inlined the panic handler into its only caller, so that the handler has no symbol.
         let panics = |name: &str| firmware.functions_called(name).collect::<BTreeSet<u64>>();
         let handler = panics("rust_begin_unwind");
         let traps = Traps {
@@ -80,7 +79,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         };
         node.arm();
         node.core.tell_faults(true);
-        // The pins of a new part are as at power-on. This call tells the board that state.
+        // This call tells the board the state of the pins at power-on.
         node.side.with(0, |part, view| part.reset(0, Reset::PowerOn, view));
         node.side.reset = None;
         node.side.settle(0);
@@ -88,7 +87,6 @@ impl<B: Board, C: Cost> Node<B, C> {
         node
     }
 
-    /// Makes the core stop at every trap.
     pub(super) fn arm(&mut self) {
         let traps = &self.traps;
         for &trap in traps.default_handler.iter().chain(&traps.panic) {

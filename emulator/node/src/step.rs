@@ -7,7 +7,6 @@ use super::report::BRANCH_TO_ITSELF;
 use super::{Board, FindingKind, Node, memory};
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// The cycle that this board has reached. The core's last instruction may end later.
     pub(super) fn present(&self) -> Cycle {
         self.core.cycle().min(self.side.horizon)
     }
@@ -18,7 +17,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.side.time.ns(self.present())
     }
 
-    /// The instant at which `cycle` of this board's core begins, in virtual nanoseconds, by the clock of that time.
+    /// The instant (virtual ns) at which `cycle` of this board's core begins.
     #[must_use]
     pub fn ns(&self, cycle: Cycle) -> u64 {
         self.side.ns(cycle)
@@ -30,8 +29,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.side.time.cycle(ns)
     }
 
-    /// The first instant at which this board may act without an action from outside. While the core is awake that is
-    /// the present; while the part has no supply it is the next instant of the chips around the part.
+    /// The first instant at which this board may act by itself. It is the present while the core is awake. Without a
+    /// supply it is the next instant of the board's chips.
     #[must_use]
     pub fn earliest(&self) -> u64 {
         if !self.powered {
@@ -43,7 +42,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// The longest time that an ordinary instruction takes at the core's present rate, in virtual nanoseconds.
+    /// The longest time of an ordinary instruction at the core's present rate, in virtual nanoseconds.
     #[must_use]
     pub fn instruction_ns(&self) -> u64 {
         2 * self.side.time.cycle_ns()
@@ -53,26 +52,26 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.exit.is_some() || self.core.locked_up() || self.core.is_hung() || self.side.clock.hz == 0
     }
 
-    /// The firmware's exit status, once it has ended the run through semihosting.
+    /// The status with which the firmware ended the run through semihosting.
     #[must_use]
     pub fn exit_status(&self) -> Option<u32> {
         self.exit
     }
 
-    /// Whether the core executes nothing until an interrupt, or until its supply comes on.
+    /// Whether the core sleeps or has no supply.
     #[must_use]
     pub fn is_asleep(&self) -> bool {
         !self.powered || self.core.is_asleep()
     }
 
-    /// Runs to `to` (virtual ns), or to an instruction boundary before it at which something left the board. If the
-    /// caller then acts on the board, it does so at `to` itself; the core reacts after its present instruction.
+    /// Runs to `to` (virtual ns), or to an earlier instruction boundary at which something left the board. If the
+    /// caller then acts on the board, it does so at `to`; the core reacts after its present instruction.
     pub fn advance(&mut self, to: u64) {
         self.advance_or_restart(to, false);
     }
 
-    /// Runs as [`Node::advance`] does, but at most to the next restart of the part, and stops there before the core has
-    /// executed an instruction. Returns whether the part restarted.
+    /// Runs as [`Node::advance`] does, but stops at the next restart of the part, before the first instruction. Returns
+    /// whether the part restarted.
     pub fn advance_to_restart(&mut self, to: u64) -> bool {
         self.advance_or_restart(to, true)
     }
@@ -135,15 +134,14 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Records the cycles that the core has run so far, and whether it is at rest.
     fn note_idle(&mut self) {
         let Self { core, side, powered, exit, .. } = self;
         let rests = core.is_asleep() || core.is_halted() || core.locked_up() || core.is_hung();
         side.note_idle(core.cycle(), core.idle(), rests || !*powered || exit.is_some());
     }
 
-    /// Whether the core loops on one instruction that it does not leave by itself, with interrupts masked or in the
-    /// handler of an exception. That is what a firmware does that has stopped itself for good.
+    /// Whether the firmware has stopped itself for good: the core loops on one instruction, with interrupts masked or
+    /// in the handler of an exception.
     #[must_use]
     pub fn stopped_itself(&self) -> bool {
         let [primask, faultmask] = [Register::Primask, Register::Faultmask].map(|mask| self.core.register(mask) != 0);

@@ -1,25 +1,23 @@
-//! The tasks of a firmware over time: when each exception's handler runs, and when the core sleeps.
+//! The tasks of a firmware over time: when each handler runs, and when the core sleeps.
 
 use cortex_m4::{Cost, Width};
 use emulator_part::Part;
 
 use super::{Board, Node, memory};
 
-/// The number of exceptions in ARMv7-M, ARMv7-M ARM table B1-4: 16 of the system, and at most 240 interrupts on a
-/// Cortex-M4.
+/// The number of exceptions (ARMv7-M ARM table B1-4): 16 of the system, and at most 240 interrupts on a Cortex-M4.
 const EXCEPTIONS: u16 = 16 + 240;
 
-/// The address of the interrupt clear-enable registers, which have a bit for each interrupt, ARMv7-M ARM B3.4.5.
+/// The address of the interrupt clear-enable registers, with a bit for each interrupt (ARMv7-M ARM B3.4.5).
 const ICER: u32 = 0xE000_E180;
 
-/// The addresses of the interrupt priority registers, which have a byte for each interrupt, and of those of the system
-/// handlers from number 4 on, ARMv7-M ARM B3.4.9 and B3.2.10.
+/// The addresses of the priority registers of interrupts and of system handlers from number 4 on, with a byte for each
+/// (ARMv7-M ARM B3.4.9, B3.2.10).
 const IPR: u32 = 0xE000_E400;
 const SHPR: u32 = 0xE000_ED18;
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// Begins or ends the record of active exceptions and of the core's sleep. The record begins with the present
-    /// state.
+    /// Begins or ends the record of active exceptions and of sleep. It begins with the present state.
     pub fn watch_tasks(&mut self, on: bool) {
         self.core.watch_exceptions(on);
         let now = self.now();
@@ -27,22 +25,22 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.side.sleeps = on.then(|| vec![(now, self.core.is_asleep())]);
     }
 
-    /// Takes the changes of the active exception since the last call: the instant of each (virtual ns) and the
-    /// exception from then on, 0 for thread mode, 16 + n for interrupt n. The result is empty if tasks are not watched.
+    /// Takes the changes of the active exception since the last call: the instant (virtual ns) and the exception from
+    /// then on, 0 for thread mode, 16 + n for interrupt n. Empty if tasks are not watched.
     pub fn take_tasks(&mut self) -> Vec<(u64, u16)> {
         self.note_tasks();
         self.tasks.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
-    /// Takes the instants (virtual ns) at which the core fell asleep (`true`) and woke (`false`) since the last call.
-    /// The result is empty if tasks are not watched.
+    /// Takes the instants (virtual ns) since the last call at which the core fell asleep (`true`) and woke (`false`).
+    /// Empty if tasks are not watched.
     pub fn take_sleeps(&mut self) -> Vec<(u64, bool)> {
         self.side.sleeps.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
-    /// The numbers of the exceptions whose handler is the function that the image calls `handler`. There are several
-    /// where the compiler has merged functions with the same code. There are none if the image has no such function, if
-    /// no entry of the vector table leads to the function, or if it is the default handler.
+    /// The numbers of the exceptions whose handler is the function `handler`. There are several if the compiler has
+    /// merged functions with the same code. There are none for the default handler, or if no vector leads to the
+    /// function.
     #[must_use]
     pub fn exceptions_of(&self, handler: &str) -> Vec<u16> {
         let Some(address) = self.firmware.symbol(handler).map(|symbol| symbol.address & !1) else { return vec![] };
@@ -54,8 +52,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         (1..EXCEPTIONS).filter(|&number| entry(number) == Some(address | 1)).collect()
     }
 
-    /// The priority of exception `number`, as the exception's register has it now. A lower number is more urgent: -3 to
-    /// 255, and 256 for thread mode.
+    /// The present priority of exception `number`. A lower number is more urgent: -3 to 255, and 256 for thread mode.
     #[must_use]
     pub fn exception_priority(&mut self, number: u16) -> i16 {
         let number = u32::from(number);
@@ -69,9 +66,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         i16::from(word.to_le_bytes()[(register & 3) as usize])
     }
 
-    /// Switches interrupt `line` off in the interrupt controller, until the firmware switches it on again, as it does
-    /// at its next start. Does nothing if the line is not on, which includes a part without its supply and a firmware
-    /// that is starting. Returns whether the line was on.
+    /// Switches interrupt `line` off in the interrupt controller, until the firmware switches it on again. Does nothing
+    /// if the line is not on, as without a supply or while the firmware starts. Returns whether the line was on.
     ///
     /// # Panics
     ///
@@ -79,7 +75,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     pub fn switch_interrupt_off(&mut self, line: u16) -> bool {
         let (register, bit) = (ICER + 4 * u32::from(line / 32), 1 << (line % 32));
         let words = "an interrupt controller";
-        // The clear-enable registers also read as 1 for lines that are on (ARMv7-M ARM B3.4.5).
+        // The clear-enable registers read as 1 for lines that are on (ARMv7-M ARM B3.4.5).
         let was_on = self.is_powered() && self.access_port_read(register, Width::Word).expect(words) & bit != 0;
         if was_on {
             self.access_port_write(register, Width::Word, bit).expect(words);
@@ -87,7 +83,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         was_on
     }
 
-    /// Records that the supply went off or came on. Without its supply the core counts as asleep.
+    /// Records that the supply went off or came on. A core without supply counts as asleep.
     pub(super) fn note_power(&mut self) {
         let at = self.now();
         if let Some(sleeps) = &mut self.side.sleeps {
@@ -95,7 +91,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Takes over the core's record of active exceptions, before the core's clock changes again.
+    /// Takes over the core's record of active exceptions, before the core's clock changes.
     pub(super) fn note_tasks(&mut self) {
         let Some(tasks) = &mut self.tasks else { return };
         let side = &self.side;

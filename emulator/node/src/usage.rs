@@ -15,7 +15,7 @@ pub struct LineEdge {
     pub high: bool,
 }
 
-/// How long a core was awake, and the whole time in which it was observed.
+/// How long a core was awake, and how long it was observed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Usage {
     /// The virtual nanoseconds in which the core executed instructions.
@@ -31,7 +31,7 @@ impl Usage {
         if self.total == 0 { 0.0 } else { self.awake as f64 / self.total as f64 }
     }
 
-    /// The usage from `before` to this one.
+    /// The usage since `before`.
     #[must_use]
     pub fn since(self, before: Self) -> Self {
         Self { awake: self.awake - before.awake, total: self.total - before.total }

@@ -1,6 +1,6 @@
 //! Tests of two different microcontrollers in lock-step. An STM32F429 sends a block over SPI1 by DMA, and the
-//! nRF52840's SPIS receives it by EasyDMA. Each core is interrupted at the end: the sender by its DMA stream, and the
-//! receiver by END. The receiver then answers on a pin, which interrupts the sender by EXTI.
+//! nRF52840's SPIS receives it by EasyDMA. Each core is interrupted at the end. The receiver then answers on a pin,
+//! which interrupts the sender by EXTI.
 
 use crate::thumb;
 
@@ -13,7 +13,6 @@ use thumb::{COUNTER, EXTI, GPIOA, GPIOD, HANDLER, MAIN, RCC, Thumb, firmware, fi
 const BLOCK: u32 = 0x2000_1000;
 const BYTES: u32 = 64;
 
-/// An event on the cable between the two boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Clocked {
     Select,
@@ -21,7 +20,6 @@ enum Clocked {
     Deselect,
 }
 
-/// The sender's end of the SPI cable. It records every event on the cable, with its instant.
 #[derive(Clone, Debug, Default)]
 struct Sender {
     crossed: Vec<(u64, Clocked)>,
@@ -78,7 +76,7 @@ impl Board for Receiver {
     }
 }
 
-/// The delay of the wire from the receiver back to the sender, in ns.
+/// The wire's delay from the receiver back to the sender, in ns.
 const BACK: u64 = 1_000;
 
 #[derive(Debug, Default)]
@@ -127,8 +125,8 @@ impl Between<Sender, Receiver> for Wires {
     }
 }
 
-/// The sender's firmware: SPI1 at 2 MHz from the 16 MHz internal oscillator, with DMA2 stream 3, whose interrupt comes
-/// at the end of a block. It sends a block whenever the receiver signals that it is ready.
+/// The sender's firmware: SPI1 at 2 MHz with DMA2 stream 3, whose interrupt comes at a block's end. It sends a block
+/// whenever the receiver signals that it is ready.
 fn sending() -> emulator_node::Firmware {
     const DMA2: u32 = 0x4002_6400;
     const STREAM3: u32 = DMA2 + 0x10 + 0x18 * 3;
@@ -141,7 +139,6 @@ fn sending() -> emulator_node::Firmware {
     let mut main = Thumb::at(MAIN);
     main.store(RCC + 0x44, 1 << 12 | 1 << 14).exti3_on_pa3();
     main.store(RCC + 0x30, 1 | 1 << 3 | 1 << 22).store(GPIOD + 0x18, 1 << 14).store(GPIOD, 1 << 28);
-    // SCK and MOSI are alternate function 5 on PA5 and PA7.
     main.store(GPIOA + 0x20, 5 << 20 | 5 << 28).store(GPIOA, 0xA800_0000 | 2 << 10 | 2 << 14);
     main.store(RCC + 0x44, 1 << 12 | 1 << 14);
     for word in 0..BYTES / 4 {
@@ -150,7 +147,7 @@ fn sending() -> emulator_node::Firmware {
     main.store(STREAM3 + 0x08, SPI1 + 0x0C).store(STREAM3 + 0x0C, BLOCK);
     main.store(SPI1 + 0x04, 2).store(SPI1, 1 << 9 | 1 << 8 | 1 << 6 | 2 << 3 | 1 << 2).enable(59);
     main.idle();
-    // The stream has ended when its last byte is in the SPI. CS may rise only with TXE set and BSY clear.
+    // The stream ends when its last byte is in the SPI. CS may rise only with TXE set and BSY clear.
     let mut done = Thumb::at(HANDLER);
     done.store(DMA2 + 0x08, 0x3D << 22).wait_for(SPI1 + 0x08, 1);
     let again = done.here();
@@ -163,8 +160,8 @@ fn sending() -> emulator_node::Firmware {
     firmware("sending", &main, &[(59, &done), (9, &answered)])
 }
 
-/// The receiver's firmware: SPIS1 receives into the block. A pulse on P1.05 signals that the receiver is ready, at
-/// first and after each END.
+/// The receiver's firmware: SPIS1 receives the block. At first and after each END, a pulse on P1.05 signals that the
+/// receiver is ready.
 fn receiving() -> emulator_node::Firmware {
     const SPIS1: u32 = 0x4000_4000;
     const P1: u32 = 0x5000_0300;
@@ -178,7 +175,7 @@ fn receiving() -> emulator_node::Firmware {
     main.store(SPIS1 + 0x544, BLOCK + 0x100).store(SPIS1 + 0x548, BYTES);
     main.store(SPIS1 + 0x200, 1 << 2).store(SPIS1 + 0x304, 1 << 1).store(SPIS1 + 0x500, 2).enable(4);
     main.store(SPIS1 + 0x24, 1).wait_for(SPIS1 + 0x128, 0).store(SPIS1 + 0x128, 0).store(SPIS1 + 0x28, 1);
-    // The sender's core starts on its slow oscillator, so the receiver waits until the sender is in its idle loop.
+    // The receiver waits until the sender, whose core starts on its slow oscillator, is in its idle loop.
     main.mov(0, 4_000);
     let again = main.here();
     main.raw(&[0x3801]).branch_if(thumb::If::NotEqual, again);
@@ -212,7 +209,7 @@ fn two_parts_exchange_a_block_by_dma_and_interrupts() {
     assert_eq!(block.as_slice(), sent);
     let answered = pair.a.word(u64::from(COUNTER)).unwrap();
     let received = pair.b.word(u64::from(COUNTER)).unwrap();
-    // A block is 64 bytes of 4 µs. The two handlers and the wire add a few microseconds.
+    // A block is 64 bytes of 4 µs each. Handlers and wire add a few microseconds.
     assert!((15..=20).contains(&answered), "{answered} answers");
     assert!(received + 1 == answered || received == answered, "{received} blocks for {answered} answers");
     assert!(pair.between.bytes.starts_with(&sent));

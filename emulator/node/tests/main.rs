@@ -1,4 +1,4 @@
-//! The tests of the node in one binary: each file is a module of it.
+//! The tests of the node in one binary.
 
 mod lockstep;
 mod node;

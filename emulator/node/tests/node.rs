@@ -1,5 +1,4 @@
-//! Tests of nodes with firmware that is written in the test itself, in a few instructions, so that the expected
-//! behaviour is easy to see.
+//! Tests of nodes whose firmware is a few instructions, written in the test itself.
 
 use crate::{player, thumb};
 
@@ -21,7 +20,7 @@ fn counter<B: Board>(node: &mut Node<B>) -> u32 {
     node.word(u64::from(COUNTER)).unwrap()
 }
 
-/// Firmware that counts TIM2 updates in RAM and sleeps. The timer runs on the 16 MHz internal oscillator.
+/// Counts TIM2 updates in RAM and sleeps. The timer runs on the 16 MHz internal oscillator.
 fn ticking() -> emulator_node::Firmware {
     let mut main = Thumb::at(MAIN);
     main.tim2_every(160_000).idle();
@@ -46,8 +45,7 @@ fn a_timer_interrupt_is_exact_and_the_core_sleeps_between() {
     assert_eq!(node.take_findings(), []);
 }
 
-/// A loop runs on the 16 MHz oscillator, and again after the switch to the 8 MHz crystal. TIM2, which runs on the
-/// core's clock, measures both runs.
+/// A loop runs at 16 MHz, and again at 8 MHz. TIM2, which runs on the core's clock, measures both.
 #[test]
 fn the_core_follows_its_clock_tree() {
     const TURNS: u32 = 10_000;
@@ -57,7 +55,6 @@ fn the_core_follows_its_clock_tree() {
     let lap = |main: &mut Thumb, to: u32| {
         main.store(TIM2 + 0x24, 0).mov(0, TURNS);
         let again = main.here();
-        // The loop is SUBS r0, #1 and a BNE back to it.
         main.raw(&[0x3801]).branch_if(thumb::If::NotEqual, again);
         main.mov(2, TIM2 + 0x24).ldr(1, 2, 0).mov(2, to).str(1, 2, 0);
     };
@@ -68,17 +65,17 @@ fn the_core_follows_its_clock_tree() {
     let mut node = bare(&firmware("clock tree", &main, &[]));
     node.advance(20 * MS);
     let turns = [COUNTER, COUNTER + 4].map(|at| node.word(u64::from(at)).unwrap());
-    // A turn has two narrow instructions of a cycle each. The timer counts cycles, so the rate does not matter.
+    // A turn is two cycles of the core and of the timer at either rate.
     for cycles in turns {
         assert!(cycles.abs_diff(TURNS * 2) <= 20, "{turns:?}");
     }
-    // The core is awake for 20 000 cycles at 16 MHz, then for as many at 8 MHz.
+    // The core is awake for 20 000 cycles at 16 MHz, then for 20 000 at 8 MHz.
     let awake = node.usage().awake;
     assert!(awake.abs_diff(1_250_000 + 2_500_000) <= 20_000, "{awake}");
     assert_eq!(node.take_findings(), []);
 }
 
-/// An nRF52840 starts its crystal and sleeps. 0.36 ms later the crystal's rate becomes the core's.
+/// An nRF52840 starts its crystal and sleeps. 0.36 ms later its core runs on the crystal.
 #[test]
 fn a_sleep_during_a_clock_change_counts_as_no_time_awake() {
     let mut main = Thumb::at(0x400);
@@ -88,7 +85,7 @@ fn a_sleep_during_a_clock_change_counts_as_no_time_awake() {
     node.advance(900_000);
     let awake = node.usage().awake;
     assert!((1..1_000).contains(&awake), "{awake}");
-    // The core returns to the internal oscillator, after fewer awake cycles than it has slept.
+    // The core returns to the internal oscillator, with fewer awake cycles than it has slept.
     node.hang();
     node.restart(FromOutside::Pin);
     node.advance(1_800_000);
@@ -96,7 +93,6 @@ fn a_sleep_during_a_clock_change_counts_as_no_time_awake() {
     assert!((2 * awake..2 * awake + 500).contains(&again), "{awake}, then {again}");
 }
 
-/// Firmware with TIM2 on HSE itself, 8 MHz: 10 ms are 80 000 ticks.
 fn ticking_on_hse() -> emulator_node::Firmware {
     let mut main = Thumb::at(MAIN);
     main.store(RCC, 1 << 18 | 1 << 16 | 0x83).wait_for(RCC, 17).store(RCC + 0x08, 1).tim2_every(80_000).idle();
@@ -153,7 +149,6 @@ fn an_access_where_nothing_is_faults_and_says_where() {
     assert_eq!(findings[0].kind, FindingKind::Unmapped);
     assert_eq!(findings[0].pc, Some(u64::from(load)));
     assert!(findings[0].text.contains("0x40030000"), "{}", findings[0]);
-    // The vector table has no HardFault handler, so the core locks up.
     assert_eq!(findings.last().unwrap().kind, FindingKind::Lockup);
     assert!(node.now() >= MS);
 }
@@ -246,7 +241,6 @@ fn an_image_that_does_not_fit_is_refused() {
     assert!(error.to_string().contains("0x09000000"), "{error}");
 }
 
-/// Two wires, each from one board's pin PD14 to the other's PA3.
 #[derive(Debug)]
 struct Wires {
     lookahead: Lookahead,
@@ -284,8 +278,7 @@ impl Between<Player, Player> for Wires {
     }
 }
 
-/// A board that answers each rising edge of PA3 with a pulse on PD14. The board that `serves` also pulses once at its
-/// start.
+/// A board that answers each rising edge of PA3 with a pulse on PD14. With `serves` it also pulses once at its start.
 fn player(serves: bool) -> emulator_node::Firmware {
     let mut main = Thumb::at(MAIN);
     main.exti3_on_pa3().store(GPIOD, 1 << 28);
@@ -320,8 +313,8 @@ fn two_cores_interrupting_each_other_keep_step_to_the_instruction() {
     for (nth, hit) in rises.iter().enumerate() {
         assert_eq!(hit.1, if nth % 2 == 0 { 'b' } else { 'a' });
     }
-    // An answer takes the time of the handler's instructions up to its store, and the wire's delay in one direction.
-    // The instructions take 93 or 94 ns, and a wake-up rounds to the next nanosecond.
+    // An answer takes 93 or 94 ns of the handler's instructions, and the wire's delay. A wake-up rounds to the next
+    // nanosecond.
     let answers: Vec<u64> = rises.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
     let (towards_a, towards_b): (Vec<_>, Vec<_>) = answers.iter().enumerate().partition(|(nth, _)| nth % 2 == 0);
     let spread = |answers: &[(usize, &u64)]| {
@@ -353,7 +346,6 @@ fn a_one_way_link_needs_no_lookahead_back() {
     assert_eq!((counter(&mut pair.a), counter(&mut pair.b)), (0, 1));
 }
 
-/// One of the two wires of [`Wires`], from the first board to the second.
 struct OneWay(Wires);
 
 impl Between<Player, Player> for OneWay {
@@ -397,10 +389,9 @@ fn flash_keeps_what_the_firmware_programs_and_erases() {
     assert_eq!(node.word(u64::from(erased)), Some(0xFFFF_FFFF));
 }
 
-// The following tests use the DPR's part.
+// Tests with the DPR's part.
 
-/// Firmware in which SPIS1 on P1.01 to P1.04 answers 0x11 0x22 from RAM, until TIMER1, 25 ms after its start, takes the
-/// buffer through PPI.
+/// SPIS1 on P1.01 to P1.04 answers 0x11 0x22 from RAM, until TIMER1 takes the buffer through PPI after 25 ms.
 fn expiring(then: impl FnOnce(&mut Thumb)) -> emulator_node::Firmware {
     const SPIS1: u32 = 0x4000_4000;
     const TIMER1: u32 = 0x4000_9000;
@@ -408,7 +399,6 @@ fn expiring(then: impl FnOnce(&mut Thumb)) -> emulator_node::Firmware {
     let mut main = Thumb::at(0x400);
     main.store(COUNTER, 0x2211);
     let set_up = [
-        // P1.01, P1.02 and P1.04 are connected inputs.
         (0x5000_0A04, 0),
         (0x5000_0A08, 0),
         (0x5000_0A10, 0),
@@ -438,7 +428,6 @@ fn expiring(then: impl FnOnce(&mut Thumb)) -> emulator_node::Firmware {
     thumb::firmware_at(0, "expiring", &main, &[])
 }
 
-/// Makes the part with its SSI on P1.01 to P1.04.
 fn nrf(settings: Settings, firmware: &emulator_node::Firmware) -> Node<Bare<Nrf52840>> {
     let pin = |number| Pin::new(1, number);
     let mut node = Node::new(Nrf52840::new(settings), Bare::new(), firmware).unwrap();
@@ -460,7 +449,6 @@ fn transact(node: &mut Node<Bare<Nrf52840>>) -> [u8; 2] {
 
 #[test]
 fn what_an_spis_answers_expires_in_hardware_whatever_the_processor_does() {
-    // The core hangs with interrupts masked (CPSID i), or sleeps.
     let hung = |main: &mut Thumb| {
         main.raw(&[0xB672]);
         let here = main.here();

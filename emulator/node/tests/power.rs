@@ -1,4 +1,4 @@
-//! Tests of a part without its supply: what the board, the clock and the firmware show of it.
+//! Tests of board, clock and firmware while a part has no supply.
 
 use crate::{player, thumb};
 
@@ -11,8 +11,7 @@ use thumb::{COUNTER, EXTI, GPIOD, HANDLER, MAIN, RCC, TIM2, Thumb, firmware};
 
 const MS: u64 = 1_000_000;
 
-/// A firmware that drives PD14 high, counts updates of TIM2 (every 10 ms) and rising edges of PA3, and sleeps
-/// otherwise.
+/// A firmware that drives PD14 high, counts TIM2 updates (every 10 ms) and rising edges of PA3, and sleeps.
 fn counting() -> Node<Player> {
     let mut main = Thumb::at(MAIN);
     main.exti3_on_pa3().store(GPIOD, 1 << 28).store(GPIOD + 0x18, 1 << 14).tim2_every(160_000).idle();
@@ -27,7 +26,7 @@ fn word<B: Board>(node: &mut Node<B>, address: u32) -> u32 {
     node.word(u64::from(address)).unwrap()
 }
 
-/// Runs to `to`, through everything that leaves the board, and returns the levels of the board's wire out.
+/// Runs to `to` and returns the levels of the board's wire out.
 fn run(node: &mut Node<Player>, to: u64) -> Vec<(u64, bool)> {
     let mut edges = node.board_mut(Player::take_edges);
     while node.now() < to {
@@ -73,8 +72,7 @@ fn a_part_starts_as_at_power_on_when_its_supply_returns() {
     assert_eq!((word(&mut other, COUNTER), word(&mut other, COUNTER + 4)), (noise, hits), "noise is the seed's");
     assert!(noise != 2 && noise != 0);
 
-    // The firmware begins anew: the first edge comes from its start, updates take 10 ms each, and it reacts to its
-    // pins.
+    // The firmware begins anew: it raises its pin, updates take 10 ms each, and it reacts to PA3.
     let edges = run(&mut node, 100 * MS);
     assert!(edges.len() == 1 && edges[0].1 && edges[0].0 > 75 * MS, "{edges:?}");
     assert_eq!(word(&mut node, COUNTER), noise.wrapping_add(2));
@@ -150,7 +148,7 @@ fn the_supply_changes_at_the_given_instants_whatever_the_parts_clock() {
 fn a_watchdog_stops_without_the_supply_and_leaves_no_reset_reason() {
     const WDT: u32 = 0x4001_0000;
     let mut main = Thumb::at(0x400);
-    // The watchdog's time is 100 ms of 32768 Hz.
+    // 100 ms of 32768 Hz.
     main.store(WDT + 0x504, 3_276).store(WDT, 1).idle();
     let image = thumb::firmware_at(0, "watched", &main, &[]);
     let mut node: Node<Bare<Nrf52840>> = Node::new(Nrf52840::new(Settings::default()), Bare::new(), &image).unwrap();

@@ -1,4 +1,4 @@
-//! Tests of two boards, one of which only sends: the relay on two threads against the same boards in lock-step on one.
+//! Compares a relay on two threads with the same boards in lock-step on one.
 
 use crate::{player, thumb};
 
@@ -9,7 +9,7 @@ use player::{IN, Player};
 use thumb::{COUNTER, EXTI, GPIOD, HANDLER, MAIN, TIM2, Thumb, firmware};
 
 const MS: u64 = 1_000_000;
-/// A board that pulses PD14 at each update of TIM2, every 0.7 ms, which is no divisor of the relay's pieces of time.
+/// A board that pulses PD14 every 0.7 ms, which does not divide the relay's pieces of time.
 fn beacon() -> Node<Player> {
     let mut main = Thumb::at(MAIN);
     main.store(thumb::RCC + 0x30, 1 << 3).store(GPIOD, 1 << 28).tim2_every(11_200).idle();
@@ -18,7 +18,7 @@ fn beacon() -> Node<Player> {
     Player::with(&firmware("beacon", &main, &[(28, &tick)]))
 }
 
-/// A board that counts the rising edges of PA3, and answers each on PD14, whose wire leads nowhere.
+/// A board that counts the rising edges of PA3 and answers each on PD14, whose wire leads nowhere.
 fn counter() -> Node<Player> {
     let mut main = Thumb::at(MAIN);
     main.exti3_on_pa3().store(GPIOD, 1 << 28).idle();
@@ -27,7 +27,7 @@ fn counter() -> Node<Player> {
     Player::with(&firmware("counter", &main, &[(9, &hit)]))
 }
 
-/// The upstream end, which takes the edges of the beacon's pin and sends them.
+/// Sends the edges of the beacon's pin.
 #[derive(Debug, Default)]
 struct Speaker {
     notes: u64,
@@ -47,7 +47,7 @@ impl Upstream<Player> for Speaker {
     }
 }
 
-/// The downstream end, which receives edges and drives the counter's pin with them.
+/// Drives the counter's pin with the edges that it receives.
 #[derive(Debug, Default)]
 struct Listener {
     coming: VecDeque<(u64, bool)>,
@@ -87,7 +87,6 @@ fn relay() -> Relay<Player, Player, Speaker, Listener> {
     Relay { a: beacon(), b: counter(), upstream: Speaker::default(), downstream: Listener::default() }
 }
 
-/// The wire from the beacon to the counter for a [`Pair`].
 #[derive(Debug, Default)]
 struct Wire {
     arrived: Vec<(u64, bool)>,
@@ -151,7 +150,7 @@ fn the_caller_receives_every_step_and_all_notes_up_to_it() {
     assert!(relay.upstream.notes >= 25);
 }
 
-/// Ten seconds are far more than the lead of the first board. Its thread must stop too, although nobody takes its
+/// Ten seconds are far more than the lead of the first board, whose thread must stop although nobody takes its
 /// messages.
 #[test]
 fn an_error_of_the_caller_ends_the_run_on_both_threads() {
@@ -163,7 +162,7 @@ fn an_error_of_the_caller_ends_the_run_on_both_threads() {
     assert!(relay.a.now() < 1_000 * MS, "{}", relay.a.now());
 }
 
-/// An actor beside the beacon, which is due at `acts_at`. It states that instant late by `late_by`.
+/// An actor beside the beacon that is due at `acts_at`, and states this instant too late by `late_by`.
 #[derive(Debug)]
 struct Tardy {
     acts_at: u64,
@@ -180,7 +179,7 @@ impl Upstream<Player> for Tardy {
     }
 
     fn notes(&mut self, node: &mut Node<Player>) {
-        // Only at this point does the actor state the instant at which it had to act.
+        // The actor states its instant only now, after the instant itself.
         if self.acts_at == u64::MAX && node.now() >= 5 * MS {
             self.acts_at = node.now() - self.late_by;
         }
@@ -245,8 +244,7 @@ fn a_late_action_beside_the_second_board_is_a_finding() {
     }
 }
 
-/// An upstream end that takes the edges of the beacon's pin, with an instant so far back that the counter is already
-/// past it.
+/// Sends edges with instants so far back that the counter is already past them.
 #[derive(Debug, Default)]
 struct Backdated(u64);
 

@@ -1,5 +1,5 @@
-//! Tests of firmware that writes the code that it executes, in flash and in RAM, as a boot loader does. The core must
-//! execute what was written last, and a busy flash must stall a core that executes from it.
+//! Tests of firmware that rewrites code in flash and in RAM, as a boot loader does. The core must execute what was
+//! written last, and a busy flash must stall it.
 
 use crate::thumb;
 
@@ -15,18 +15,14 @@ const MS: u64 = 1_000_000;
 /// The address in RAM of the function that is rewritten.
 const IN_RAM: u32 = 0x2000_1000;
 
-/// The instructions `movs r0, #value; bx lr` as one word.
 const fn function(value: u32) -> u32 {
     0x4770_2000 | value
 }
 
-/// Appends code that calls the function at `at` and stores the function's result at `to`.
 fn call(main: &mut Thumb, at: u32, to: u32) {
-    // The code is BLX r2, and then a store of r0.
     main.mov(2, at | 1).raw(&[0x4790]).mov(1, to).str(0, 1, 0);
 }
 
-/// Returns the results of the two calls after `part` has run `image` for `ms`.
 fn returned<P: Part, C: Cost>(part: P, image: &emulator_node::Firmware, ms: u64) -> [u32; 2] {
     let mut node: Node<Bare<P>, C> = Node::new(part, Bare::new(), image).unwrap();
     node.advance(ms * MS);
@@ -41,7 +37,7 @@ mod nrf {
     const NVMC_ERASEPAGE: u32 = 0x4001_E508;
     const PAGE: u32 = 0x1000;
 
-    /// Firmware that writes a function into flash, calls it, erases its page, writes another function, and calls that.
+    /// Writes a function into flash, calls it, erases its page, writes another function, and calls that.
     fn image() -> emulator_node::Firmware {
         let mut main = Thumb::at(0x400);
         main.store(NVMC_CONFIG, 1).store(PAGE, function(1));
@@ -71,7 +67,7 @@ mod nrf {
         assert_eq!(after::<Pessimistic>(83), [1, 0]);
     }
 
-    /// The crystal's rate becomes the core's 0.36 ms after the crystal's start, which is during the erase.
+    /// The core runs on the crystal 0.36 ms after the crystal's start, which is during the erase.
     #[test]
     fn an_oscillator_that_starts_meanwhile_does_not_cut_an_erase_short() {
         let mut main = Thumb::at(0x400);
@@ -98,18 +94,15 @@ mod stm32 {
     const SR: u32 = 0x4002_3C0C;
     const CR: u32 = 0x4002_3C10;
     const SECTOR_1: u32 = 0x0800_4000;
-    /// The value of CR.PSIZE for words.
     const WORDS: u32 = 2 << 8;
 
-    /// Appends code that reads SR until BSY is clear.
     fn settle(main: &mut Thumb) {
         main.mov(0, SR);
         let again = main.here();
         main.ldr(1, 0, 0).test(1, 16).branch_if(thumb::If::CarrySet, again);
     }
 
-    /// Firmware that writes a function into flash, calls it, erases its sector, writes another function, and calls that
-    /// (RM0090 3.6).
+    /// Writes a function into flash, calls it, erases its sector, writes another function, and calls that (RM0090 3.6).
     fn image() -> emulator_node::Firmware {
         let mut main = Thumb::at(MAIN);
         main.store(KEYR, 0x4567_0123).store(KEYR, 0xCDEF_89AB);
@@ -136,7 +129,7 @@ mod stm32 {
         assert_eq!(after::<Pessimistic>(600), [1, 2]);
     }
 
-    /// The erase takes 250 ms for a sector of 16 KiB (DS9405, flash memory programming).
+    /// Erasing a sector of 16 KiB takes 250 ms (DS9405, flash memory programming).
     #[test]
     fn the_core_stands_still_while_its_flash_is_erased() {
         assert_eq!(after::<Fast>(249), [1, 0]);
@@ -153,11 +146,11 @@ mod stm32 {
     }
 }
 
-/// Firmware that writes a function into RAM, calls it, writes another in its place, and calls that.
+/// Writes a function into RAM, calls it, writes another in its place, and calls that.
 fn in_ram(base: u32, image: impl Fn(&Thumb) -> emulator_node::Firmware) -> emulator_node::Firmware {
     let mut main = Thumb::at(base);
     for (value, to) in [(1, COUNTER), (2, COUNTER + 4)] {
-        // The code has DSB and ISB after the store, so that the core fetches the new instructions (ARM ARM A3.7.3).
+        // DSB and ISB follow the store, so that the core fetches the new instructions (ARM ARM A3.7.3).
         main.store(IN_RAM, function(value)).raw(&[0xF3BF, 0x8F4F, 0xF3BF, 0x8F6F]);
         call(&mut main, IN_RAM, to);
     }

@@ -1,5 +1,4 @@
-//! Measures how much time the host takes for the most frequent operations of firmware: register accesses, bytes of an
-//! SPIM, bytes of an SPIS.
+//! Measures the host's time for frequent operations of firmware: register accesses, bytes of an SPIM, bytes of an SPIS.
 use cortex_m4::{Access, Purpose, Width};
 use emulator_part::{Cycle, I2cAnswer, I2cEvent, Outside, Pad, Part, Pin, SpiFrame, SpiMode, UartFrame};
 use nrf52840::{Nrf52840, Settings, SpisWires};
@@ -11,7 +10,6 @@ const TIMER0: u32 = 0x4000_8000;
 const P1: u32 = 0x5000_0300;
 const RAM: u32 = 0x2000_0000;
 
-/// An outside that answers every byte with its complement.
 struct Echo;
 
 impl Outside for Echo {

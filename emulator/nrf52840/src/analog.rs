@@ -13,7 +13,7 @@
 //! | the instant of each channel in a scan | all channels are converted and reported at the scan's end |
 //! | hysteresis of COMP and LPCOMP, current source, LPCOMP as a wake-up from System OFF | a finding where it is set |
 //!
-//! A running comparator compares its input every [`LOOK`] cycles. The real part compares all the time.
+//! A running comparator compares its input every [`LOOK`] cycles. The part compares all the time.
 use crate::clocks::{Clocks, cycles};
 use crate::instance::{Act, Block, Cx, Instance, index};
 use crate::pin::Pin;
@@ -36,15 +36,12 @@ const CALIBRATEDONE: u32 = 4;
 const STOPPED: u32 = 5;
 const LIMITH: u32 = 6;
 
-/// The cycles of a conversion after acquisition (PS 6.23: tCONV, 2 µs at most). The next constant is those of the
-/// offset calibration (assumed).
+/// The cycles of a conversion after acquisition (PS 6.23: tCONV, 2 µs at most).
 const CONVERSION: u64 = cycles(2_000);
 const CALIBRATION: u64 = cycles(100_000);
 
-/// The registers PSELP, PSELN, CONFIG and LIMIT of a channel.
 type Channel = [u32; 4];
 
-/// The SAADC.
 #[derive(Clone, Debug)]
 pub(crate) struct Saadc {
     block: Block,
@@ -54,15 +51,13 @@ pub(crate) struct Saadc {
     resolution: u32,
     oversample: u32,
     samplerate: u32,
-    /// The registers PTR, MAXCNT and AMOUNT.
     result: [u32; 3],
-    /// While a buffer is started: the address of the next result, and how many more results fit.
+    /// The address of the next result and the number of results that still fit, while a buffer is started.
     buffer: Option<(u32, u32)>,
-    /// The number of samples taken so far for an oversampled result, and their sum.
+    /// The number of samples so far for an oversampled result, and their sum.
     taken: (u32, i64),
     converts_at: Option<Cycle>,
     calibrated_at: Option<Cycle>,
-    /// Whether the internal timer runs.
     timed: bool,
 }
 
@@ -115,13 +110,12 @@ impl Saadc {
         i64::from(match psel & 0x1F {
             0 => 0,
             9 => self.supply,
-            // The input VDDHDIV5 is a fifth of VDDH, which equals VDD here.
+            // VDDHDIV5 is a fifth of VDDH, which equals VDD here.
             0xD => self.supply / 5,
             n => analog_input(n - 1).map_or(0, input),
         })
     }
 
-    /// Converts every enabled channel.
     pub(crate) fn convert(&mut self, input: impl Fn(Pin) -> i32, cx: &mut Cx<'_>) {
         let bits = 8 + 2 * self.resolution.min(3);
         for (n, [positive, negative, config, limit]) in (0_u32..).zip(self.channels) {
@@ -250,7 +244,7 @@ impl Instance for Saadc {
         if self.converts_at.take_if(|at| *at <= now).is_some() {
             cx.act(Act::Convert);
             if self.timed && self.buffer.is_some() {
-                // The timer's period is CC cycles of 16 MHz, or the time of a conversion if that is longer.
+                // The period is CC cycles of 16 MHz, but at least one conversion.
                 let period = u64::from(self.samplerate & 0x7FF) * crate::clocks::CYCLES_PER_TICK;
                 self.converts_at = Some(now + period.max(CONVERSION));
             }
@@ -262,13 +256,13 @@ impl Instance for Saadc {
     }
 }
 
-/// The time from one comparison of a comparator's input to the next, in cycles: 10 µs.
+/// The cycles between two comparisons: 10 µs.
 const LOOK: u64 = cycles(10_000);
 /// The cycles from START to READY (PS 6.5: tINT_REF.START, 50 µs typical; PS 6.13: 140 µs).
 const COMP_START: u64 = cycles(50_000);
 const LPCOMP_START: u64 = cycles(140_000);
 
-/// The hysteresis in microvolts, from one threshold to the other (PS 6.5: VDIFFHYST, 30 mV; PS 6.13: HYST, 50 mV).
+/// The hysteresis in microvolts, between the two thresholds (PS 6.5: VDIFFHYST, 30 mV; PS 6.13: HYST, 50 mV).
 const COMP_HYSTERESIS: i64 = 30_000;
 const LPCOMP_HYSTERESIS: i64 = 50_000;
 
@@ -277,13 +271,11 @@ const DOWN: u32 = 1;
 const UP: u32 = 2;
 const CROSS: u32 = 3;
 
-/// COMP or LPCOMP.
 #[derive(Clone, Debug)]
 pub(crate) struct Comparator {
     block: Block,
     supply: i32,
     enable: u32,
-    /// The registers PSEL, REFSEL, EXTREFSEL, ANADETECT, TH, MODE, HYST and ISOURCE.
     plain: [(u32, u32); 8],
     result: u32,
     above: bool,
@@ -309,12 +301,12 @@ impl Comparator {
         self.plain.iter().find(|(at, _)| *at == offset).map_or(0, |(_, value)| *value)
     }
 
-    /// The thresholds for a rising and for a falling input, in microvolts.
+    /// The thresholds of a rising and of a falling input, in microvolts.
     fn thresholds(&self, input: &impl Fn(Pin) -> i32) -> (i64, i64) {
         let (supply, select) = (i64::from(self.supply), self.plain(0x508) & 0xF);
         let external = || analog_input(self.plain(0x50C) & 7).map_or(0, |pin| i64::from(input(pin)));
         if self.enable == 1 {
-            // LPCOMP compares with eighths or odd sixteenths of the supply, or with an external reference.
+            // LPCOMP's references: eighths or odd sixteenths of the supply, or an external reference.
             let threshold = match select {
                 0..=6 => supply * (i64::from(select) + 1) / 8,
                 7 => external(),
@@ -331,7 +323,7 @@ impl Comparator {
             _ => external(),
         };
         if self.plain(0x534) >> 8 & 1 != 0 {
-            // In differential mode COMP compares with the reference itself. In single-ended mode, TH.UP and TH.DOWN set
+            // In differential mode the threshold is the reference itself. In single-ended mode TH.UP and TH.DOWN set
             // the hysteresis.
             let half = if self.plain(0x538) & 1 != 0 { COMP_HYSTERESIS / 2 } else { 0 };
             return (reference + half, reference - half);
@@ -340,7 +332,6 @@ impl Comparator {
         (threshold(self.plain(0x530) >> 8), threshold(self.plain(0x530)))
     }
 
-    /// Compares the input with the thresholds.
     pub(crate) fn look(&mut self, input: impl Fn(Pin) -> i32, cx: &mut Cx<'_>) {
         let volts = analog_input(self.plain(0x504) & 7).map_or(0, |pin| i64::from(input(pin)));
         let (up, down) = self.thresholds(&input);
@@ -359,7 +350,7 @@ impl Comparator {
         }
     }
 
-    /// Whether the comparator also works in System OFF, as LPCOMP does and COMP does not (PS 5.3).
+    /// Whether the comparator works in System OFF: LPCOMP does, COMP does not (PS 5.3).
     pub(crate) fn looks_in_system_off(&self) -> bool {
         self.enable == 1 && self.look_at.is_some()
     }
@@ -374,7 +365,6 @@ impl Comparator {
         address == crate::instance::address_of(crate::instance::COMP) + crate::instance::event(event)
     }
 
-    /// Applies the shortcuts from READY to SAMPLE and to STOP.
     fn stop_by(&mut self, sample: u32, stop: u32, _: &Cx<'_>) {
         if self.block.short(sample) {
             self.result = u32::from(self.above);

@@ -14,8 +14,7 @@
 //! | the contents of the scratch area | no document defines them |
 //! | MAXPACKETSIZE | the register only stores the written value |
 //!
-//! Key stream generation takes 50 µs. A packet takes the time that it takes on the air, including its MIC (both are
-//! assumptions).
+//! Assumed: key stream generation takes 50 µs, and a packet takes its time on the air, with its MIC.
 use crate::clocks::{Clocks, cycles};
 use crate::ecb::encrypt;
 use crate::instance::{Act, Block, Cx, Instance, address_of};
@@ -28,17 +27,15 @@ const ENDKSGEN_CRYPT: u32 = 0;
 const CCM: u32 = 2;
 const AAR: u32 = 3;
 const KEY_STREAM: u64 = cycles(50_000);
-/// The number of bytes of header, length and one reserved byte.
+/// The bytes of header, length and one reserved byte.
 const HEADER: u32 = 3;
 const MIC: usize = 4;
 
-/// The CCM peripheral.
 #[derive(Clone, Debug)]
 pub(crate) struct Ccm {
     block: Block,
     enable: u32,
     mode: u32,
-    /// The registers CNFPTR, INPTR, OUTPTR, SCRATCHPTR, MAXPACKETSIZE and RATEOVERRIDE.
     plain: [u32; 6],
     micstatus: u32,
     ready_at: Option<Cycle>,
@@ -68,14 +65,14 @@ fn stream(key: &[u8; 16], nonce: &[u8; 13], n: u16) -> [u8; 16] {
     encrypt(key, &block)
 }
 
-/// The MIC of a clear payload, before its encryption (part E, 2.2).
+/// The MIC of a payload before encryption (part E, 2.2).
 fn authenticate(key: &[u8; 16], nonce: &[u8; 13], header: u8, clear: &[u8]) -> [u8; MIC] {
     let mut first = [0; 16];
     first[0] = 0x49;
     first[1..14].copy_from_slice(nonce);
     first[15] = clear.len() as u8;
     let mut second = [0; 16];
-    // The additional data is one byte: the header without the bits that a retransmission changes.
+    // The additional data is the header byte without the bits that a retransmission changes.
     (second[1], second[2]) = (1, header & 0xE3);
     let mut state = encrypt(key, &first);
     let mut chain = |block: &[u8]| {
@@ -87,7 +84,7 @@ fn authenticate(key: &[u8; 16], nonce: &[u8; 13], header: u8, clear: &[u8]) -> [
     [state[0], state[1], state[2], state[3]]
 }
 
-/// Encrypts or decrypts, which are the same operation.
+/// Encrypts or decrypts; the operation is the same.
 fn cipher(key: &[u8; 16], nonce: &[u8; 13], bytes: &mut [u8]) {
     for (n, chunk) in (1..).zip(bytes.chunks_mut(16)) {
         chunk.iter_mut().zip(stream(key, nonce, n)).for_each(|(byte, with)| *byte ^= with);
@@ -105,7 +102,7 @@ impl Ccm {
         let mut take = |at: u32, n: usize| -> Vec<u8> {
             (0..n as u32).map(|n| cx.dma_read(at.wrapping_add(n)).unwrap_or(0)).collect()
         };
-        // The data structure has the key, 39 bits of counter, three ignored bytes, the direction, and the vector.
+        // The key, 39 bits of counter, three ignored bytes, the direction, the vector.
         let settings = take(config, 33);
         let mut key = [0; 16];
         key.copy_from_slice(&settings[..16]);
@@ -153,7 +150,7 @@ impl Instance for Ccm {
         match offset {
             0x000 => self.ready_at = Some(cx.now + KEY_STREAM),
             0x004 => {
-                // A byte takes 8, 4, 64 or 16 µs at 1 Mbit/s, 2 Mbit/s, 125 kbit/s and 500 kbit/s.
+                // A byte takes 8, 4, 64 or 16 µs at 1 Mbit/s, 2 Mbit/s, 125 kbit/s or 500 kbit/s.
                 let byte = [8, 4, 64, 16][(self.mode >> 16 & 3) as usize];
                 // The length of an encrypted packet includes its MIC.
                 let mic = if self.mode & 1 == 0 { MIC } else { 0 };

@@ -20,7 +20,6 @@ use crate::Settings;
 use crate::clocks::{Clocks, cycles};
 use crate::instance::{Act, Block, Cx, Instance, Source, index};
 
-/// The numbers of the events.
 const HFCLKSTARTED: u32 = 0;
 const LFCLKSTARTED: u32 = 1;
 const POFWARN: u32 = 2;
@@ -31,13 +30,10 @@ const CTSTOPPED: u32 = 11;
 const SLEEPENTER: u32 = 5;
 const SLEEPEXIT: u32 = 6;
 
-/// The offset of the power-fail comparator's register.
 const POFCON: u32 = 0x510;
-/// The offset of the access port protection register with which firmware closes the debug port, by writing 0. Only the
-/// next reset opens the port again.
+/// The offset of the register in which firmware closes the debug port by writing 0. A reset opens it again.
 const APPROTECT_FORCEPROTECT: u32 = 0x550;
-/// The offset of the access port protection register in which [`SW_DISABLE`] opens the software's half of the
-/// protection.
+/// The offset of the register in which [`SW_DISABLE`] opens the software's half of the access port protection.
 const APPROTECT_DISABLE: u32 = 0x558;
 const SW_DISABLE: u32 = 0x5A;
 
@@ -45,15 +41,14 @@ const SW_DISABLE: u32 = 0x5A;
 const LFRC_STARTUP: u64 = cycles(600_000);
 /// The length of a calibration in cycles (PS 5.4: 16 ms typical).
 const CALIBRATION: u64 = cycles(16_000_000);
-/// The unit of the calibration timer in LFCLK ticks: a quarter of a second.
+/// The unit of the calibration timer, a quarter of a second, in LFCLK ticks.
 const CTIV_TICKS: u64 = 8192;
 
 /// The number of RAM blocks, 0 to 8. Each has the registers POWER, POWERSET and POWERCLR.
 const RAM_BLOCKS: u32 = 9;
-/// RAM\[n\].POWER after a reset: every section is on in System ON, and none is retained in System OFF.
+/// RAM\[n\].POWER after a reset: all sections are on in System ON, none is retained in System OFF.
 const RAM_POWER_RESET: u32 = 0xFFFF;
 
-/// The sources of LFCLK, as LFCLKSRC numbers them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Low {
     Rc = 0,
@@ -61,22 +56,19 @@ enum Low {
     Synthesised = 2,
 }
 
-/// The state of both peripherals.
 #[derive(Clone, Debug)]
 pub(crate) struct ClockPower {
     block: Block,
-    /// The start-up time of HFXO in core cycles; `None` where the crystal never starts.
+    /// The start-up time of HFXO in core cycles; `None` if the crystal never starts.
     hfxo_startup: Option<u64>,
     lfxo_startup: u64,
-    /// Whether HFXO was started and not stopped. The next fields are whether it is stable, and the cycle at which it
-    /// will be.
+    /// Whether HFXO was started and not stopped.
     hf_run: bool,
     hf_stable: bool,
     hf_due: Option<u64>,
     source: u32,
     copy: u32,
     lf_run: bool,
-    /// The present source of LFCLK.
     lf: Option<Low>,
     lf_due: Option<u64>,
     calibration_due: Option<u64>,
@@ -84,13 +76,11 @@ pub(crate) struct ClockPower {
     ct_due: Option<u64>,
     pub(crate) reset_reason: u32,
     retained: [u32; 2],
-    /// Registers that only store the written value: offset, value, writable bits.
     plain: [(u32, u32, u32); 8],
     ram: [u32; RAM_BLOCKS as usize],
     microvolts: u32,
-    /// Whether the power-fail comparator finds the supply low.
+    /// Whether the power-fail comparator finds the supply too low.
     low: bool,
-    /// Whether POFWARN was raised since the last check.
     pub(crate) warned: bool,
 }
 
@@ -130,7 +120,7 @@ impl ClockPower {
         }
     }
 
-    /// Sets the registers after a restart for `reason`. A `gentle` reset keeps the retained registers.
+    /// Sets the registers after a restart for `reason`. A `gentle` restart keeps the retained registers.
     pub(crate) fn restarted(&mut self, before: &Self, reason: u32, gentle: bool) {
         self.reset_reason = before.reset_reason | reason;
         if gentle {
@@ -138,20 +128,18 @@ impl ClockPower {
         }
     }
 
-    /// Keeps the state of the supply over a restart.
     pub(crate) fn keep_supply(&mut self, before: &Self) {
         self.microvolts = before.microvolts;
     }
 
-    /// Changes the supply.
     pub(crate) fn supply(&mut self, microvolts: u32, cx: &mut Cx<'_>) {
         self.microvolts = microvolts;
         self.watch_supply(cx);
     }
 
-    /// Updates the power-fail comparator. It raises POFWARN when the supply falls below the threshold, and when the
-    /// supply is below the threshold as the comparator is switched on or the threshold raised (PS 5.3.3). The part has
-    /// an accuracy of 5 % and a hysteresis of 50 mV (PS 5.3.8); the model reacts as late as these allow.
+    /// Updates the power-fail comparator. POFWARN comes when the supply falls below the threshold. It also comes if the
+    /// supply is already below the threshold when the comparator is switched on or its threshold is raised (PS 5.3.3).
+    /// The part is accurate to 5 %, with a hysteresis of 50 mV (PS 5.3.8); the model reacts as late as that allows.
     fn watch_supply(&mut self, cx: &mut Cx<'_>) {
         const LOWEST: u32 = 4;
         let pofcon = self.plain(POFCON);
@@ -169,7 +157,6 @@ impl ClockPower {
         self.plain.iter().find(|(at, ..)| *at == offset).map_or(0, |(_, value, _)| *value)
     }
 
-    /// Sets how long the crystal takes to start, from its next start on.
     pub(crate) fn set_hfxo_startup(&mut self, startup_ns: Option<u64>) {
         self.hfxo_startup = startup_ns.map(cycles);
     }
@@ -183,17 +170,16 @@ impl ClockPower {
         self.plain(APPROTECT_DISABLE) == SW_DISABLE && self.plain(APPROTECT_FORCEPROTECT) != 0
     }
 
-    /// Whether `section` of the RAM block `block` keeps its contents through System OFF.
     pub(crate) fn retains(&self, block: usize, section: usize) -> bool {
         self.ram[block] >> (16 + section) & 1 != 0
     }
 
-    /// Raises the event that tells that the core fell asleep or woke.
+    /// Raises SLEEPENTER or SLEEPEXIT.
     pub(crate) fn sleeps(&mut self, asleep: bool, cx: &mut Cx<'_>) {
         self.block.raise(if asleep { SLEEPENTER } else { SLEEPEXIT }, cx);
     }
 
-    /// Keeps LFCLK running through a reset, because the watchdog runs on.
+    /// Keeps LFCLK running through a reset, for a watchdog that runs on.
     pub(crate) fn keep_lfclk(&mut self) {
         self.lf = Some(Low::Rc);
     }
@@ -206,7 +192,6 @@ impl ClockPower {
         }
     }
 
-    /// Makes `source` the source of LFCLK from now on.
     fn feed(&mut self, source: Option<Low>, cx: &mut Cx<'_>) {
         self.lf = source;
         cx.act(Act::Clock(match source {
@@ -223,7 +208,7 @@ impl Instance for ClockPower {
 
     fn task(&mut self, offset: u32, cx: &mut Cx<'_>) -> bool {
         match offset {
-            // HFCLKSTART raises its event again even if HFXO already runs.
+            // HFCLKSTART raises its event even if HFXO already runs.
             0x000 => {
                 self.hf_run = true;
                 let startup = if self.hf_stable { Some(0) } else { self.hfxo_startup };
@@ -233,7 +218,7 @@ impl Instance for ClockPower {
                 (self.hf_run, self.hf_stable, self.hf_due) = (false, false, None);
                 cx.act(Act::Clock(Source::HighInternal));
             }
-            // Until the crystal has started, the RC oscillator is the source of LFCLK (PS 5.4).
+            // The RC oscillator is the source until the crystal has started (PS 5.4).
             0x008 => {
                 self.copy = self.source;
                 let startup = match self.wanted() {
@@ -266,7 +251,7 @@ impl Instance for ClockPower {
                 self.ct_due = None;
                 self.block.raise(CTSTOPPED, cx);
             }
-            // CONSTLAT and LOWPWR only change the latency of a wake-up, which is zero here.
+            // CONSTLAT and LOWPWR change only the latency of a wake-up, which is zero here.
             0x078 | 0x07C => {}
             _ => return false,
         }
@@ -277,12 +262,12 @@ impl Instance for ClockPower {
         Some(match offset {
             0x400 => self.reset_reason,
             0x408 => u32::from(self.hf_run),
-            // HFCLK always runs. The bit SRC tells its source.
+            // HFCLK always runs; SRC tells its source.
             0x40C => 1 << 16 | u32::from(self.hf_stable),
             0x414 => u32::from(self.lf_run),
             0x418 => self.lf.map_or(0, |source| 1 << 16 | source as u32),
             0x41C => self.copy,
-            // RAMSTATUS is deprecated. USBREGSTATUS shows no VBUS, and MAINREGSTATUS normal voltage.
+            // RAMSTATUS is deprecated. USBREGSTATUS shows no VBUS, MAINREGSTATUS normal voltage.
             0x428 | 0x438 | 0x640 => 0,
             0x500 => 0,
             0x518 => self.source,
@@ -301,7 +286,7 @@ impl Instance for ClockPower {
         match offset {
             0x400 => self.reset_reason &= !value,
             0x408 | 0x40C | 0x414 | 0x418 | 0x41C | 0x428 | 0x438 | 0x640 => {}
-            // Firmware that has closed the debug port cannot open it before the next reset.
+            // Firmware cannot open a closed debug port before the next reset.
             APPROTECT_FORCEPROTECT if self.plain(APPROTECT_FORCEPROTECT) == 0 => {}
             0x500 if value & 1 != 0 => cx.act(Act::Off),
             0x500 => {}
@@ -369,7 +354,7 @@ impl Instance for ClockPower {
 }
 
 impl ClockPower {
-    /// Starts the RC oscillator for the watchdog, which needs LFCLK, if no source runs (PS 6.36).
+    /// Starts the RC oscillator for the watchdog if LFCLK has no source (PS 6.36).
     pub(crate) fn demand_lfclk(&mut self, cx: &mut Cx<'_>) {
         if self.lf.is_none() {
             self.feed(Some(Low::Rc), cx);

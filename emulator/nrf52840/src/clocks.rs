@@ -1,68 +1,65 @@
-//! Time: the 16 MHz peripheral clock and the 32.768 kHz clock as exact functions of the core's cycles (PS 5.4).
+//! The 16 MHz peripheral clock and the 32.768 kHz clock as exact functions of the core's cycles (PS 5.4).
 //!
 //! | covered | PS |
 //! |---|---|
 //! | the core at 64 MHz and PCLK16M at a quarter of it, in phase; both from HFINT until HFXO has started | 5.4 |
 //! | LFCLK from LFRC, LFXO or synthesised from HFCLK, each with its own error | 5.4 |
 //!
-//! HFINT and HFXO also clock the core. So the error of their rate is in the length of a core cycle, and PCLK16M is
-//! always four core cycles. LFCLK has its own oscillator: its rate in core cycles is a ratio that changes whenever
-//! either source changes. Counts are computed in integers from the last such change, so no error accumulates.
+//! HFINT and HFXO also clock the core. Their error is in the length of a core cycle, and PCLK16M is always four core
+//! cycles. LFCLK has its own oscillator, so its rate in core cycles changes whenever either source changes. Counts are
+//! computed in integers from the last change, so that no error accumulates.
 //!
 //! Left out: temperature and ageing. An error is constant over a run.
 use emulator_part::Cycle;
 
-/// The core cycles in one cycle of PCLK16M.
 pub(crate) const CYCLES_PER_TICK: u64 = 4;
 
-/// The core cycles in `ns` nanoseconds of an exact clock, rounded up.
+/// The core cycles in `ns` nanoseconds, rounded up, of a clock without error.
 pub(crate) const fn cycles(ns: u64) -> u64 {
     (ns as u128 * 64).div_ceil(1000) as u64
 }
 
-/// The clock PCLK16M.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pclk16m;
 
 impl Pclk16m {
-    /// The number of ticks at the cycle `at`.
     #[inline]
     pub(crate) const fn ticks(self, at: Cycle) -> u64 {
         at / CYCLES_PER_TICK
     }
 
-    /// The core cycle at which the count of PCLK16M reaches `tick`.
+    /// The core cycle at which PCLK16M reaches `tick`.
     #[inline]
     pub(crate) const fn instant(self, tick: u64) -> Cycle {
         tick * CYCLES_PER_TICK
     }
 }
 
-/// The clock LFCLK, which counts on from the last change of its rate.
+/// LFCLK, which counts on from the last change of its rate.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Lfclk {
     lf_ppb: i64,
     hf_ppb: i64,
-    /// The cycle of the last change of rate, and the count at that cycle.
+    /// The cycle and the count at the last change of rate.
     anchor: (Cycle, u64),
-    /// The part of the next tick that had passed at the last change of rate, in units of 1 / [`Lfclk::den`] tick.
+    /// The fraction of a tick that had passed at the last change of rate, in units of 1 / [`Lfclk::den`] tick.
     phase: u128,
 }
 
-/// The rate of a clock that is fast by `ppb` parts per billion, as a multiple of a billionth of the exact rate.
+/// A billion plus `ppb`: the rate of a clock that is fast by `ppb` parts per billion, in billionths of the exact rate.
 fn scale(ppb: i64) -> u64 {
     1_000_000_000_u64.wrapping_add_signed(ppb)
 }
 
 impl Lfclk {
-    /// Makes a clock that starts at `at`. LFCLK is fast by `lf_ppb` and the core's clock by `hf_ppb`, in parts per
-    /// billion.
+    /// Makes a clock that starts at `at`. The errors of LFCLK and of the core's clock are in parts per billion,
+    /// positive if fast.
     pub(crate) fn new(lf_ppb: i64, hf_ppb: i64, at: Cycle) -> Self {
         assert!(lf_ppb.unsigned_abs() < 500_000_000, "an error of {lf_ppb} ppb is no clock");
         Self { lf_ppb, hf_ppb, anchor: (at, 0), phase: 0 }
     }
 
-    /// The numerator of the ticks per core cycle, `num / den`: 32768 / 64 000 000 is 8 / 15625.
+    /// The numerator of ticks per core cycle. Without errors the fraction is 32768 / 64 000 000 = 8 / 15625.
     fn num(&self) -> u128 {
         8 * u128::from(scale(self.lf_ppb))
     }
@@ -75,7 +72,7 @@ impl Lfclk {
         self.phase + u128::from(at.saturating_sub(self.anchor.0)) * self.num()
     }
 
-    /// The number of ticks at the cycle `at`, which must not be before the last change of rate.
+    /// The number of ticks at `at`, which must not be before the last change of rate.
     pub(crate) fn ticks(&self, at: Cycle) -> u64 {
         self.anchor.1 + (self.run(at) / self.den()) as u64
     }
@@ -86,7 +83,7 @@ impl Lfclk {
         self.anchor.0 + (ticks * self.den()).saturating_sub(self.phase).div_ceil(self.num()) as u64
     }
 
-    /// Changes the errors of the clocks at `at` and counts on.
+    /// Changes the errors of both clocks at `at`.
     pub(crate) fn retune(&mut self, at: Cycle, lf_ppb: i64, hf_ppb: i64) {
         let (den, phase) = (self.den(), self.run(at) % self.den());
         self.anchor = (at, self.ticks(at));
@@ -99,14 +96,11 @@ impl Lfclk {
     }
 }
 
-/// Both clocks, as the peripherals use them.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Clocks {
-    /// The clock PCLK16M.
     pub(crate) hf: Pclk16m,
     /// How much faster than 64 MHz the core's clock is, in parts per billion.
     pub(crate) hf_ppb: i64,
-    /// The clock LFCLK while it runs.
     pub(crate) lf: Option<Lfclk>,
 }
 
@@ -150,7 +144,7 @@ mod tests {
         let at = clock.instant(1_000);
         clock.retune(at, 0, 15_000_000);
         assert_eq!(clock.ticks(at), 1_000);
-        // The core is now faster, so a tick takes more core cycles.
+        // The core is faster, so a tick takes more core cycles.
         assert_eq!(clock.instant(1_000 + 32_768) - at, 64_000_000 * 1_015 / 1_000);
     }
 }

@@ -14,7 +14,6 @@ const ENDECB: u32 = 0;
 const ERRORECB: u32 = 1;
 const BLOCK_TIME: u64 = cycles(7_200);
 
-/// The ECB peripheral.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Ecb {
     block: Block,

@@ -3,7 +3,6 @@
 //! Covered: TRIGGER[0..16], TRIGGERED[0..16], INTEN. Nothing is left out.
 use crate::instance::{Block, Cx, Instance, index};
 
-/// One EGU instance.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Egu {
     block: Block,

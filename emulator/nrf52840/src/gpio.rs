@@ -14,9 +14,9 @@
 //! | P0.09 and P0.10 as NFC antenna until UICR.NFCPINS frees them | NFCT is not modelled, and the pins are free |
 //! | the waveform of a serial peripheral | a frame crosses at its own instant; only chip selects move as pins |
 //!
-//! A peripheral reads a pin through the same input buffer as IN does. It reads 0 from a pin whose buffer PIN_CNF
-//! disconnects. This is an assumption: the PS demands the buffer only by the direction "Input" in the table of pins of
-//! each peripheral, and Nordic's drivers connect it.
+//! A peripheral reads a pin through the input buffer that IN uses, and reads 0 if PIN_CNF disconnects the buffer. This
+//! is assumed: the PS only demands direction "Input" in each peripheral's table of pins, and Nordic's drivers connect
+//! the buffer.
 use crate::act::{Act, Outbox};
 use crate::pin::Pin;
 use emulator_part::{Cycle, FindingKind, Pad};
@@ -26,25 +26,21 @@ const INPUT_DISCONNECT: u32 = 1 << 1;
 const PIN_CNF_RESET: u32 = INPUT_DISCONNECT;
 /// The bits of PIN_CNF: DIR, INPUT, PULL, DRIVE, SENSE.
 const PIN_CNF_MASK: u32 = 0x0003_070F;
-/// The pins that exist in each port.
 const PORT_PINS: [u32; 2] = [0xFFFF_FFFF, 0x0000_FFFF];
 
-/// The state of both ports.
 #[derive(Clone, Debug)]
 pub(crate) struct Gpio {
     out: [u32; 2],
     latch: [u32; 2],
     ldetect: [bool; 2],
     cnf: [[u32; 32]; 2],
-    /// Masks from PIN_CNF, for each port: the outputs. The next fields are the connected input buffers, the pins that
-    /// sense high, and the pins that sense low.
+    /// The outputs of each port, from PIN_CNF.
     dir: [u32; 2],
     connected: [u32; 2],
     senses_high: [u32; 2],
     senses_low: [u32; 2],
-    /// The level that the outside drives onto each pin.
     outside: [Option<bool>; 64],
-    /// The level that a peripheral drives onto a pin that it took over.
+    /// The levels that peripherals drive onto pins that they took over.
     held: [Option<bool>; 64],
     levels: [u32; 2],
     pads: [Pad; 64],
@@ -72,40 +68,35 @@ impl Default for Gpio {
 }
 
 impl Gpio {
-    /// The level of the pad.
     #[inline]
     pub(crate) fn level(&self, pin: Pin) -> bool {
         let (port, n) = pin.place();
         self.levels[port] >> n & 1 != 0
     }
 
-    /// Whether the registers of GPIO configure the pin as an output.
     #[inline]
     pub(crate) fn is_output(&self, pin: Pin) -> bool {
         let (port, n) = pin.place();
         self.dir[port] >> n & 1 != 0
     }
 
-    /// Whether the input buffer of the pin is connected.
     #[inline]
     pub(crate) fn is_connected(&self, pin: Pin) -> bool {
         let (port, n) = pin.place();
         self.connected[port] >> n & 1 != 0
     }
 
-    /// The level that a peripheral reads from the pin.
+    /// The level that a peripheral reads, 0 without an input buffer.
     #[inline]
     pub(crate) fn input(&self, pin: Pin) -> bool {
         self.is_connected(pin) && self.level(pin)
     }
 
-    /// Whether any pin meets its SENSE criterion.
     pub(crate) fn detects(&self) -> bool {
         self.detect
     }
 
-    /// The level to which the part itself drives the pin, if it does: a peripheral's level, or else OUT as DRIVE
-    /// allows.
+    /// The level to which the part drives the pin, if any: a peripheral's level, or else OUT as DRIVE allows.
     fn inside(&self, pin: Pin) -> Option<bool> {
         let (port, n) = pin.place();
         self.held[pin.index()].or_else(|| {
@@ -123,8 +114,7 @@ impl Gpio {
         self.outside[pin.index()].is_some()
     }
 
-    /// Computes the level of the pad, reports a change of the level, and updates whether the pin meets its SENSE
-    /// criterion.
+    /// Computes the pad's level, reports a change of it, and updates whether the pin meets its SENSE criterion.
     fn settle(&mut self, pin: Pin, now: Cycle, out: &mut Outbox) {
         let (port, n) = pin.place();
         let (inside, outside) = (self.inside(pin), self.outside[pin.index()]);
@@ -152,7 +142,7 @@ impl Gpio {
         self.sense(out);
     }
 
-    /// Sets LATCH from the sensing pins, and updates DETECT.
+    /// Sets LATCH from the pins that meet their criterion, and updates DETECT.
     #[inline]
     fn sense(&mut self, out: &mut Outbox) {
         let mut detect = false;
@@ -219,8 +209,8 @@ impl Gpio {
                 moved = was ^ self.dir[port];
             }
             0x520 => {
-                // Writing 1 clears a latch, which is set again if the pin still meets its criterion. DETECT from LATCH
-                // is low in between.
+                // Writing 1 clears a latch. It is set again if the pin still meets its criterion, and DETECT is low in
+                // between.
                 self.latch[port] &= !value;
                 if self.ldetect[port] {
                     self.detect = false;
@@ -260,7 +250,7 @@ impl Gpio {
         self.settle_all(now, out);
     }
 
-    /// Ends the driving of pins by peripherals. GPIO's own registers keep their values.
+    /// Returns all pins from peripherals to GPIO.
     pub(crate) fn let_go(&mut self, now: Cycle, out: &mut Outbox) {
         self.held = [None; 64];
         self.settle_all(now, out);
@@ -275,7 +265,7 @@ impl Gpio {
     }
 }
 
-/// The port to which an offset belongs, and the equivalent offset in port 0.
+/// The port of an offset, and the same register's offset in port 0.
 #[inline]
 fn port_of(offset: u32) -> (usize, u32) {
     if (0x804..0xA80).contains(&offset) { (1, offset - 0x300) } else { (0, offset) }

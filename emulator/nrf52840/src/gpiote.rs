@@ -13,10 +13,8 @@ use crate::instance::{Act, Block, Cx, Instance, index};
 use crate::pin::Pin;
 
 const CHANNELS: u32 = 8;
-/// The bits of CONFIG: MODE, PSEL, PORT, POLARITY, OUTINIT.
 const CONFIG_MASK: u32 = 0x0013_3F03;
 
-/// The GPIOTE peripheral.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Gpiote {
     block: Block,
@@ -40,13 +38,11 @@ impl Gpiote {
         }
     }
 
-    /// Whether a channel in event mode watches `pin`.
     #[inline]
     pub(crate) fn watches(&self, pin: Pin) -> bool {
         self.config.iter().any(|&config| config & 3 == 1 && pin_of(config) == Some(pin))
     }
 
-    /// Handles a change of a pad to `level`.
     pub(crate) fn pad(&mut self, pin: Pin, level: bool, cx: &mut Cx<'_>) {
         for channel in 0..CHANNELS as usize {
             let config = self.config[channel];
@@ -61,7 +57,6 @@ impl Gpiote {
         }
     }
 
-    /// Raises PORT after a rise of DETECT.
     pub(crate) fn port(&mut self, cx: &mut Cx<'_>) {
         self.block.raise(31, cx);
     }
@@ -118,7 +113,7 @@ impl Instance for Gpiote {
                 }
                 self.drive(channel, next >> 20 & 1 != 0, cx);
             }
-            // The first edge that the channel detects is a change from the present level of the pad.
+            // The first edge is a change from the pad's present level.
             1 => cx.act(Act::Sample { channel }),
             _ => {}
         }
@@ -127,7 +122,6 @@ impl Instance for Gpiote {
 }
 
 impl Gpiote {
-    /// Gives a channel the level of its pad when the channel begins to watch the pad.
     pub(crate) fn sample(&mut self, channel: usize, level: impl Fn(Pin) -> bool) {
         if let Some(pin) = pin_of(self.config[channel]) {
             self.level[channel] = level(pin);

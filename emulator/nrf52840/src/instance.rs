@@ -1,28 +1,24 @@
-//! The interface that all peripherals of the part have in common (PS 6.1, *Peripheral interface*).
+//! The interface of all peripherals (PS 6.1, *Peripheral interface*).
 //!
 //! A peripheral is a block of registers at its ID × 0x1000: tasks below 0x100, events from 0x100 (bit *n* of INTEN is
 //! the event at 0x100 + 4 *n*), SHORTS at 0x200, INTEN, INTENSET and INTENCLR at 0x300 to 0x308. [`Block`] holds these
-//! common registers, and the interconnect serves them for all instances. An [`Instance`] adds its own tasks and
-//! registers.
+//! common registers, which the interconnect serves. An [`Instance`] adds its own tasks and registers.
 //!
-//! An instance never calls another. It reports each of its effects as an [`Act`], and the interconnect delivers the
-//! act, in order and at the same instant: an event to the PPI, a level to a pin, a byte to the outside. The instance
-//! accesses memory and the levels of pins directly, through its [`Cx`].
+//! An instance never calls another. It reports each effect as an [`Act`], which the interconnect delivers in order and
+//! at the same instant: an event to the PPI, a level to a pin, a byte to the outside. The instance accesses memory and
+//! pins directly, through its [`Cx`].
 pub(crate) use crate::act::{Act, COMP, GPIO, Id, Outbox, Source};
 use crate::clocks::Clocks;
 use crate::gpio::Gpio;
 use crate::memory::Memory;
 use emulator_part::{Cycle, FindingKind};
 
-/// The context that an instance gets with each call.
 pub(crate) struct Cx<'a> {
-    /// The cycle of the call.
     pub(crate) now: Cycle,
     pub(crate) clocks: &'a Clocks,
     pub(crate) memory: &'a mut Memory,
     pub(crate) pins: &'a Gpio,
     pub(crate) out: &'a mut Outbox,
-    /// The ID of the called instance.
     pub(crate) id: Id,
     pub(crate) name: &'static str,
 }
@@ -33,13 +29,12 @@ impl Cx<'_> {
         self.out.acts.push_back(act);
     }
 
-    /// The number of PCLK16M ticks until the cycle of the call.
     #[inline]
     pub(crate) fn hf(&self) -> u64 {
         self.clocks.hf.ticks(self.now)
     }
 
-    /// Reads a byte by EasyDMA. Returns `None`, and reports the access, where EasyDMA does not reach.
+    /// Reads a byte by EasyDMA. Reports an address that EasyDMA does not reach, and returns `None`.
     pub(crate) fn dma_read(&mut self, address: u32) -> Option<u8> {
         let byte = self.memory.dma_read(address);
         if byte.is_none() {
@@ -48,7 +43,7 @@ impl Cx<'_> {
         byte
     }
 
-    /// Writes a byte by EasyDMA. Where EasyDMA does not reach, nothing is written, and the access is reported.
+    /// Writes a byte by EasyDMA. Reports an address that EasyDMA does not reach.
     pub(crate) fn dma_write(&mut self, address: u32, value: u8) {
         if !self.memory.dma_write(address, value) {
             self.found(FindingKind::Unreachable, "EasyDMA writes outside data RAM, at", address);
@@ -59,23 +54,23 @@ impl Cx<'_> {
         self.out.find(self.now, kind, self.name, what, value);
     }
 
-    /// Reports that the firmware did something that the specification forbids or leaves undefined.
+    /// Reports that the firmware did something forbidden or undefined.
     pub(crate) fn misuse(&mut self, what: &'static str, value: u32) {
         self.found(FindingKind::Misuse, what, value);
     }
 
-    /// Reports that the firmware used something that this model does not have.
+    /// Reports that the firmware used something without a model.
     pub(crate) fn unmodelled(&mut self, what: &'static str, value: u32) {
         self.found(FindingKind::Unmodelled, what, value);
     }
 
-    /// Reports that the firmware used something that does not work because of an anomaly of the silicon.
+    /// Reports that the firmware used something that an anomaly of the silicon keeps from working.
     pub(crate) fn anomaly(&mut self, what: &'static str, value: u32) {
         self.found(FindingKind::Erratum, what, value);
     }
 }
 
-/// The registers that all peripherals have: events, interrupt enable, shortcuts.
+/// The registers of all peripherals: events, interrupt enable, shortcuts.
 #[derive(Debug, Default, Clone)]
 pub(crate) struct Block {
     pub(crate) events: u32,
@@ -83,7 +78,6 @@ pub(crate) struct Block {
     pub(crate) shorts: u32,
 }
 
-/// The offset of event `n` in a block.
 pub(crate) const fn event(n: u32) -> u32 {
     0x100 + 4 * n
 }
@@ -96,35 +90,33 @@ impl Block {
         cx.act(Act::Event(address_of(cx.id) + event(n)));
     }
 
-    /// Whether shortcut `bit` is set.
     #[inline]
     pub(crate) fn short(&self, bit: u32) -> bool {
         self.shorts >> bit & 1 != 0
     }
 }
 
-/// The first address of an instance on the APB, or of the GPIO ports.
+/// The first address of an instance, or of the GPIO ports.
 pub(crate) const fn address_of(id: Id) -> u32 {
     if id == GPIO { 0x5000_0000 } else { 0x4000_0000 + ((id as u32) << 12) }
 }
 
 /// One instance of a peripheral.
 pub(crate) trait Instance {
-    /// The registers of the instance that all peripherals have.
+    /// The registers that all peripherals have.
     fn block(&mut self) -> &mut Block;
-    /// The registers of the instance that all peripherals have, for reading.
     fn block_ref(&self) -> &Block;
     /// Triggers the task at `offset`. Returns `false` if no such task is modelled.
     fn task(&mut self, offset: u32, cx: &mut Cx<'_>) -> bool {
         let _ = (offset, cx);
         false
     }
-    /// Reads one of the instance's own registers at `now`. Returns `None` if the register is not modelled.
+    /// Reads one of the instance's own registers. Returns `None` if the register is not modelled.
     fn read(&self, offset: u32, now: Cycle, clocks: &Clocks) -> Option<u32> {
         let _ = (offset, now, clocks);
         None
     }
-    /// Tells the instance that the core read one of its own registers, for registers that a read changes.
+    /// Tells the instance that the core read a register. Only some registers change when they are read.
     #[inline]
     fn was_read(&mut self, offset: u32, cx: &mut Cx<'_>) {
         let _ = (offset, cx);
@@ -134,22 +126,21 @@ pub(crate) trait Instance {
         let _ = (offset, value, cx);
         false
     }
-    /// Tells the instance that SHORTS, INTEN or a clock changed, so that its next event may move.
+    /// Tells the instance that SHORTS, INTEN or a clock changed. Its next event may then move.
     #[inline]
     fn configured(&mut self, cx: &mut Cx<'_>) {
         let _ = cx;
     }
-    /// The next cycle at which the instance has an event of its own due; `None` if it has none.
+    /// The next cycle at which the instance has an event; `None` if it has none.
     #[inline]
     fn next(&self) -> Option<Cycle> {
         None
     }
-    /// Carries out the instance's events that are due at the present cycle.
+    /// Carries out the instance's events that are due now.
     #[inline]
     fn due(&mut self, cx: &mut Cx<'_>) {
         let _ = cx;
     }
-    /// Whether EasyDMA is moving data for the instance.
     #[inline]
     fn moves(&self) -> bool {
         false
@@ -177,8 +168,8 @@ macro_rules! block {
 }
 pub(crate) use block;
 
-/// The index of the register at `offset` in an array of `count` registers that begins at `base`, `stride` bytes apart.
-/// `None` if `offset` is not in the array.
+/// The index of the register at `offset` in an array of `count` registers from `base` on, `stride` bytes apart; `None`
+/// outside the array.
 #[inline]
 pub(crate) fn index(offset: u32, base: u32, stride: u32, count: u32) -> Option<usize> {
     let past = offset.checked_sub(base)?;

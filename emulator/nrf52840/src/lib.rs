@@ -25,12 +25,12 @@
 //! | an address outside every block | a bus fault, and a [`Finding`] |
 //! | current; failures between the lowest voltage, 1.7 V, and the brown-out reset | – |
 //!
-//! The part is one interconnect (`soc`) with one typed instance per block. The part carries out a write to any block
-//! together with everything that the write sets off – event, PPI channel, task, pin, EasyDMA – in the order in which it
-//! happens, and at the cycle of the write. So a PPI channel takes no time (PS 6.16: one PCLK16M cycle).
+//! The part is one interconnect (`soc`) with one typed instance per block. A write is carried out with everything that
+//! it sets off (event, PPI channel, task, pin, EasyDMA), in order and at the cycle of the write. A PPI channel
+//! therefore takes no time (PS 6.16: one PCLK16M cycle).
 //!
-//! In System OFF the core's cycles are still counted, and [`Signals::stalled_until`] holds the core until the reset
-//! that ends System OFF.
+//! In System OFF cycles are still counted, and [`Signals::stalled_until`] stops the core until the reset that ends
+//! System OFF.
 //!
 //! ```
 //! use cortex_m4::{Access, Purpose, Width};
@@ -82,7 +82,7 @@ use memory::{FLASH_BYTES, RAM_BASE, RAM_BYTES};
 pub use soc::CtrlRequest;
 use soc::Soc;
 
-/// The rate of the core clock in Hz, for an exact source.
+/// The rate of the core clock in Hz, for a source without error.
 pub const CORE_HZ: u64 = 64_000_000;
 
 /// The settings that differ from board to board and from run to run.
@@ -90,30 +90,30 @@ pub const CORE_HZ: u64 = 64_000_000;
 pub struct Settings {
     /// The error of the 32 MHz crystal, in parts per billion (ppb). It affects the core clock, TIMER, SPIM and UARTE.
     pub hfxo_ppb: i64,
-    /// The error of the internal oscillator, which is used until HFXO has started, in ppb (PS 5.4: ±1.5 % typical).
+    /// The error of the internal oscillator HFINT, in ppb (PS 5.4: ±1.5 % typical). It is used until HFXO has started.
     pub hfint_ppb: i64,
     /// The error of the 32.768 kHz crystal, in ppb.
     pub lfxo_ppb: i64,
     /// The error of the RC oscillator, in ppb (PS 5.4: ±2 % uncalibrated; the default is 0).
     pub lfrc_ppb: i64,
-    /// The time from HFCLKSTART to HFCLKSTARTED, in ns of a core clock without error; `None` where the crystal never
+    /// The time from HFCLKSTART to HFCLKSTARTED, in ns of a core clock without error; `None` if the crystal never
     /// starts.
     pub hfxo_startup_ns: Option<u64>,
     /// The time from LFCLKSTART to LFCLKSTARTED with the crystal, in ns of a core clock without error (PS 5.4: 0.25 s
     /// typical).
     pub lfxo_startup_ns: u64,
-    /// The seed of RNG's numbers.
+    /// The seed of the RNG.
     pub seed: u64,
     /// The value of FICR.DEVICEID.
     pub device_id: u64,
     /// The value of FICR.DEVICEADDR, 48 bits.
     pub device_address: u64,
-    /// FICR.INFO.VARIANT: the last two letters of the package variant, and the build code, in ASCII. Build codes Fxx
-    /// and later have hardened access port protection.
+    /// FICR.INFO.VARIANT in ASCII: the last two letters of the package variant, and the build code. Build codes Fxx and
+    /// later have hardened access port protection.
     pub build_code: [u8; 4],
-    /// The temperature that TEMP measures, in quarter degrees Celsius.
+    /// The temperature that TEMP measures, in quarters of a degree Celsius.
     pub temperature_quarters: i32,
-    /// The supply voltage, which an SAADC and a comparator can measure, in microvolts.
+    /// The supply voltage in microvolts.
     pub supply_microvolts: i32,
 }
 
@@ -152,13 +152,13 @@ pub struct SpisWires {
 /// A change of an SPIS's semaphore or of its transaction (PS 6.26).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SpisEvent {
-    /// The CPU took the semaphore: until the CPU releases it, the SPIS answers no select.
+    /// The CPU took the semaphore. Until it releases the semaphore, the SPIS answers no select.
     Held,
     /// The CPU released the semaphore.
     Released,
-    /// The semaphore is free and no transaction is under way any more, so the SPIS answers the next select.
+    /// The semaphore is free and no transaction is under way, so the SPIS answers the next select.
     Ready,
-    /// CSN fell while the CPU held the semaphore: this transaction reads DEF throughout, and its data is dropped.
+    /// CSN fell while the CPU held the semaphore. The transaction reads DEF, and its data is dropped.
     Busy,
     /// A granted transaction ended.
     End {
@@ -169,7 +169,7 @@ pub enum SpisEvent {
     },
 }
 
-/// One reset by the watchdog, which a run may count apart from other resets.
+/// One reset by the watchdog.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WatchdogReset {
     /// The cycle of the reset.
@@ -183,7 +183,7 @@ pub struct Nrf52840 {
 }
 
 impl Nrf52840 {
-    /// Makes a part that has just been powered, with erased flash and UICR, and with nothing on its pins.
+    /// Makes a part that has just been powered, with erased flash and UICR and open pins.
     #[must_use]
     pub fn new(settings: Settings) -> Self {
         Self { soc: Soc::new(settings) }
@@ -195,38 +195,38 @@ impl Nrf52840 {
         &self.soc.settings
     }
 
-    /// Wires an outside SPI controller to these pins. An SPIS exchanges bytes with the controller over those of these
-    /// pins that the SPIS's PSEL registers select.
+    /// Wires an outside SPI controller to these pins. An SPIS exchanges bytes over those of them that its PSEL
+    /// registers select.
     pub fn wire_spis(&mut self, wires: SpisWires) {
         self.soc.spis_wires = Some(wires);
     }
 
-    /// Makes an SPI controller pull the chip select `csn` low. The SPIS on that pin arbitrates its semaphore at this
-    /// falling edge, for the whole transaction. A pin that nobody has driven yet is high, as if pulled up.
+    /// Makes an SPI controller pull the chip select `csn` low. At this edge the SPIS arbitrates its semaphore for the
+    /// whole transaction. A pin that nobody has driven is high.
     pub fn spis_select<O: Outside>(&mut self, at: Cycle, csn: Pin, outside: &mut O) {
         if let Some(pin) = pin::Pin::outside(csn) {
             self.soc.spis_select(at, pin, outside);
         }
     }
 
-    /// Makes an SPI controller clock one byte into the selected SPIS, in `mode`, and returns the byte that the SPIS
-    /// sent at the same time. `at` is the byte's last edge, at which `mosi` is complete. The byte on MISO was loaded at
-    /// the end of the previous byte. Returns `None` if no selected SPIS drives MISO.
+    /// Makes an SPI controller clock one byte into the selected SPIS, in `mode`, and returns the byte from the SPIS.
+    /// `at` is the byte's last edge, at which `mosi` is complete. The SPIS loaded its byte at the end of the previous
+    /// byte. Returns `None` if no selected SPIS drives MISO.
     pub fn spis_clock<O: Outside>(&mut self, at: Cycle, mosi: u8, mode: SpiMode, outside: &mut O) -> Option<u8> {
         self.soc.spis_clock(at, mosi, mode, outside)
     }
 
     /// The number of bytes that an SPI controller may clock before the selected SPIS raises an event; `usize::MAX` for
-    /// any number.
+    /// no limit.
     #[must_use]
     pub fn spis_quiet(&self) -> usize {
         self.soc.spis_quiet()
     }
 
-    /// Clocks bytes as [`Nrf52840::spis_clock`] does, several of them, one after the other. It is called when the last
-    /// byte has ended. The first ended at `first`, and each further byte `byte_time` 2⁻¹⁶ cycles later. Memory is used
-    /// in its present state. There must be no more bytes than [`Nrf52840::spis_quiet`], or an event comes late. Returns
-    /// `false` if no selected SPIS drove MISO: `miso` then holds 0xFF.
+    /// Clocks several bytes as [`Nrf52840::spis_clock`] does, after the last of them has ended. The first ended at
+    /// `first`, and each further byte `byte_time` 2⁻¹⁶ cycles later. Memory is used in its present state. More bytes
+    /// than [`Nrf52840::spis_quiet`] would make an event late. Returns `false`, with 0xFF in `miso`, if no selected
+    /// SPIS drove MISO.
     pub fn spis_exchange<O: Outside>(
         &mut self,
         first: Cycle,
@@ -239,25 +239,24 @@ impl Nrf52840 {
         self.soc.spis_exchange(first, byte_time, mode, mosi, miso, outside)
     }
 
-    /// Makes an SPI controller raise the chip select `csn`, which ends the transaction.
+    /// Makes an SPI controller raise the chip select `csn`. This ends the transaction.
     pub fn spis_deselect<O: Outside>(&mut self, at: Cycle, csn: Pin, outside: &mut O) {
         self.drive(at, csn, Some(true), outside);
     }
 
-    /// Takes the events of the SPIS instances since the last call: the cycle, the instance (0 to 2), and the event.
+    /// Takes the SPIS events since the last call: cycle, instance (0 to 2), event.
     pub fn take_spis_events(&mut self) -> Vec<(Cycle, usize, SpisEvent)> {
         std::mem::take(&mut self.soc.spis_events)
     }
 
-    /// Takes, for each [`SpisEvent::Ready`] since the last call, its cycle and the contents of the TXD buffer at that
-    /// cycle, which a transaction that began then would have read.
+    /// Takes, for each [`SpisEvent::Ready`] since the last call, its cycle and the TXD buffer's contents at that cycle.
     pub fn take_spis_offers(&mut self) -> Vec<(Cycle, Vec<u8>)> {
         std::mem::take(&mut self.soc.spis_offers)
     }
 
     /// Makes an outside I2C controller act on the bus of `scl` and `sda`; the action ended at `at`. Returns `None`
-    /// while the TWIS on these pins holds SCL low: the controller waits and repeats the action later. A bus without a
-    /// TWIS answers like an empty one.
+    /// while the TWIS on these pins holds SCL low: the controller must repeat the action later. A bus without a TWIS
+    /// answers like an empty one.
     pub fn two_wire<O: Outside>(
         &mut self,
         at: Cycle,
@@ -273,23 +272,23 @@ impl Nrf52840 {
     }
 
     /// Whether a debugger that attaches now finds the debug port open, on a part with hardened access port protection
-    /// (nRF52840 revision 3 on). `uicr_approtect` is the word of UICR.APPROTECT at the last reset, at which the part
-    /// reads the word. The port is open while UICR.APPROTECT and APPROTECT.DISABLE both hold 0x5A and nothing was
-    /// written to APPROTECT.FORCEPROTECT (PS 4.8, *Access port protection*). Erased flash reads 0xFFFF_FFFF, and every
-    /// reset closes the software's half of the protection, so a part is locked if its firmware writes neither register.
+    /// (nRF52840 revision 3 on). `uicr_approtect` is UICR.APPROTECT as the part read it at the last reset. The port is
+    /// open if UICR.APPROTECT and APPROTECT.DISABLE both hold 0x5A and nothing was written to APPROTECT.FORCEPROTECT
+    /// (PS 4.8, *Access port protection*). Every reset closes the software's half, APPROTECT.DISABLE, and erased flash
+    /// reads 0xFFFF_FFFF. A part whose firmware writes neither register is therefore locked.
     #[must_use]
     pub fn debug_port_open(&self, uicr_approtect: u32) -> bool {
         uicr_approtect & 0xFF == 0x5A && self.soc.debug_port_enabled()
     }
 
-    /// Whether an attached debugger can access memory and core through the AHB-AP now. That depends on UICR at the last
-    /// reset at which the part read UICR, and on what firmware and CTRL-AP have done since (PS 4.8).
+    /// Whether an attached debugger can access memory and core through the AHB-AP now (PS 4.8). That depends on UICR at
+    /// the last reset at which the part read UICR, and on what firmware and CTRL-AP have done since.
     #[must_use]
     pub fn access_port_open(&self) -> bool {
         self.soc.access_port_open()
     }
 
-    /// Reads a register of CTRL-AP by its address. A register that does not exist reads as 0.
+    /// Reads the CTRL-AP register at this address, 0 if there is none.
     #[must_use]
     pub fn ctrl_ap_read(&self, register: u8) -> u32 {
         self.soc.ctrl_ap_read(register)
@@ -300,14 +299,14 @@ impl Nrf52840 {
         self.soc.ctrl_ap_write(register, value, at)
     }
 
-    /// Advances CTRL-AP to `to`: an erase that was begun ends when its time is over. To be called as time passes, while
-    /// a debugger is attached.
+    /// Advances CTRL-AP to `to`, so that an erase ends when its time is over. Call it as time passes, while a debugger
+    /// is attached.
     pub fn ctrl_ap_advance(&mut self, to: Cycle) {
         self.soc.ctrl_ap_advance(to);
     }
 
-    /// Sets how long the 32 MHz crystal takes to start, in ns, from its next start on; with `None` the crystal never
-    /// starts. A running crystal goes on.
+    /// Sets the start-up time of the 32 MHz crystal, in ns, from its next start on. With `None` it never starts. A
+    /// running crystal goes on.
     pub fn set_hfxo_startup(&mut self, startup_ns: Option<u64>) {
         self.soc.set_hfxo_startup(startup_ns);
     }
@@ -318,7 +317,7 @@ impl Nrf52840 {
         self.soc.has_hfxo()
     }
 
-    /// The value of RESETREAS, as the firmware left it.
+    /// RESETREAS, as the firmware left it.
     #[must_use]
     pub fn reset_reason(&self) -> u32 {
         self.soc.reset_reason()
@@ -342,7 +341,7 @@ impl Part for Nrf52840 {
             lines: soc::INTERRUPT_LINES,
             priority_bits: 3,
             vector_table: 0,
-            // There is neither a reference clock nor a calibration value (PS 4.1: SysTick counts the core clock).
+            // No reference clock, no calibration value (PS 4.1: SysTick counts the core clock).
             systick_calibration: 1 << 31,
             systick_reference: 0,
             mpu_regions: 8,
@@ -355,7 +354,7 @@ impl Part for Nrf52840 {
         if ram < RAM_BYTES {
             return self.soc.memory.ram.read(ram, access.width).ok_or(BusError);
         }
-        // The access is copied, so that the compiler does not build one in the host's memory for each access to RAM.
+        // A copy keeps the compiler from storing the access in memory for each access to RAM.
         self.soc.read(&{ *access }, outside)
     }
 
@@ -372,7 +371,7 @@ impl Part for Nrf52840 {
     fn read_memory(&self, address: u32, width: Width) -> Option<u32> {
         let memory = &self.soc.memory;
         let ram = memory.ram.read_aligned(address.wrapping_sub(RAM_BASE), width);
-        // Flash begins at address 0, and no read of it has to wait.
+        // Flash begins at address 0 and is read without waiting.
         ram.or_else(|| memory.flash.read_aligned(address, width))
     }
 
@@ -426,10 +425,9 @@ impl Part for Nrf52840 {
         &mut self.soc.signals
     }
 
-    /// The wait states of an access. From the PS: flash takes 2 wait states without the instruction cache and 3 on a
-    /// cache miss, and RAM takes none (4.1, *Electrical specification*, W_FLASH, W_FLASHCACHE, W_RAM). Assumed: one
-    /// cycle where EasyDMA may be at the same RAM, 1 to 6 cycles through the bridge to the peripheral bus, and 0 to 1
-    /// to GPIO, which is on the AHB.
+    /// The wait states of an access. From the PS: flash takes 2 without the instruction cache and 3 on a cache miss,
+    /// RAM takes none (4.1, *Electrical specification*, W_FLASH, W_FLASHCACHE, W_RAM). Assumed: 1 if EasyDMA may access
+    /// the same RAM, 1 to 6 through the bridge to the peripheral bus, and 0 to 1 to GPIO, which is on the AHB.
     fn wait_states(&mut self, access: &Access, bound: Bound) -> u32 {
         match bound {
             Bound::Best => u32::from((0x4000_0000..0x5000_0000).contains(&access.address)),
@@ -441,9 +439,8 @@ impl Part for Nrf52840 {
         Clock { hz: CORE_HZ, ppb: self.soc.hf_ppb() }
     }
 
-    /// Resets the part as PS 5.3, *Reset behavior*, says. The reset leaves memory alone, so the caller decides which
-    /// contents survive a power-on. The exception is RAM that was not retained through System OFF: after
-    /// [`Reset::Wakeup`] it reads 0xA5 throughout.
+    /// Resets the part (PS 5.3, *Reset behavior*). The caller decides which memory survives a power-on. RAM that was
+    /// not retained through System OFF reads 0xA5 after [`Reset::Wakeup`].
     fn reset<O: Outside>(&mut self, at: Cycle, cause: Reset, outside: &mut O) {
         self.soc.restart(at, cause, outside);
     }

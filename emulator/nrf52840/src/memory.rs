@@ -8,14 +8,13 @@
 //! | the words at 0x1000_0130 and 0x1000_0134: part and revision | – |
 //! | the component identification at 0xF000_0FD0 to 0xF000_0FFF | – |
 //!
-//! No specification names the words at 0x1000_0130 and 0x1000_0134, nor those at 0xF000_0FE0. Nordic's start-up code
-//! reads them to find the revision (nrfx, `mdk/nrf52_erratas.h`). In older versions, `system_nrf52840.c` checks the low
-//! byte of 0xF000_0FE0, the low nibble of 0xF000_0FE4, and the high nibbles of 0xF000_0FE8 and 0xF000_0FEC. The other
-//! nibbles are assumed to be CoreSight's encoding of Nordic's JEP106 number 0x244.
+//! No specification names the words at 0x1000_0130, 0x1000_0134 and 0xF000_0FE0. Nordic's start-up code reads them to
+//! find the revision (nrfx, `mdk/nrf52_erratas.h`). Older versions of `system_nrf52840.c` check the low byte of
+//! 0xF000_0FE0, the low nibble of 0xF000_0FE4, and the high nibbles of 0xF000_0FE8 and 0xF000_0FEC. The other nibbles
+//! are assumed to be CoreSight's encoding of Nordic's JEP106 number 0x244.
 //!
-//! UICR holds the words that the image or the firmware wrote. PSELRESET, NFCPINS and REGOUT0 have no effect here: the
-//! reset pin, the NFC antenna and the voltage regulators are outside the model. [`crate::Nrf52840::debug_port_open`]
-//! explains the effect of APPROTECT on a debugger.
+//! UICR holds what the image or the firmware wrote. PSELRESET, NFCPINS and REGOUT0 have no effect here, since reset
+//! pin, NFC antenna and voltage regulators are not modelled. For APPROTECT see [`crate::Nrf52840::debug_port_open`].
 use crate::Settings;
 use cortex_m4::Width;
 use emulator_part::{Flash, Ram};
@@ -33,27 +32,25 @@ pub(crate) const FICR_BASE: u32 = 0x1000_0000;
 pub(crate) const UICR_BASE: u32 = 0x1000_1000;
 pub(crate) const PAGE: u32 = 4096;
 
-/// All memory of the part.
 #[derive(Clone, Debug)]
 pub(crate) struct Memory {
     pub(crate) flash: Flash,
     pub(crate) uicr: Flash,
     pub(crate) ficr: Flash,
     pub(crate) ram: Ram,
-    /// Whether flash was programmed or erased and the core has not been informed yet.
+    /// Whether flash was programmed or erased and the core was not yet told.
     pub(crate) code_changed: bool,
-    /// The AHB slaves of the RAM that EasyDMA has accessed, one bit each (see [`slave`]).
+    /// The AHB slaves of the RAM that EasyDMA has accessed, by bit (see [`slave`]).
     dma_slaves: u16,
 }
 
-/// The AHB slave of the RAM at `offset`: RAM0 to RAM7 have two sections of 4 KiB each, and RAM8 has the rest (PS 4.2,
+/// The AHB slave of the RAM at `offset`: RAM0 to RAM7 have two sections of 4 KiB each, RAM8 has the rest (PS 4.2,
 /// memory layout).
 #[inline]
 const fn slave(offset: u32) -> u16 {
     if offset < 0x1_0000 { 1 << (offset >> 13) } else { 1 << 8 }
 }
 
-/// A memory and an offset in it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Place {
     Flash(u32),
@@ -62,7 +59,6 @@ pub(crate) enum Place {
     Uicr(u32),
 }
 
-/// Finds the memory at an address, if there is one.
 #[inline]
 pub(crate) fn place(address: u32) -> Option<Place> {
     let ram = address.wrapping_sub(RAM_BASE);
@@ -118,7 +114,7 @@ impl Memory {
         bytes.get_mut(from as usize..(from as usize).checked_add(size)?)
     }
 
-    /// Programs a word of flash or UICR: clears the bits that `value` has clear.
+    /// Programs a word of flash or UICR: clears the bits that are clear in `value`.
     pub(crate) fn program(&mut self, address: u32, value: u32) {
         if let Some(word) = self.slice_mut(address, 4) {
             let had = u32::from_le_bytes([word[0], word[1], word[2], word[3]]);
@@ -126,14 +122,14 @@ impl Memory {
         }
     }
 
-    /// Erases a range of flash or UICR: sets all its bits.
+    /// Erases a range of flash or UICR: sets all bits.
     pub(crate) fn erase(&mut self, address: u32, size: u32) {
         if let Some(bytes) = self.slice_mut(address, size as usize) {
             bytes.fill(0xFF);
         }
     }
 
-    /// The offset in RAM that EasyDMA accesses at `address` (PS 4.6: data RAM only).
+    /// The offset in data RAM of `address`; `None` elsewhere, since EasyDMA reaches data RAM only (PS 4.6).
     #[inline]
     fn dma(address: u32) -> Option<usize> {
         let offset = address.wrapping_sub(RAM_BASE);
@@ -154,15 +150,15 @@ impl Memory {
         self.ram.write(offset as u32, Width::Byte, u32::from(value))
     }
 
-    /// Whether EasyDMA has ever accessed the AHB slave of the RAM at `address`, so that the processor may have to wait
-    /// for EasyDMA when it accesses that slave.
+    /// Whether EasyDMA has accessed the AHB slave of the RAM at `address`. The processor may then have to wait for
+    /// EasyDMA.
     #[inline]
     pub(crate) fn may_meet_dma(&self, address: u32) -> bool {
         matches!(place(address), Some(Place::Ram(offset)) if self.dma_slaves & slave(offset) != 0)
     }
 }
 
-/// The revision of the part as Nordic's start-up code numbers it. Revision 3 has build code Fxx or later.
+/// The part's revision in Nordic's numbering: 3 for build codes Fxx and later.
 fn revision(settings: &Settings) -> u32 {
     if settings.build_code[2] >= b'F' { 3 } else { 2 }
 }
@@ -211,7 +207,7 @@ fn ficr(settings: &Settings) -> Flash {
     for (at, value) in words {
         put(at, value);
     }
-    // ER and IR have 128 random bits each, on which no firmware may rely.
+    // ER and IR: 128 random bits each.
     let mut state = id;
     for word in 0..8 {
         state = state.wrapping_mul(0x5851_F42D_4C95_7F2D).wrapping_add(0x1405_7B7E_F767_814F);
@@ -220,7 +216,6 @@ fn ficr(settings: &Settings) -> Flash {
     ficr
 }
 
-/// The component identification at 0xF000_0FD0 to 0xF000_0FFF.
 pub(crate) fn identification(address: u32, settings: &Settings) -> Option<u32> {
     Some(match address {
         0xF000_0FD0 => 0x02,

@@ -14,8 +14,8 @@
 //! | the counts of ICACHECNF | IHIT and IMISS read 0, and that is a finding |
 //! | ACL | use of its registers is a finding |
 //!
-//! Operations take the specification's maximum times: 41 µs for a word, 85 ms for a page, 169 ms for an erase of
-//! everything (PS 4.3).
+//! Operations take the specification's maximum times (PS 4.3): 41 µs for a word, 85 ms for a page, 169 ms for an erase
+//! of everything.
 use crate::clocks::{Clocks, cycles};
 use crate::instance::{Act, Block, Cx, Instance};
 use crate::memory::{FLASH_BYTES, PAGE, UICR_BASE};
@@ -24,29 +24,26 @@ const WRITE: u64 = cycles(41_000);
 const ERASE_PAGE: u64 = cycles(85_000_000);
 const ERASE_ALL: u64 = cycles(169_000_000);
 
-/// The value of CONFIG.WEN that enables writes.
 const WRITE_ENABLED: u32 = 1;
 const ERASE_ENABLED: u32 = 2;
 
-/// The NVMC peripheral.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Nvmc {
     block: Block,
     config: u32,
     cache: u32,
     partial_ms: u32,
-    /// The page under partial erase, and the number of cycles for which it has been erased so far.
+    /// The page under partial erase, and the cycles for which it was erased so far.
     partial: Option<(u32, u64)>,
     busy_until: u64,
 }
 
 impl Nvmc {
-    /// Whether the instruction cache is on.
     pub(crate) fn is_cached(&self) -> bool {
         self.cache & 1 != 0
     }
 
-    /// Carries out a store of the firmware into flash or UICR. A result of `false` is a bus fault.
+    /// Carries out a store into flash or UICR. `false` is a bus fault.
     pub(crate) fn store(&mut self, address: u32, word: bool, value: u32, cx: &mut Cx<'_>) -> bool {
         if self.config & 3 != WRITE_ENABLED {
             cx.misuse("a write to flash without CONFIG.WEN, at", address);
@@ -61,7 +58,7 @@ impl Nvmc {
         true
     }
 
-    /// Keeps flash busy for `time` cycles more, and stalls a core that executes from it.
+    /// Keeps flash busy for `time` cycles more, and stalls a core that executes from flash.
     fn occupy(&mut self, time: u64, cx: &mut Cx<'_>) {
         if cx.now < self.busy_until {
             cx.misuse("begun while flash is still busy, cycles", (self.busy_until - cx.now) as u32);
@@ -122,7 +119,7 @@ impl Instance for Nvmc {
                         self.occupy(ERASE_PAGE, cx);
                         cx.memory.erase(UICR_BASE, PAGE);
                     }
-                    // A page is erased when the times of its partial erases add up to that of a whole erase.
+                    // A page is erased when its partial erases add up to the time of a whole erase.
                     0x518 => {
                         let ms = if self.partial_ms == 0 { 10 } else { self.partial_ms };
                         let part = cycles(u64::from(ms) * 1_000_000);

@@ -6,26 +6,25 @@ use emulator_part as part;
 pub(crate) struct Pin(u8);
 
 impl Pin {
-    /// The pin that a PSEL register selects, or `None` if it is disconnected or selects no existing pin.
+    /// The pin that a PSEL register selects; `None` if it is disconnected or does not exist.
     #[inline]
     pub(crate) fn selected(psel: u32) -> Option<Self> {
         let pin = (psel & 0x3F) as u8;
         (psel & 1 << 31 == 0 && pin < 48).then_some(Self(pin))
     }
 
-    /// The part's pin for a pin of the bench, or `None` if the part has no such pin.
+    /// The part's pin for a pin of the bench; `None` if the part does not have it.
     pub(crate) fn outside(pin: part::Pin) -> Option<Self> {
         let exists = matches!((pin.port, pin.number), (0, 0..=31) | (1, 0..=15));
         exists.then_some(Self(pin.port << 5 | pin.number))
     }
 
-    /// The bench's name for the pin.
     #[inline]
     pub(crate) const fn named(self) -> part::Pin {
         part::Pin::new(self.0 >> 5, self.0 & 31)
     }
 
-    /// The port (0 or 1) and the pin's number in it.
+    /// The port (0 or 1) and the pin's number in the port.
     #[inline]
     pub(crate) const fn place(self) -> (usize, u32) {
         ((self.0 >> 5) as usize, self.0 as u32 & 31)

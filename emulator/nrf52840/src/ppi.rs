@@ -7,8 +7,8 @@
 //! | FORK of every channel | 6.16 |
 //! | 6 groups with their EN and DIS tasks, which other channels may trigger | 6.16 |
 //!
-//! Left out: the PCLK16M cycle that a channel takes. The tasks that one event triggers run in the order of the
-//! channels, and each channel's task runs before its fork.
+//! Left out: the PCLK16M cycle that a channel takes. Tasks of one event run in the order of the channels, each before
+//! its fork.
 use crate::clocks::Clocks;
 use crate::instance::{Act, Block, Cx, Instance, address_of, event, index};
 use std::collections::VecDeque;
@@ -22,7 +22,7 @@ const RTC0: u32 = address_of(0x0B);
 const RADIO: u32 = address_of(0x01);
 const CCM: u32 = address_of(0x0F);
 
-/// The event and task of channels 20 to 31 (PS 6.16, *Pre-programmed channels*).
+/// The event and the task of each of the channels 20 to 31 (PS 6.16, *Pre-programmed channels*).
 const FIXED: [(u32, u32); CHANNELS - PROGRAMMABLE as usize] = [
     (TIMER0 + event(16), RADIO),         // COMPARE[0] to TXEN
     (TIMER0 + event(16), RADIO + 0x004), // COMPARE[0] to RXEN
@@ -38,12 +38,10 @@ const FIXED: [(u32, u32); CHANNELS - PROGRAMMABLE as usize] = [
     (RTC0 + event(16), TIMER0),          // COMPARE[0] to START
 ];
 
-/// The PPI peripheral.
 #[derive(Clone, Debug)]
 pub(crate) struct Ppi {
     block: Block,
     enabled: u32,
-    /// The event and the task of each channel.
     ends: [(u32, u32); CHANNELS],
     forks: [u32; CHANNELS],
     groups: [u32; GROUPS as usize],
@@ -58,7 +56,6 @@ impl Default for Ppi {
 }
 
 impl Ppi {
-    /// Queues the tasks that the event at `address` triggers.
     #[inline]
     pub(crate) fn route(&self, address: u32, acts: &mut VecDeque<Act>) {
         let mut left = self.enabled;

@@ -7,10 +7,10 @@
 //! | the four loads of DECODER, REFRESH, ENDDELAY, LOOP; EasyDMA reads a step as its period begins | 6.17 |
 //! | the polarity bit; each edge at its own tick on the pins of PSEL.OUT | 6.17 |
 //!
-//! The PS demands that the pins are outputs (6.17, *Pin configuration*). A pin that GPIO does not configure as an
-//! output is not driven, which is a finding. Once a sequence is over, its last step goes on until STOP (PS 6.17).
+//! The PS demands that the pins are outputs (6.17, *Pin configuration*). Another pin is not driven, which is a finding.
+//! After a sequence its last step goes on until STOP (PS 6.17).
 //!
-//! Left out: changes of COUNTERTOP, MODE and PRESCALER within a period. They take effect as the next period begins.
+//! Left out: COUNTERTOP, MODE and PRESCALER take effect only when a period begins.
 use crate::clocks::{CYCLES_PER_TICK, Clocks};
 use crate::instance::{Act, Block, Cx, Instance, address_of, index};
 use crate::pin::Pin;
@@ -22,18 +22,15 @@ const SEQEND: u32 = 4;
 const PWMPERIODEND: u32 = 6;
 const LOOPSDONE: u32 = 7;
 
-/// A sequence that is being played.
 #[derive(Clone, Copy, Debug)]
 struct Play {
     sequence: usize,
-    /// The address of the next value in RAM.
     at: u32,
-    /// The number of periods until the next step. The next field is whether the last value has been loaded.
+    /// The number of periods until the next step.
     periods: u32,
     over: bool,
 }
 
-/// One PWM instance.
 #[derive(Clone, Debug)]
 pub(crate) struct Pwm {
     block: Block,
@@ -43,18 +40,14 @@ pub(crate) struct Pwm {
     prescaler: u32,
     decoder: u32,
     loops: u32,
-    /// The registers PTR, CNT, REFRESH and ENDDELAY of each sequence.
     sequences: [[u32; 4]; 2],
     psel: [u32; 4],
     play: Option<Play>,
     loops_left: u32,
     stopping: bool,
-    /// Whether NEXTSTEP was triggered.
     step: bool,
     compare: [u16; 4],
     levels: [bool; 4],
-    /// The cycle at which the period under way began. The next fields are the cycles of one count, and the counts of
-    /// the whole period.
     began: Cycle,
     count: u64,
     top: u64,
@@ -118,7 +111,6 @@ impl Pwm {
         self.block.raise(SEQSTARTED + sequence as u32, cx);
     }
 
-    /// Loads the next step from RAM.
     fn load(&mut self, cx: &mut Cx<'_>) {
         let Some(mut play) = self.play else { return };
         let [from, count, refresh, delay] = self.sequences[play.sequence];
@@ -155,7 +147,7 @@ impl Pwm {
         }
     }
 
-    /// Begins the next step, if one is due, as a period begins.
+    /// Begins the next step, if one is due, at the start of a period.
     fn advance(&mut self, cx: &mut Cx<'_>) {
         let by_task = self.decoder >> 8 & 1 != 0;
         let Some(play) = &mut self.play else { return };
@@ -172,7 +164,6 @@ impl Pwm {
             self.load(cx);
             return;
         }
-        // The sequence and its end delay are over.
         let sequence = play.sequence;
         self.play = None;
         if self.loops_left == 0 {
@@ -209,15 +200,14 @@ impl Pwm {
         self.arm(cx);
     }
 
-    /// The counts at which a channel has its edges within a period: the first edge, and in up-and-down counting also
-    /// the second.
+    /// The counts in a period at which a channel has its edges: one, or two in up-and-down counting.
     fn edges(&self, channel: usize) -> [u64; 2] {
         let compare = u64::from(self.compare[channel] & 0x7FFF).min(self.top);
         if self.up_and_down() { [compare, 2 * self.top - compare] } else { [compare, self.top] }
     }
 
-    /// Sets the present levels of the pins: with polarity 0 a pin begins low and rises at the compare value, and with
-    /// polarity 1 it begins high and falls at that value.
+    /// Sets the pins' present levels. With polarity 0 a pin begins low and rises at the compare value; with polarity 1
+    /// it begins high and falls.
     fn set_pins(&mut self, cx: &mut Cx<'_>) {
         let count = (cx.now - self.began) / self.count;
         for channel in 0..4 {
@@ -298,7 +288,7 @@ impl Instance for Pwm {
             0x514 => self.loops = value & 0xFFFF,
             0x520..0x530 | 0x540..0x550 => {
                 let field = offset as usize / 4 % 4;
-                // PTR has 32 bits, CNT 15, and REFRESH and ENDDELAY 24.
+                // The widths: PTR 32 bits, CNT 15, REFRESH and ENDDELAY 24.
                 let mask = [u32::MAX, 0x7FFF, 0x00FF_FFFF, 0x00FF_FFFF][field];
                 self.sequences[usize::from(offset >= 0x540)][field] = value & mask;
             }

@@ -20,22 +20,18 @@ const ACCOF: u32 = 2;
 const DBLRDY: u32 = 3;
 const STOPPED: u32 = 4;
 
-/// The shortest sample period in cycles: 128 µs.
+/// The shortest sample period, 128 µs, in cycles.
 const PERIOD: u64 = cycles(128_000);
-/// The limit at which ACC and ACCDBL stop counting.
 const ACC_LIMIT: i32 = 1023;
 const DOUBLE_LIMIT: u32 = 15;
 
-/// The QDEC peripheral.
 #[derive(Clone, Debug)]
 pub(crate) struct Qdec {
     block: Block,
     enable: u32,
     period: u32,
     report: u32,
-    /// The pin selectors of LED, A and B.
     psel: [u32; 3],
-    /// The registers LEDPOL, DBFEN and LEDPRE.
     plain: [u32; 3],
     sample: i32,
     acc: i32,
@@ -69,7 +65,7 @@ impl Default for Qdec {
 }
 
 impl Qdec {
-    /// The levels of the phases: A in bit 1, B in bit 0.
+    /// The phases: A in bit 1, B in bit 0.
     fn phases(&self, cx: &Cx<'_>) -> u32 {
         let level = |n: usize| u32::from(Pin::selected(self.psel[n]).is_some_and(|pin| cx.pins.input(pin)));
         level(1) << 1 | level(2)
@@ -178,7 +174,7 @@ impl Instance for Qdec {
         self.arm(cx);
         let (was, now) = (self.state, self.phases(cx));
         self.state = now;
-        // Forwards, the phases have the order 00, 10, 11, 01 (PS 6.18: A leads B).
+        // Forwards the phases are 00, 10, 11, 01 (PS 6.18: A leads B).
         const PLACE: [i32; 4] = [0, 3, 1, 2];
         self.sample = match (PLACE[now as usize] - PLACE[was as usize]).rem_euclid(4) {
             0 => 0,

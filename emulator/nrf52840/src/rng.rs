@@ -5,8 +5,8 @@
 //! | START, STOP, VALRDY, VALUE, VALRDY_STOP, DERCEN | 6.21 |
 //! | 128 µs to start; 30 µs a byte, 120 µs with bias correction | 6.21 |
 //!
-//! Left out: true randomness. The bytes come from SplitMix64, so that the same seed gives the same run. The sequence
-//! goes on through a reset, since the part's noise would not repeat either.
+//! Left out: true randomness. The bytes come from SplitMix64, so that a seed gives the same run. A reset does not
+//! restart the sequence, since the part's noise would not repeat either.
 use crate::clocks::{Clocks, cycles};
 use crate::instance::{Block, Cx, Instance};
 
@@ -14,7 +14,6 @@ const STARTUP: u64 = cycles(128_000);
 const RAW: u64 = cycles(30_000);
 const CORRECTED: u64 = cycles(120_000);
 
-/// The RNG peripheral.
 #[derive(Clone, Debug)]
 pub(crate) struct Rng {
     block: Block,
@@ -29,7 +28,7 @@ impl Rng {
         Self { block: Block::default(), state: seed, value: 0, corrected: false, next: None }
     }
 
-    /// Continues the sequence that the generator had before a reset.
+    /// Continues the sequence of before a reset.
     pub(crate) fn keep(&mut self, before: &Self) {
         self.state = before.state;
     }

@@ -6,10 +6,10 @@
 //! | TICK, OVRFLW, COMPARE\[n\], each only while EVTEN or INTEN enables it | 6.22 |
 //! | a compare register written with the present count or the next one matches only after a wrap | 6.22 |
 //!
-//! A task takes effect at the LFCLK tick under way. The part takes one to two ticks more, so on the part CC = COUNTER +
-//! 1 matches sometimes. Here it never matches, which is a finding, because firmware must not rely on it.
+//! A task takes effect at the present LFCLK tick. The part takes one to two ticks more, so that CC = COUNTER + 1
+//! sometimes matches there. Here it never matches and is a finding, since firmware must not rely on it.
 //!
-//! Left out: the jitter, against LFCLK, of tasks that the CPU triggers (PS 6.22).
+//! Left out: the jitter of the CPU's tasks against LFCLK (PS 6.22).
 use crate::clocks::Clocks;
 use crate::instance::{Block, Cx, Instance, index};
 
@@ -17,10 +17,8 @@ const TICK: u32 = 0;
 const OVRFLW: u32 = 1;
 const COMPARE: u32 = 16;
 const MASK: u32 = 0x00FF_FFFF;
-/// The value that TRIGOVRFLW puts into the counter.
 const NEAR_OVERFLOW: u32 = 0x00FF_FFF0;
 
-/// One RTC instance.
 #[derive(Clone, Debug)]
 pub(crate) struct Rtc {
     block: Block,
@@ -29,12 +27,11 @@ pub(crate) struct Rtc {
     prescaler: u32,
     cc: [u32; 4],
     compares: usize,
-    /// The compare registers that were written too late for their next match, and so miss it.
+    /// The compare registers that were written too late for their next match.
     late: u32,
-    /// The counter's value at `base`, which is a tick of LFCLK.
+    /// The counter's value at the LFCLK tick `base`.
     held: u32,
     base: u64,
-    /// Whether LFCLK ran at the last check.
     clocked: bool,
     next: Option<u64>,
 }
@@ -61,7 +58,6 @@ impl Rtc {
         u64::from(self.prescaler) + 1
     }
 
-    /// The number of counts since `base`.
     fn elapsed(&self, now: u64, clocks: &Clocks) -> u64 {
         match clocks.lf {
             Some(lf) if self.running && self.clocked => lf.ticks(now).saturating_sub(self.base) / self.step(),
@@ -97,15 +93,14 @@ impl Rtc {
         });
     }
 
-    /// Carries out the events that are due now, before a task or a write at the same instant. The task or the write
-    /// looks for the next event from the present count on, and would skip them.
+    /// Carries out the events that are due now, before a task or a write at the same instant, which would skip them.
     fn catch_up(&mut self, cx: &mut Cx<'_>) {
         if self.next.is_some_and(|at| at <= cx.now) {
             self.due(cx);
         }
     }
 
-    /// Sets the counter to `count`, from which it counts on with the tick under way.
+    /// Sets the counter to `count` at the present tick.
     fn load(&mut self, count: u32, cx: &Cx<'_>) {
         self.held = count & MASK;
         self.late = 0;
@@ -178,7 +173,7 @@ impl Instance for Rtc {
 
     fn configured(&mut self, cx: &mut Cx<'_>) {
         if cx.clocks.lf.is_some() != self.clocked {
-            // LFCLK has stopped, and its ticks with it; or LFCLK has started, and its ticks count from zero again.
+            // LFCLK stopped, or started with its ticks from zero.
             self.load(self.held, cx);
         }
         self.arm(cx);

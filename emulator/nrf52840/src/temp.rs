@@ -1,19 +1,17 @@
 //! TEMP: the die temperature (PS 6.28).
 //!
 //! Covered: START, STOP, DATARDY 36 µs after START, TEMP in quarter degrees, and the calibration registers as storage.
-//! Left out: the effect of the calibration on the reading. The temperature is a setting, and TEMP reads that setting
-//! unchanged.
+//! Left out: the effect of the calibration. The temperature is a setting.
 use crate::clocks::{Clocks, cycles};
 use crate::instance::{Block, Cx, Instance, index};
 
-/// The time from START to DATARDY, in cycles (PS 6.28, tTEMP: 36 µs).
+/// The cycles from START to DATARDY (PS 6.28, tTEMP: 36 µs).
 const MEASUREMENT: u64 = cycles(36_000);
 /// The reset values of A0 to A5, B0 to B5 and T0 to T4.
 const CALIBRATION: [u32; 17] = [
     0x326, 0x348, 0x3AA, 0x40E, 0x4BD, 0x5A3, 0x3FEF, 0x3FBE, 0x3FBE, 0x12, 0x124, 0x27C, 0xE2, 0x00, 0x19, 0x3C, 0x50,
 ];
 
-/// The TEMP peripheral.
 #[derive(Clone, Debug)]
 pub(crate) struct Temp {
     block: Block,
@@ -29,7 +27,6 @@ impl Temp {
     }
 }
 
-/// The index of the calibration register at an offset.
 fn calibration(offset: u32) -> Option<usize> {
     index(offset, 0x520, 4, 6)
         .or_else(|| index(offset, 0x540, 4, 6).map(|n| 6 + n))

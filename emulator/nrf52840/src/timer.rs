@@ -6,19 +6,17 @@
 //! | COMPARE at the exact tick, with CLEAR and STOP shortcuts | 6.30 |
 //! | Timer, Counter and LowPowerCounter mode, all bit modes, PRESCALER 0 to 9 | 6.30 |
 //!
-//! A compare register matches when the counter *becomes* equal to it. A register that is written with the present count
-//! therefore matches only after the counter has wrapped. With the CLEAR shortcut the period is CC ticks. If a match is
-//! due at the instant of a task or a write, the match comes first, and neither cancels it.
+//! A compare register matches when the counter *becomes* equal to it. If the present count is written to it, it matches
+//! only after a wrap. With the CLEAR shortcut the period is CC ticks. A match that is due at the instant of a task or a
+//! write comes first.
 //!
-//! Left out: the power saving of PCLK1M with PRESCALER above 4, and the resynchronisation of START by one cycle. START
-//! takes effect at the PCLK16M tick under way.
+//! Left out: the power saving of PCLK1M with PRESCALER above 4, and the one cycle by which START is resynchronised.
+//! START takes effect at the present PCLK16M tick.
 use crate::clocks::Clocks;
 use crate::instance::{Block, Cx, Instance, index};
 
-/// The number of the first COMPARE event.
 const COMPARE: u32 = 16;
 
-/// One TIMER instance.
 #[derive(Clone, Debug)]
 pub(crate) struct Timer {
     block: Block,
@@ -28,10 +26,10 @@ pub(crate) struct Timer {
     prescaler: u32,
     cc: [u32; 6],
     compares: usize,
-    /// The counter's value at `base`, which is a tick of PCLK16M.
+    /// The counter's value at the PCLK16M tick `base`.
     held: u32,
     base: u64,
-    /// The next match: its cycle, and its tick of PCLK16M.
+    /// The cycle and the PCLK16M tick of the next match.
     next: Option<(u64, u64)>,
 }
 
@@ -65,7 +63,6 @@ impl Timer {
         self.running && self.mode & 3 == 0
     }
 
-    /// The number of prescaled ticks since `base`.
     fn elapsed(&self, tick: u64) -> u64 {
         if self.counts_ticks() { tick.saturating_sub(self.base) >> self.prescaler.min(9) } else { 0 }
     }
@@ -74,15 +71,13 @@ impl Timer {
         self.held.wrapping_add(self.elapsed(tick) as u32) & self.mask()
     }
 
-    /// Moves `base` to the present tick, with the present count and prescaler, before something changes that affects
-    /// the counting.
+    /// Moves `base` to the present tick, before a change that affects the counting.
     fn rebase(&mut self, cx: &Cx<'_>) {
         let tick = cx.hf();
         self.held = self.count(tick);
         self.base = if self.counts_ticks() { self.base + (self.elapsed(tick) << self.prescaler.min(9)) } else { tick };
     }
 
-    /// Finds the next match after `tick`.
     fn arm_after(&mut self, tick: u64, cx: &Cx<'_>) {
         self.next = self.counts_ticks().then(|| {
             let (mask, count) = (self.mask(), self.count(tick));
@@ -100,7 +95,7 @@ impl Timer {
         self.arm_after(cx.hf(), cx);
     }
 
-    /// Raises the events of the compare registers that equal `count`, which the counter has just reached at `tick`.
+    /// Raises the events of the compare registers that equal `count`, which the counter reached at `tick`.
     fn matched(&mut self, count: u32, tick: u64, cx: &mut Cx<'_>) {
         let mask = self.mask();
         let (mut clear, mut stop) = (false, false);
@@ -122,9 +117,7 @@ impl Timer {
         }
     }
 
-    /// Carries out every match that is due by now, before a task or a write at the same instant. The task or the write
-    /// finds the counter already equal and looks for the next match from the present count on, so the present match
-    /// would be lost.
+    /// Carries out the matches that are due now, before a task or a write at the same instant, which would skip them.
     fn catch_up(&mut self, cx: &mut Cx<'_>) {
         while let Some((_, tick)) = self.next.filter(|(at, _)| *at <= cx.now) {
             let count = self.count(tick);

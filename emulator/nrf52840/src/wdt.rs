@@ -10,27 +10,22 @@
 use crate::clocks::Clocks;
 use crate::instance::{Act, Block, Cx, Instance, index};
 
-/// The value that must be written to a reload request register to make the request.
 const RELOAD: u32 = 0x6E52_4635;
-/// The number of LFCLK ticks from TIMEOUT to the reset.
+/// The LFCLK ticks from TIMEOUT to the reset.
 const GRACE: u64 = 2;
-/// Bits of CONFIG: the counter runs on while the core sleeps, and while a debugger halts it.
+/// Bits of CONFIG: the counter runs while the core sleeps, and while a debugger halts it.
 const SLEEP_RUN: u32 = 1;
 const HALT_RUN: u32 = 1 << 3;
 
-/// The WDT peripheral.
 #[derive(Clone, Debug)]
 pub(crate) struct Wdt {
     block: Block,
-    /// The LFCLK tick at which the counter was last loaded.
     loaded: Option<u64>,
     crv: u32,
     rren: u32,
     config: u32,
-    /// The enabled reload requests that were not made yet.
     requests: u32,
     timed_out: bool,
-    /// The LFCLK tick at which the counter was paused.
     paused: Option<u64>,
     asleep: bool,
     halted: bool,
@@ -70,13 +65,11 @@ impl Wdt {
         };
     }
 
-    /// Tells the watchdog that the core fell asleep or woke.
     pub(crate) fn sleeps(&mut self, asleep: bool, cx: &mut Cx<'_>) {
         self.asleep = asleep;
         self.pause(cx);
     }
 
-    /// Tells the watchdog that a debugger halted the core or resumed it.
     pub(crate) fn halts(&mut self, halted: bool, cx: &mut Cx<'_>) {
         self.halted = halted;
         self.pause(cx);
@@ -126,7 +119,6 @@ impl Instance for Wdt {
             0x504 => self.crv,
             0x508 => self.rren,
             0x50C => self.config,
-            // RR is write-only.
             0x600..0x620 => 0,
             _ => return None,
         })

@@ -1,4 +1,4 @@
-//! The classes of test cases, and how a case of each class is made.
+//! Classes of test cases, and how a case of each class is made.
 
 use crate::{
     flow,
@@ -11,42 +11,42 @@ use crate::{
 /// A class of cases, by the instructions that they exercise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Class {
-    /// The cases execute 16-bit instructions on registers.
+    /// 16-bit instructions on registers.
     Narrow,
-    /// The cases execute 32-bit data processing with immediates.
+    /// 32-bit data processing with immediates.
     Immediate,
-    /// The cases execute 32-bit data processing with shifted registers.
+    /// 32-bit data processing with shifted registers.
     Shifted,
-    /// The cases execute bit fields, extension, reversal, counting, and MSR and MRS of the flags.
+    /// Bit fields, extension, reversal, counting, and MSR and MRS of the flags.
     Fields,
-    /// The cases execute saturation and parallel arithmetic.
+    /// Saturation and parallel arithmetic.
     Parallel,
-    /// The cases execute multiplication and division.
+    /// Multiplication and division.
     Multiply,
-    /// The cases execute IT blocks.
-    It,
-    /// The cases execute branches.
-    Branch,
-    /// The cases execute loads and stores of one register.
-    Single,
-    /// The cases execute loads and stores of several registers.
-    Multiple,
-    /// The cases execute exclusive accesses.
-    Exclusive,
-    /// The cases execute bit-band accesses.
-    BitBand,
-    /// The cases execute instructions that fault, and SVC.
-    Fault,
-    /// The cases execute FP arithmetic.
-    FpArithmetic,
-    /// The cases execute FP comparison and conversion.
-    FpConvert,
-    /// The cases execute FP moves.
-    FpMove,
-    /// The cases execute FP loads and stores.
-    FpMemory,
-    /// The cases have interrupts that make each other pending: priorities, groups, masks, tail-chaining, lazy FP state,
     /// IT blocks.
+    It,
+    /// Branches.
+    Branch,
+    /// Loads and stores of one register.
+    Single,
+    /// Loads and stores of several registers.
+    Multiple,
+    /// Exclusive accesses.
+    Exclusive,
+    /// Bit-band accesses.
+    BitBand,
+    /// Instructions that fault, and SVC.
+    Fault,
+    /// FP arithmetic.
+    FpArithmetic,
+    /// FP comparison and conversion.
+    FpConvert,
+    /// FP moves.
+    FpMove,
+    /// FP loads and stores.
+    FpMemory,
+    /// Interrupts that make each other pending, with priorities, groups, masks, tail-chaining, lazy FP state and IT
+    /// blocks.
     Interrupt,
 }
 
@@ -104,7 +104,7 @@ impl Class {
         Self::ALL.into_iter().find(|class| class.name() == name)
     }
 
-    /// Makes case `number` of this class, to be executed at `address`. The same seed always gives the same case.
+    /// Makes case `number` of this class, to be executed at `address`. The same seed gives the same case.
     #[must_use]
     pub fn case(self, seed: u64, number: u64, address: u32) -> Case {
         let mut random = Random::new(seed, (self as u64) << 40 | number);
@@ -122,7 +122,7 @@ impl Class {
             for s in &mut case.s {
                 *s = random.float();
             }
-            // The random bits are AHP, DN, FZ and the rounding mode, and sometimes the flags.
+            // AHP, DN, FZ and the rounding mode are random, and in some cases the flags.
             case.fpscr = random.bits() & random.pick(&[0x00C0_0000, 0x07C0_0000, 0x03C0_0000, 0xF7C0_009F]);
             for register in case.r.iter_mut().take(6) {
                 *register = random.float();
@@ -159,11 +159,11 @@ impl Class {
 
 /// Appends one to eight random instructions from `table`.
 fn from(table: &[Template], case: &mut Case, random: &mut Random) {
-    // The registers are few, so that instructions read each other's results.
+    // The registers are few, so that instructions use each other's results.
     let mut registers: Vec<u32> = (0..13).chain([14]).collect();
     random.shuffle(&mut registers);
     registers.truncate(7);
-    // At least one low and one high register are in the list, so that every template has an instance.
+    // Every template needs at least one low and one high register.
     registers.extend([random.below(8), 8 + random.below(5)]);
     for _ in 0..1 + random.below(8) {
         instance(&random.pick(table), random, &registers).append(&mut case.code);

@@ -2,7 +2,6 @@
 
 use crate::image::{Case, RESULT_WORDS, code_address};
 
-/// The name of the word `index` of a result.
 fn name(index: usize) -> String {
     match index {
         0..=11 => format!("r{}", index + 1),
@@ -22,7 +21,7 @@ fn name(index: usize) -> String {
     }
 }
 
-/// The case's instructions and each word that differs, or `None` where the results are equal.
+/// The case's instructions and each word that differs; `None` if the results are equal.
 #[must_use]
 pub fn difference(index: usize, case: &Case, reference: &[u32], ours: &[u32]) -> Option<String> {
     assert_eq!((reference.len(), ours.len()), (RESULT_WORDS, RESULT_WORDS));

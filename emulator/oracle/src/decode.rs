@@ -1,8 +1,6 @@
-//! A comparison of the bench's decoder with LLVM's disassembler: which encodings are instructions, and with which
-//! registers.
+//! Compares the bench's decoder with LLVM's disassembler: which encodings are instructions, and with which registers.
 //!
-//! The comparison covers every 16-bit encoding, and [`SECONDS`] second halfwords for every first halfword of a 32-bit
-//! encoding.
+//! All 16-bit encodings are compared, and [`SECONDS`] second halfwords for each first halfword of a 32-bit encoding.
 
 use std::{
     collections::HashMap,
@@ -14,10 +12,10 @@ use anyhow::{Context, ensure};
 
 use crate::random::Random;
 
-/// The number of second halfwords for each first one.
+/// The number of second halfwords for each first halfword.
 pub const SECONDS: usize = 16;
 
-/// One encoding: its first and its second halfword. The second is 0 if the first is complete.
+/// One encoding: first and second halfword. The second is 0 in a 16-bit encoding.
 pub type Encoding = (u16, u16);
 
 /// The encodings that are compared. The list is always the same.
@@ -28,7 +26,7 @@ pub fn encodings() -> Vec<Encoding> {
     for first in 0xE800..=0xFFFF {
         for _ in 0..SECONDS {
             let mut second = random.bits() as u16;
-            // The registers 13 and 15, and fields that should be zero or one, are rare among random bits.
+            // Random bits rarely have the registers 13 and 15, or a field of only zeros or ones.
             for nibble in 0..4 {
                 match random.below(8) {
                     0 => second |= 0xF << (4 * nibble),
@@ -43,11 +41,11 @@ pub fn encodings() -> Vec<Encoding> {
     encodings
 }
 
-/// The number of bytes from one encoding to the next in the object file. NOPs between them keep an IT, or an unknown
-/// encoding, from changing how the next encoding is decoded.
+/// The distance of two encodings in the object file, in bytes. NOPs between them keep an IT or an unknown encoding from
+/// changing how the next encoding is decoded.
 const SLOT: usize = 12;
 
-/// LLVM's text of each encoding, disassembled at a multiple of `SLOT`. The text is empty where there is no instruction.
+/// LLVM's text of each encoding, empty if the encoding is no instruction.
 ///
 /// # Errors
 ///
@@ -86,7 +84,6 @@ pub fn reference(encodings: &[Encoding], directory: &Path) -> anyhow::Result<Vec
         .collect()
 }
 
-/// Finds the disassembler of the toolchain's component llvm-tools.
 fn disassembler() -> anyhow::Result<PathBuf> {
     let output = Command::new("rustc").args(["--print", "sysroot"]).output()?;
     let libraries = PathBuf::from(String::from_utf8(output.stdout)?.trim()).join("lib/rustlib");
@@ -99,7 +96,6 @@ fn disassembler() -> anyhow::Result<PathBuf> {
     anyhow::bail!("no llvm-objdump below {}: `rustup component add llvm-tools`", libraries.display())
 }
 
-/// Makes a relocatable ELF file with `code` as its Thumb `.text`.
 fn object(code: &[u8]) -> Vec<u8> {
     let names = b"\0.text\0.symtab\0.strtab\0";
     let strings = b"\0$t\0";
@@ -112,7 +108,7 @@ fn object(code: &[u8]) -> Vec<u8> {
     elf.resize(16, 0);
     let half = |elf: &mut Vec<u8>, value: u16| elf.extend(value.to_le_bytes());
     let word = |elf: &mut Vec<u8>, value: u32| elf.extend(value.to_le_bytes());
-    // The values are ET_REL, a relocatable file, and EM_ARM.
+    // ET_REL (a relocatable file) and EM_ARM.
     half(&mut elf, 1);
     half(&mut elf, 40);
     for value in [1, 0, 0, headers_at, 0x0500_0000] {
@@ -122,7 +118,7 @@ fn object(code: &[u8]) -> Vec<u8> {
         half(&mut elf, value);
     }
     elf.extend(code);
-    // The symbols are the null symbol, then $t at 0 in section 1.
+    // The null symbol, then $t at 0 in section 1.
     elf.extend([0; 16]);
     for value in [1, 0, 0] {
         word(&mut elf, value);
@@ -150,15 +146,15 @@ fn object(code: &[u8]) -> Vec<u8> {
 pub enum Verdict {
     /// Neither decoder has an instruction.
     Neither = 0,
-    /// Both decoders have an instruction. For an absent coprocessor, our decoder has the fault for that.
+    /// Both decoders have an instruction. An absent coprocessor's fault counts as an instruction.
     Both = 1,
-    /// LLVM has an instruction, and our decoder has none, since the manual calls the encoding UNPREDICTABLE.
+    /// LLVM has an instruction, and our decoder has none, since the encoding is UNPREDICTABLE.
     OursUndefined = 2,
-    /// LLVM has no instruction, and our decoder has one: an unallocated hint, or MSR of a register that does not exist.
+    /// LLVM has no instruction, and our decoder has one: an unallocated hint, or MSR of a missing register.
     OursExecutes = 3,
 }
 
-/// The verdict on an encoding; `known` says whether LLVM has an instruction.
+/// The verdict on an encoding. `known` says whether LLVM has an instruction.
 #[must_use]
 pub fn verdict(known: bool, (first, second): Encoding) -> Verdict {
     let undefined = cortex_m4::describe(0, first, second).1 == "Fault(Undefined)";
@@ -175,14 +171,13 @@ pub fn verdict(known: bool, (first, second): Encoding) -> Verdict {
 pub struct Report {
     /// The number of encodings of each [`Verdict`].
     pub counts: [usize; 4],
-    /// The encodings for which both decoders have an instruction with different registers: the encoding, LLVM's text,
-    /// and ours.
+    /// The encodings with different registers in the two decoders: the encoding, LLVM's text, and ours.
     pub registers_differ: Vec<String>,
     /// The verdicts on [`encodings`], two bits each, the first in the lowest bits.
     pub verdicts: Vec<u8>,
 }
 
-/// Compares our decoder with LLVM's: whether there is an instruction, and which registers it has.
+/// Compares our decoder with LLVM's.
 ///
 /// # Errors
 ///
@@ -204,8 +199,7 @@ pub fn compare(directory: &Path) -> anyhow::Result<Report> {
     Ok(report)
 }
 
-/// The core registers in LLVM's text, as a set. The program counter is left out, since our text has it as a part of an
-/// address.
+/// The core registers in LLVM's text, as a set without the program counter, which our text gives as an address.
 fn their_registers(text: &str) -> u16 {
     let text = text.split('@').next().unwrap_or_default();
     let words = text.split(|c: char| !c.is_ascii_alphanumeric()).skip(1);
@@ -220,7 +214,6 @@ fn their_registers(text: &str) -> u16 {
     })
 }
 
-/// The core registers in our decoder's text, as a set.
 fn our_registers(text: &str) -> u16 {
     let floating = text.starts_with("Fp(");
     let moves = text.starts_with("AluS") || text.starts_with("AluI");

@@ -13,7 +13,7 @@ use crate::{
 pub(crate) fn it_block(case: &mut Case, random: &mut Random) {
     let condition = random.below(14);
     let count = 1 + random.below(4);
-    // The mask has one bit (then or else) for each instruction after the first, then the stop bit.
+    // From the highest bit down: one bit (then or else) for each instruction but the first, then the stop bit.
     let mask = ((random.bits() & 0xF) >> (5 - count) << 1 | 1) << (4 - count) & 0xF;
     Instruction::Narrow((0xBF00 | condition << 4 | mask) as u16).append(&mut case.code);
     for _ in 0..count {
@@ -34,7 +34,7 @@ fn filler(code: &mut Code, random: &mut Random) {
     }
 }
 
-/// Appends a branch over some instructions, taken or not, in any of the forms of a branch.
+/// Appends a branch of any form over some instructions, taken or not.
 pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
     let mut code = Code::at(address);
     if random.once_in(2) {
@@ -47,7 +47,6 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
     filler(&mut skipped, random);
     let length = 2 * skipped.halves.len() as u32;
     let condition = random.below(14);
-    // Branches use the registers r5 to r7.
     let register = 5 + random.below(3);
     let set = |case: &mut Case, value: u32| case.r[register as usize] = value;
     match random.below(16) {
@@ -72,15 +71,13 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
         }
         8 => {
             // BX and BLX sometimes have no Thumb bit, which faults at the target with UFSR.INVSTATE (ARM ARM B1.5.14).
-            // QEMU reports UFSR.UNALIGNED instead if the target's address is no multiple of four, so such cases are not
-            // generated.
+            // At a target that is no multiple of four, QEMU reports UFSR.UNALIGNED instead, so such cases are not made.
             let target = code.here() + 2 + length;
             let thumb = u32::from(target & 2 != 0 || !random.once_in(8));
             set(case, target | thumb);
             code.narrow(0x4700 | random.below(2) << 7 | register << 3);
         }
         9 => {
-            // MOV pc ignores bit 0.
             set(case, (code.here() + 2 + length) | random.below(2));
             code.narrow(0x4687 | register << 3);
         }
@@ -89,7 +86,7 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
             code.narrow(0x4487 | register << 3);
         }
         11 => {
-            // TBB and TBH have four entries after the instruction.
+            // TBB and TBH have four table entries after the instruction.
             let (wide, index) = (random.below(2), random.below(4));
             set(case, index);
             code.wide(0xE8DF_F000 | wide << 4 | register);
@@ -102,7 +99,7 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
             }
         }
         12 => {
-            // POP and LDM of pc, and LDR to pc, read the target from the window.
+            // POP, LDM or LDR reads pc from the memory window.
             let at = random.below(16);
             let form = random.below(5);
             let size = if form == 0 { 2 } else { 4 };
@@ -112,7 +109,6 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
             match form {
                 0 => code.narrow(0xBD00),
                 1 => {
-                    // In LDM r, {r0, pc}, the target is the second word.
                     case.window.swap(at as usize, at as usize + 1);
                     code.wide(0xE890_8001 | register << 16 | random.below(2) << 21)
                 }
@@ -126,7 +122,6 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
             };
         }
         13 => {
-            // The branch is the last instruction of an IT block.
             code.narrow(0xBF08 | condition << 4);
             match random.below(3) {
                 0 => code.narrow(0xE000 | ((length - 2) / 2)),
@@ -138,7 +133,7 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
             };
         }
         14 => {
-            // The branch goes backwards: SUBS, BNE.
+            // A backward branch: SUBS, BNE.
             set(case, 1 + random.below(6));
             let back = code.here();
             filler(&mut code, random);
@@ -147,7 +142,7 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
             code.narrow(0xD100 | (offset >> 1) & 0xFF);
         }
         _ => {
-            // In LDR pc with a literal, the literal follows, aligned to a word.
+            // The literal of LDR pc follows, aligned to a word.
             if !code.here().is_multiple_of(4) {
                 code.narrow(0xBF00);
             }
@@ -165,15 +160,14 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
 pub(crate) fn fault(case: &mut Case, random: &mut Random) {
     let mut halves = Vec::new();
     instance(&random.pick(integer::IMMEDIATE), random, &DATA).append(&mut halves);
-    // In some cases the faulting instruction is in an IT block.
     let it = random.once_in(3);
     let kind = random.below(12);
-    // After CPSID i, SVC and other faults escalate to HardFault.
+    // After CPSID i, faults and SVC escalate to HardFault.
     if random.once_in(4) {
         halves.push(0xB672);
     }
     if it {
-        // The IT block has two instructions if a barrier comes first.
+        // With a barrier first, the IT block has two instructions.
         halves.push((0xBF00 | random.below(14) << 4 | if kind == 3 { 4 } else { 8 }) as u16);
     }
     let (d, n, m) = (random.pick(&DATA), 5 + random.below(2), random.pick(&DATA));
@@ -185,7 +179,7 @@ pub(crate) fn fault(case: &mut Case, random: &mut Random) {
         3 => {
             case.r[n as usize] = 0;
             case.ccr |= 0x10;
-            // A barrier comes first, since QEMU loses register writes before a trapped division in the same block (its
+            // The barrier is needed because QEMU loses register writes before a trapped division in the same block (its
             // division helper is declared not to need the registers).
             Instruction::Wide(0xF3BF_8F6F).append(&mut halves);
             Instruction::Wide(random.pick(&[0xFB90_F0F0, 0xFBB0_F0F0]) | m << 16 | d << 8 | n)
@@ -208,10 +202,10 @@ pub(crate) fn fault(case: &mut Case, random: &mut Random) {
             case.r[n as usize] = wild;
             Instruction::Wide(random.pick(&[0xE890_000F, 0xE9D0_0100, 0xED90_0A00, 0xECB0_0A04]) | n << 16)
         }
-        // The instructions here are of coprocessors that are absent.
+        // Absent coprocessors.
         9 => Instruction::Wide(0xEE00_0010 | random.pick(&[0_u32, 1, 5, 7, 8, 9, 12, 15]) << 8 | d << 12),
         10 => Instruction::Wide(0xEC90_0000 | random.pick(&[0_u32, 1, 5, 7, 8, 9, 12, 15]) << 8 | n << 16),
-        // The instructions here are of double precision, which is undefined on FPv4-SP.
+        // Double precision, which is undefined in FPv4-SP.
         _ => Instruction::Wide(random.pick(&[0xEE30_0B00, 0xEE20_0B00, 0xEEB1_0BC0, 0xEEB7_0AC0, 0xEEBD_0BC0])),
     };
     faulting.append(&mut halves);
@@ -219,14 +213,14 @@ pub(crate) fn fault(case: &mut Case, random: &mut Random) {
     case.code.extend(halves);
 }
 
-/// Makes a case of interrupts 0 to 7, PendSV and SysTick with random priorities. Some are pending at first, and these
-/// make others pending in turn. BASEPRI is raised at first; it is lowered in an IT block, and again after it.
+/// Makes a case of interrupts 0 to 7, PendSV and SysTick with random priorities. Some are pending at first and make
+/// others pending. BASEPRI is raised at first and lowered in an IT block and after it.
 pub(crate) fn interrupt(case: &mut Case, random: &mut Random) {
-    // There are few priorities to draw from, so that some are equal.
+    // Few values, so that some priorities are equal.
     let levels = [0x00, 0x20, 0x40, 0x60, 0x61, 0x80, 0xA0, 0xE0];
     let priorities = |random: &mut Random| u32::from_le_bytes([0; 4].map(|_| random.pick(&levels)));
     case.window.fill(0);
-    // The window has words for the exceptions 14 to 23, whose numbers there are 14, 15 and 0 to 7.
+    // The words are for the exceptions 14 to 23, at their numbers modulo 16.
     for number in [0, 1, 2, 3, 4, 5, 6, 7, 14, 15] {
         if random.once_in(2) {
             let pend = random.bits() & random.bits() & random.bits() & 0x1400_00FF;
@@ -253,7 +247,7 @@ pub(crate) fn interrupt(case: &mut Case, random: &mut Random) {
     code.store(9, 0, 0).store(1, 0, 0x300).store(2, 0, 0x304).store(3, 0, 0xC20).store(4, 0, 0xC0C);
     code.wide(0xF385_8811).store(6, 0, 0x100).store(7, 0, 0xC04); // MSR BASEPRI, r5; ISPR, ICSR
     code.wide(0xF3BF_8F4F).narrow(0xB662).wide(0xF3BF_8F6F); // DSB; CPSIE i; ISB
-    // The IT block has four instructions, the first of which may lower BASEPRI in part.
+    // The first of the four instructions of the IT block may lower BASEPRI.
     let condition = random.below(14);
     code.narrow(0xBF00 | condition << 4 | random.below(8) << 1 | 1);
     code.wide(0xF38A_8811); // MSR BASEPRI, r10

@@ -1,5 +1,5 @@
-//! The image for the guest (QEMU or the bench's core): code that loads each case's state, executes the case, and stores
-//! the resulting state.
+//! The image for the guest, which is QEMU or the bench's core. Its code loads each case's state, executes the case, and
+//! stores the resulting state.
 //!
 //! | Address | What |
 //! |---|---|
@@ -10,9 +10,9 @@
 //! | 0x2000_8000 | the memory window that is part of a case's state |
 //! | 0x2100_0000 | the results, [`RESULT_WORDS`] words each |
 //!
-//! The image fits QEMU's machine `mps2-an386`, and needs only memory of the part. A case runs in thread mode,
-//! privileged, on the process stack. A fault or `SVC` is recorded and ends the case. The interrupt handler logs what
-//! happens into the window.
+//! The image runs on QEMU's machine `mps2-an386` and needs only memory of a part. A case runs privileged, in thread
+//! mode, on the process stack. A fault or `SVC` is recorded and ends the case. The interrupt handler writes its log
+//! into the window.
 
 use crate::thumb::Code;
 
@@ -20,7 +20,7 @@ use crate::thumb::Code;
 pub const CASES: u32 = 0x1000;
 /// The number of bytes of a case.
 pub const STRIDE: u32 = 448;
-/// The maximum number of cases in one image, since the board has 4 MiB at address 0.
+/// The maximum number of cases in one image. The machine has 4 MiB at address 0.
 pub const MOST_CASES: usize = 8192;
 /// The address of the memory window.
 pub const WINDOW: u32 = 0x2000_8000;
@@ -34,17 +34,16 @@ pub const RESULT_WORDS: usize = 87;
 pub const FILE: &str = "results.bin";
 
 const VARIABLES: u32 = 0x2000_0000;
-/// The offset of the variable that points to the interrupt handler's next log entry.
 const LOG_POINTER: u32 = 64;
-/// The address of the interrupt handler's log, which is the upper half of the window.
+/// The address of the interrupt handler's log: the upper half of the window.
 const LOG: u32 = WINDOW + 64;
 const STATE_BYTES: u32 = 328;
 const HARNESS: u32 = 0x100;
-/// The maximum number of halfwords of a case's own code. The other halfwords of its place are for an LDM of the initial
-/// state before it and a branch after it.
+/// The maximum number of halfwords of a case's own code. The rest of [`STRIDE`] holds an LDM of the initial state and a
+/// branch.
 const MOST_CODE: usize = (STRIDE - STATE_BYTES) as usize / 2 - 4;
 
-/// One case: an initial state, and the instructions to execute from it.
+/// One case: an initial state and instructions.
 #[derive(Clone, Debug, Default)]
 pub struct Case {
     /// The contents of memory at [`WINDOW`].
@@ -67,7 +66,7 @@ pub struct Case {
     pub code: Vec<u16>,
 }
 
-/// The address of the instructions of a case.
+/// The address of the instructions of case `index`.
 #[must_use]
 pub fn code_address(index: usize) -> u32 {
     CASES + index as u32 * STRIDE + STATE_BYTES + 4
@@ -81,7 +80,7 @@ pub fn build(cases: &[Case]) -> Vec<u8> {
     let epilogue = write_epilogue(&mut harness);
     let start = write_start(&mut harness, cases.len() as u32);
     let fault = write_fault_handler(&mut harness, epilogue);
-    // The epilogue's branch to the next case was written before its target was known, and `link` sets it later.
+    // `link` later sets the target of the epilogue's branch to the next case.
     let prologue = write_prologue(&mut harness);
     let finish = write_finish(&mut harness);
     let interrupt = write_interrupt_handler(&mut harness);
@@ -113,12 +112,12 @@ pub fn build(cases: &[Case]) -> Vec<u8> {
 
 fn write_start(code: &mut Code, cases: u32) -> u32 {
     let start = code.here();
-    // CPACR gives full access to CP10 and CP11, and SHCSR enables the three configurable faults.
+    // CPACR enables the FPU, and SHCSR the three configurable faults.
     for (register, value) in [(0xE000_ED88, 0x00F0_0000), (0xE000_ED24, 7 << 16)] {
         code.constant(0, register).constant(1, value).store(1, 0, 0);
     }
     code.wide(0xF3BF_8F4F).wide(0xF3BF_8F6F); // DSB, ISB
-    // MSR PSP, r1, MSR CONTROL, r1 and ISB put thread mode on the process stack.
+    // MSR PSP, r1; MSR CONTROL, r1; ISB: thread mode uses the process stack.
     code.constant(1, 0x2000_6000).wide(0xF381_8809);
     code.constant(1, 2).wide(0xF381_8814).wide(0xF3BF_8F6F);
     code.constant(0, VARIABLES);
@@ -126,12 +125,11 @@ fn write_start(code: &mut Code, cases: u32) -> u32 {
         code.constant(1, value).store(1, 0, offset);
     }
     let to_prologue = code.here();
-    // The prologue comes after the fault handler, so `link` later sets the target of this branch.
+    // `link` later sets the target of this branch.
     code.branch(to_prologue);
     start
 }
 
-/// Writes the code that loads the state of the next case.
 fn write_prologue(code: &mut Code) -> u32 {
     let prologue = code.here();
     code.constant(0, VARIABLES).load(0, 0, 0).constant(1, WINDOW);
@@ -154,10 +152,9 @@ fn write_prologue(code: &mut Code) -> u32 {
     prologue
 }
 
-/// Writes the code that stores the state and continues with the next case.
 fn write_epilogue(code: &mut Code) -> u32 {
     let epilogue = code.here();
-    // r0 is saved at SP + 4000, which no case accesses, since no register is free yet.
+    // No register is free yet, so r0 is saved at SP + 4000, which no case accesses.
     code.store(0, 13, 4000).constant(0, VARIABLES).load(0, 0, 4);
     code.wide(0xE8A0_5FFE); // STM r0!, {r1-r12, lr}
     code.wide(0xF3EF_8100).wide(0xEEF1_2A10).wide(0xE8A0_0006); // MRS r1, APSR; VMRS r2, FPSCR; STM r0!, {r1, r2}
@@ -182,12 +179,12 @@ fn write_fault_handler(code: &mut Code, epilogue: u32) -> u32 {
     let handler = code.here();
     code.wide(0xF3EF_8009).constant(2, VARIABLES); // MRS r0, PSP
     code.load(1, 0, 24).store(1, 2, 24).load(1, 0, 28).store(1, 2, 28);
-    // The return is outside any IT block and in Thumb state. The bit of the stack's alignment (bit 9) stays.
+    // The return is in Thumb state, outside any IT block. The bit of the stack's alignment (bit 9) stays.
     code.constant(3, 0xF80F_0200).narrow(0x4019).constant(3, 0x0100_0000).narrow(0x4319).store(1, 0, 28);
     code.constant(3, epilogue).store(3, 0, 24);
     code.constant(3, 0xE000_ED28).load(1, 3, 0).store(1, 2, 12);
-    // The code is: TST r1, #MMARVALID; BEQ; it stores the address of a memory management fault, and then likewise of a
-    // bus fault.
+    // TST r1, #MMARVALID; BEQ; the address of the memory management fault is stored. A bus fault's address follows
+    // likewise.
     code.wide(0xF011_0F80).narrow(0xD003).load(12, 3, 12).store(12, 2, 20);
     code.wide(0xF411_4F00).narrow(0xD003).load(12, 3, 16).store(12, 2, 20);
     code.store(1, 3, 0).load(1, 3, 4).store(1, 2, 16).store(1, 3, 4);
@@ -196,10 +193,10 @@ fn write_fault_handler(code: &mut Code, epilogue: u32) -> u32 {
     handler
 }
 
-/// Writes the handler of PendSV, SysTick and the interrupts. The handler logs the active exception with its EXC_RETURN.
-/// Then it does once what the exception's word of the window says, and logs the active exception with BASEPRI. The word
-/// of exception n is number n % 16 of the window: bits 7:0 are interrupts to make pending, bits 15:8 go to BASEPRI_MAX,
-/// bits 28 and 26 make PendSV and SysTick pending, and bit 31 asks for an FP instruction.
+/// Writes the handler of PendSV, SysTick and the interrupts. It logs the active exception with EXC_RETURN, does what
+/// the exception's word of the window says, clears the word, and logs the active exception with BASEPRI. The word of
+/// exception n is word n % 16: bits 7:0 are interrupts to make pending, bits 15:8 go to BASEPRI_MAX, bits 28 and 26
+/// make PendSV and SysTick pending, and bit 31 asks for an FP instruction.
 fn write_interrupt_handler(code: &mut Code) -> u32 {
     let handler = code.here();
     code.wide(0xF3EF_8005).wide(0xEA40_200E); // MRS r0, IPSR; ORR r0, r0, lr, LSL #8
@@ -212,7 +209,7 @@ fn write_interrupt_handler(code: &mut Code) -> u32 {
     code.constant(12, 5 << 26).wide(0xEA02_000C).constant(3, 0xE000_ED04).store(0, 3, 0); // AND r0, r2, r12; ICSR
     code.wide(0xF3C2_2007).wide(0xF380_8812); // UBFX r0, r2, #8, #8; MSR BASEPRI_MAX, r0
     code.narrow(0xB662).wide(0xF3BF_8F4F).wide(0xF3BF_8F6F); // CPSIE i; DSB; ISB
-    // The code is: MRS r0, IPSR; MRS r3, BASEPRI; ORR r0, r0, r3, LSL #16.
+    // MRS r0, IPSR; MRS r3, BASEPRI; ORR r0, r0, r3, LSL #16.
     code.wide(0xF3EF_8005).wide(0xF3EF_8311).wide(0xEA40_4003);
     code.wide(0xF040_4000); // ORR r0, r0, #0x8000_0000
     write_log(code);
@@ -220,14 +217,14 @@ fn write_interrupt_handler(code: &mut Code) -> u32 {
     handler
 }
 
-/// Writes code that adds r0 to the log, mixed with the log's previous entry. The log wraps around.
+/// Writes code that mixes r0 with the log's last entry and adds it to the log, which wraps around.
 fn write_log(code: &mut Code) {
     code.constant(1, VARIABLES).load(2, 1, LOG_POINTER).load(3, 2, 0);
     code.wide(0xEA80_10F3).store(0, 2, 0); // EOR r0, r0, r3, ROR #7
     code.narrow(0x3204).wide(0xF022_0280).wide(0xF042_0240).store(2, 1, LOG_POINTER); // ADDS #4; BIC #0x80; ORR #0x40
 }
 
-/// Writes the code that writes the results to [`FILE`] and ends the run, by semihosting.
+/// Writes the code that writes the results to [`FILE`] and exits, by semihosting.
 fn write_finish(code: &mut Code) -> u32 {
     let finish = code.here();
     let block = VARIABLES + 0x100;
@@ -252,7 +249,7 @@ fn write_finish(code: &mut Code) -> u32 {
 }
 
 fn link(code: &mut Code, epilogue: u32, prologue: u32, finish: u32) {
-    // A branch to itself or to the epilogue is a placeholder whose target is set here.
+    // A branch to itself or to the epilogue is a placeholder.
     let placeholders: Vec<usize> = (0..code.halves.len() - 1)
         .filter(|&i| {
             let here = code.base + 2 * i as u32;
@@ -262,8 +259,7 @@ fn link(code: &mut Code, epilogue: u32, prologue: u32, finish: u32) {
         })
         .collect();
     assert_eq!(placeholders.len(), 3);
-    // In the order in which they were written, the targets are: the next case, the end, and the first case from the
-    // start.
+    // In the order of writing, the targets are the next case, the end, and the first case.
     for (at, target) in placeholders.into_iter().zip([prologue, finish, prologue]) {
         let mut branch = Code::at(code.base + 2 * at as u32);
         branch.branch(target);

@@ -58,7 +58,7 @@ pub(crate) const IMMEDIATE: &[Template] = &[
     ("11110i0 1101s 1101 0iii DDDD iiiiiiii", modified),
     ("11110i0 11011 NNNN 0iii 1111 iiiiiiii", modified),
     ("11110i0 1110s NNNN 0iii DDDD iiiiiiii", modified),
-    // The following are ADDW, SUBW, ADR, MOVW and MOVT.
+    // ADDW, SUBW, ADR, MOVW and MOVT.
     ("11110i1 00000 NNNN 0iii DDDD iiiiiiii", any),
     ("11110i1 00000 1101 0iii DDDD iiiiiiii", any),
     ("11110i1 00000 1111 0iii DDDD iiiiiiii", any),
@@ -157,7 +157,7 @@ fn two(f: &Fields) -> bool {
 
 /// FPv4-SP arithmetic and moves between s registers.
 pub(crate) const FP_ARITHMETIC: &[Template] = &[
-    // The following are VMLA, VMLS, VNMLA, VNMLS, VMUL, VNMUL, VADD, VSUB, VDIV, VFNMA, VFNMS, VFMA and VFMS.
+    // VMLA, VMLS, VNMLA, VNMLS, VMUL, VNMUL, VADD, VSUB, VDIV, VFNMA, VFNMS, VFMA and VFMS.
     ("111011100 d00 nnnn dddd 1010 n o m 0 mmmm", any),
     ("111011100 d01 nnnn dddd 1010 n o m 0 mmmm", any),
     ("111011100 d10 nnnn dddd 1010 n o m 0 mmmm", any),
@@ -166,7 +166,7 @@ pub(crate) const FP_ARITHMETIC: &[Template] = &[
     ("111011101 d01 nnnn dddd 1010 n o m 0 mmmm", any),
     ("111011101 d10 nnnn dddd 1010 n o m 0 mmmm", any),
     ("111011101 d00 nnnn dddd 1010 n 0 m 0 mmmm", any),
-    // The following are VMOV of an immediate and of a register, VABS, VNEG and VSQRT.
+    // VMOV of an immediate and of a register, VABS, VNEG and VSQRT.
     ("111011101 d11 iiii dddd 1010 0000 iiii", any),
     ("111011101 d11 000x dddd 1010 x1 m 0 mmmm", any),
     ("111011101 d11 000x dddd 1010 x1 m 0 mmmm", any),
@@ -175,22 +175,22 @@ pub(crate) const FP_ARITHMETIC: &[Template] = &[
 
 /// FPv4-SP comparison and conversion.
 pub(crate) const FP_CONVERT: &[Template] = &[
-    // The following are VCVTB, VCVTT, and VCMP and VCMPE with a register and with zero.
+    // VCVTB, VCVTT, and VCMP and VCMPE with a register and with zero.
     ("111011101 d11 001x dddd 1010 t1 m 0 mmmm", any),
     ("111011101 d11 001x dddd 1010 t1 m 0 mmmm", any),
     ("111011101 d11 0100 dddd 1010 e1 m 0 mmmm", any),
     ("111011101 d11 0101 dddd 1010 e1 0 0 0000", any),
-    // The following are VCVT with integers, VCVTR, and VCVT with fixed point of 16 and 32 bits.
+    // VCVT with integers, VCVTR, and VCVT with fixed point of 16 and 32 bits.
     ("111011101 d11 1000 dddd 1010 x1 m 0 mmmm", any),
     ("111011101 d11 110x dddd 1010 r1 m 0 mmmm", any),
     ("111011101 d11 110x dddd 1010 r1 m 0 mmmm", any),
     ("111011101 d11 1o1u dddd 1010 01 i 0 iiii", |f| fraction(f, 16)),
     ("111011101 d11 1o1u dddd 1010 11 i 0 iiii", |f| fraction(f, 32)),
-    // VMRS copies the flags to APSR, so that comparisons show there as well.
+    // VMRS copies the flags to APSR.
     ("111011101111 0001 1111 1010 0001 0000", any),
 ];
 
-/// Whether the number of fraction bits, which is `size` minus imm4:i, is not negative. The field's first bit is i.
+/// Whether the number of fraction bits, `size` minus imm4:i, is not negative. The field's first bit is i.
 fn fraction(f: &Fields, size: u32) -> bool {
     let i = f.get('i');
     ((i & 0xF) << 1 | i >> 4) <= size

@@ -5,8 +5,8 @@
 //! | the effect of instructions | QEMU's `mps2-an386`, on random cases by [`Class`] | [`run`], [`recording`] |
 //! | the meaning of encodings | LLVM's disassembler | [`decode`] |
 //!
-//! Time, sleep, debug and UNPREDICTABLE behaviour are not compared. Where QEMU is known to differ from the manual, a
-//! comment in the generator of cases says so, and the generator makes no such case.
+//! Time, sleep, debug and UNPREDICTABLE behaviour are not compared. Cases in which QEMU differs from the manual are not
+//! made; a comment in their generator names them.
 #![forbid(unsafe_code)]
 
 mod class;
@@ -37,7 +37,7 @@ use recording::{Recorded, Recording};
 pub const EXECUTION: &str = "execution.txt";
 /// The name of the file with LLVM's verdicts.
 pub const DECODE: &str = "decode.bin";
-/// The number of cases of each class that are recorded. The tests repeat them in about a second.
+/// The number of recorded cases of each class. The tests repeat them in about a second.
 pub const RECORDED_CASES: usize = 4096;
 
 /// The settings of a comparison.
@@ -51,9 +51,8 @@ pub struct Options {
     pub seed: u64,
     /// Whether the decoder is also compared with LLVM's disassembler.
     pub decode: bool,
-    /// A directory for recordings: [`EXECUTION`] has QEMU's results and, with `decode`, [`DECODE`] has LLVM's. The
-    /// tests of `cortex-m4` read the recordings and take longer with more cases, so recordings have [`RECORDED_CASES`]
-    /// of each class.
+    /// A directory for recordings: [`EXECUTION`] gets QEMU's results and, with `decode`, [`DECODE`] LLVM's verdicts.
+    /// Recordings have [`RECORDED_CASES`] of each class, since the tests of `cortex-m4` repeat all of them.
     pub record: Option<PathBuf>,
     /// A directory for the image and QEMU's results.
     pub scratch: PathBuf,
@@ -77,7 +76,7 @@ pub struct Row {
     pub faults: usize,
     /// The number of cases whose results differ.
     pub differing: usize,
-    /// The first few of the cases that differ, in words.
+    /// The first few differing cases, in words.
     pub examples: Vec<String>,
 }
 
@@ -93,7 +92,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// The number of cases that differ, in all classes, plus the number of encodings whose registers differ.
+    /// The number of differing cases of all classes, plus the number of encodings with different registers.
     #[must_use]
     pub fn differing(&self) -> usize {
         let registers = self.decode.as_ref().map_or(0, |decode| decode.registers_differ.len());
@@ -124,7 +123,7 @@ impl fmt::Display for Report {
     }
 }
 
-/// Makes `count` cases of `class`, from number `first` on. A case also depends on its place in its image.
+/// Makes `count` cases of `class`, from number `first` on. A case also depends on its position in its image.
 #[must_use]
 pub fn cases(class: Class, seed: u64, first: u64, count: usize) -> Vec<Case> {
     (0..count).map(|i| class.case(seed, first + i as u64, image::code_address(i))).collect()
@@ -145,8 +144,8 @@ pub fn reference(cases: &[Case], directory: &Path) -> anyhow::Result<Vec<u32>> {
 ///
 /// # Errors
 ///
-/// Returns an error if QEMU is missing or failed, if an image did not run to its end on the bench's core, or if the
-/// recording was not written.
+/// Returns an error if QEMU is missing or failed, if an image did not end on the bench's core, or if the recording was
+/// not written.
 pub fn run(options: &Options) -> anyhow::Result<Report> {
     let complete = options.classes.is_empty() && options.decode && options.cases == RECORDED_CASES;
     ensure!(options.record.is_none() || complete, "a recording has {RECORDED_CASES} cases of all classes, and LLVM's");

@@ -1,6 +1,6 @@
 //! Cases with loads and stores of every form, ARM ARM A5.2.4, A5.3.5 to A5.3.10, A6.5, A6.6.
 //!
-//! Every access has its own base register, so that it goes to the memory window whatever its offset is.
+//! Every access has its own base register, so that its address is in the memory window.
 
 use crate::{
     image::{Case, WINDOW, WINDOW_WORDS},
@@ -17,26 +17,25 @@ pub(crate) enum Kind {
     Multiple,
     /// Exclusive accesses: LDREX and STREX.
     Exclusive,
-    /// Accesses to the bit-band alias of the window.
+    /// Accesses to the window's bit-band alias.
     BitBand,
     /// FP accesses: VLDR, VSTR, VLDM, VSTM, VPUSH, VPOP.
     Floating,
 }
 
 struct Registers {
-    /// The registers for addresses and indices. No instruction of the case loads them.
+    /// The registers for addresses and indices, which no instruction of the case loads.
     kept: Vec<u32>,
-    /// The registers that are loaded and stored.
     data: Vec<u32>,
 }
 
-/// Appends accesses to `case`, and sets the registers that they need.
+/// Appends accesses to `case`, and sets the registers for their addresses.
 pub(crate) fn append(case: &mut Case, kind: Kind, random: &mut Random) {
     let mut low: Vec<u32> = (0..8).collect();
     let mut high: Vec<u32> = (8..13).collect();
     random.shuffle(&mut low);
     random.shuffle(&mut high);
-    // Four low registers and two high ones hold addresses and indices.
+    // Four low and two high registers hold addresses and indices.
     let mut registers =
         Registers { kept: [&high[..2], &low[..4]].concat(), data: [&low[4..], &high[2..], &[14][..]].concat() };
     let count = 1 + random.below(3);
@@ -51,22 +50,21 @@ pub(crate) fn append(case: &mut Case, kind: Kind, random: &mut Random) {
     }
 }
 
-/// An address at which `bytes` lie inside the window. Most of the time it is a multiple of `align`.
+/// An address for `bytes` inside the window, usually a multiple of `align`.
 fn target(bytes: u32, align: u32, random: &mut Random) -> u32 {
     let offset = random.below(WINDOW_WORDS as u32 * 4 - bytes + 1);
     WINDOW + if random.once_in(4) { offset } else { offset & !(align - 1) }
 }
 
 fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers, random: &mut Random) {
-    // The size 0 is a byte, 1 a half, 2 a word.
     let mut size = random.below(3);
     let load = random.once_in(2);
     let signed = load && size < 2 && random.once_in(2);
     let bytes = 1 << size;
     let address = if bit_band {
         let alias = 0x2200_0000 + (WINDOW - 0x2000_0000) * 32;
-        // The access is aligned. An access across the words of two bits would be two accesses to the alias on silicon,
-        // but one at a time on QEMU.
+        // The access is aligned. Across the words of two bits, silicon makes two accesses to the alias, and QEMU makes
+        // one for each.
         (alias + random.below(WINDOW_WORDS as u32 * 32) * 4 + random.below(4)) & !(bytes - 1)
     } else {
         target(4, bytes, random)
@@ -77,14 +75,14 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
     let mut code = Vec::new();
     let (l, s) = (u32::from(load), u32::from(signed));
     match random.below(if bit_band { 6 } else { 9 }) {
-        // The access is by a 16-bit instruction with an immediate.
+        // A 16-bit instruction with an immediate.
         0 if base_is_low && !signed => {
             let imm5 = random.below(32);
             set(case, base, address.wrapping_sub(imm5 << size));
             let op = [0b01110, 0b10000, 0b01100][size as usize] | l;
             Instruction::Narrow((op << 11 | imm5 << 6 | base << 3 | low_t) as u16).append(&mut code);
         }
-        // The access is by a 16-bit instruction with a register offset.
+        // A 16-bit instruction with a register offset.
         1 | 2 if base_is_low && registers.kept.last().is_some_and(|&r| r < 8) => {
             let index = registers.kept.pop().unwrap_or_default();
             let offset = random.word();
@@ -102,15 +100,14 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
             };
             Instruction::Narrow((0x5000 | op << 9 | index << 6 | base << 3 | low_t) as u16).append(&mut code);
         }
-        // The access is by a 32-bit instruction with a 12-bit immediate.
+        // A 32-bit instruction with a 12-bit immediate.
         3 => {
             let imm12 = random.below(4096);
             set(case, base, address.wrapping_sub(imm12));
             let op = 0xF880_0000 | s << 24 | size << 21 | l << 20 | base << 16 | t << 12 | imm12;
             Instruction::Wide(op).append(&mut code);
         }
-        // The access is by a 32-bit instruction with an 8-bit immediate: offset, pre-indexed, post-indexed or
-        // unprivileged.
+        // A 32-bit instruction with an 8-bit immediate: offset, pre-indexed, post-indexed or unprivileged.
         4 | 6 => {
             let imm8 = random.below(256);
             let puw = random.pick(&[0b100, 0b101, 0b111, 0b001, 0b011, 0b110]);
@@ -119,7 +116,7 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
             let op = 0xF800_0800 | s << 24 | size << 21 | l << 20 | base << 16 | t << 12 | puw << 8 | imm8;
             Instruction::Wide(op).append(&mut code);
         }
-        // The access is by a 32-bit instruction with a register offset.
+        // A 32-bit instruction with a register offset.
         5 if registers.kept.len() > 1 => {
             let index = registers.kept.remove(0);
             let (offset, shift) = (random.word(), random.below(4));
@@ -128,7 +125,7 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
             let op = 0xF800_0000 | s << 24 | size << 21 | l << 20 | base << 16 | t << 12 | shift << 4 | index;
             Instruction::Wide(op).append(&mut code);
         }
-        // The access is SP-relative, or PUSH or POP of one register.
+        // SP-relative, or PUSH or POP of one register.
         7 => {
             case.sp = WINDOW + 4 * random.below(WINDOW_WORDS as u32);
             let imm8 = random.below(32);
@@ -140,7 +137,7 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
             .append(&mut code);
             size = 2;
         }
-        // A literal load reads the code around it, which is the same on QEMU and on the bench's core.
+        // A literal load reads the code around it.
         _ => {
             let imm12 = random.below(400);
             match random.below(3) {
@@ -181,8 +178,8 @@ fn multiple(case: &mut Case, base: u32, registers: &Registers, random: &mut Rand
         0 if base < 8 => {
             set(case, base, middle);
             let mut list = list(random, true, 1);
-            // The list may contain the base: in a load anywhere, in a store only as the lowest register, where the
-            // result is defined.
+            // A load may have its base anywhere in the list. A store may only have it as the lowest register, for which
+            // the result is defined.
             if random.once_in(4) && (load || list.trailing_zeros() > base) {
                 list |= 1 << base;
             }
@@ -195,7 +192,7 @@ fn multiple(case: &mut Case, base: u32, registers: &Registers, random: &mut Rand
             Instruction::Narrow((if load { 0xBC00 } else { 0xB400 } | m << 8 | list) as u16).append(&mut code);
         }
         2 | 3 => {
-            // The address is sometimes unaligned, which gives UFSR.UNALIGNED.
+            // In some cases the address is unaligned, which gives UFSR.UNALIGNED.
             let n = if random.once_in(3) { 13 } else { base };
             set(case, n, middle + if random.once_in(16) { 1 + random.below(3) } else { 0 });
             let mode = random.pick(&[0xE880_0000_u32, 0xE900_0000]);
@@ -224,12 +221,12 @@ fn multiple(case: &mut Case, base: u32, registers: &Registers, random: &mut Rand
 }
 
 /// Appends a pair of exclusive accesses of the same size at the same address, or a store alone. Other combinations are
-/// not compared: the M4's monitor holds no address (TRM 5.8 / 3.8), and QEMU's monitor compares address and value.
+/// not compared: the M4's monitor holds no address (TRM 5.8 / 3.8), QEMU's compares address and value.
 fn exclusive(case: &mut Case, base: u32, registers: &Registers, random: &mut Random) {
     let size = random.below(3);
     let mut address = target(4, 1 << size, random) & !((1 << size) - 1);
-    // The address is sometimes unaligned, but only after a load: a store alone faults by ExclusiveMonitorsPass (ARM ARM
-    // B2.3.7), where QEMU lets it fail.
+    // Only a load may be unaligned: a store alone faults by ExclusiveMonitorsPass (ARM ARM B2.3.7), but fails without a
+    // fault on QEMU.
     let paired = !random.once_in(4);
     if size > 0 && paired && random.once_in(16) {
         address += 1;
@@ -264,7 +261,7 @@ fn exclusive(case: &mut Case, base: u32, registers: &Registers, random: &mut Ran
 fn floating(case: &mut Case, base: u32, random: &mut Random) {
     let l = random.below(2);
     let double = random.below(2);
-    // The number of an s register is Vd:D, and that of a d register D:Vd.
+    // An s register's number is Vd:D, a d register's D:Vd.
     let first = random.below(if double == 1 { 16 } else { 32 });
     let (d, vd) = if double == 1 { (0, first) } else { (first & 1, first >> 1) };
     let common = 0xEC00_0A00 | d << 22 | l << 20 | vd << 12 | double << 8;
@@ -288,7 +285,7 @@ fn floating(case: &mut Case, base: u32, random: &mut Random) {
         let most = if double == 1 { 16 - first } else { 32 - first };
         let registers = 1 + random.below(most.min(if double == 1 { 8 } else { 16 }));
         set(case, n, WINDOW + 64 + stray);
-        // The modes are IA, IA with write-back, and DB with write-back.
+        // IA, IA with write-back, and DB with write-back.
         let mode = random.pick(&[0x0080_0000, 0x00A0_0000, 0x0120_0000]);
         let words = if double == 1 { 2 * registers } else { registers };
         Instruction::Wide(common | mode | n << 16 | words).append(&mut code);

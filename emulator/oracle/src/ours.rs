@@ -9,14 +9,13 @@ const RAM: u32 = 0x2000_0000;
 const RAM_BYTES: usize = 64 << 10;
 const RESULT_BYTES: usize = 4 << 20;
 
-/// The bus of the core with three memories: code at 0, RAM, and room for the results.
+/// A bus with three memories: code at 0, RAM, and the results.
 #[derive(Clone, Debug)]
 pub struct Memory {
     code: Vec<u8>,
     ram: Vec<u8>,
     results: Vec<u8>,
     signals: Signals,
-    /// Whether the core may keep the instructions that it decoded.
     constant: bool,
 }
 
@@ -103,7 +102,7 @@ pub fn run_words<C: Cost>(image: &[u8], words: usize, constant: bool) -> anyhow:
     let mut memory = Memory::new(image, constant);
     let mut core = core::<C>();
     core.reset(&mut memory);
-    // The limit is far more than the cases take: some 300 instructions each.
+    // The cases take about 300 instructions each, far less than this limit.
     let exit = core.run(&mut memory, 2_000_000_000);
     anyhow::ensure!(exit == Exit::HostCall, "{exit:?} at {:#010x}", core.pc());
     let words = memory.results.as_chunks::<4>().0.iter().take(words);

@@ -1,4 +1,4 @@
-//! Runs an image on QEMU's `mps2-an386` (Cortex-M4F), and reads the file that it writes by semihosting.
+//! Runs an image on QEMU's `mps2-an386` (Cortex-M4F).
 
 use std::{
     path::Path,
@@ -18,7 +18,7 @@ pub(crate) fn version() -> anyhow::Result<String> {
     Ok(text.lines().next().unwrap_or_default().to_owned())
 }
 
-/// Runs `image` from address 0 until it exits, and returns the contents of the file `name` that it wrote.
+/// Runs `image` from address 0, and returns the contents of the file `name` that it wrote by semihosting.
 ///
 /// # Errors
 ///

@@ -1,4 +1,4 @@
-//! Pseudo-random numbers whose sequence must never change, since a recording's cases are regenerated from its seed.
+//! Pseudo-random numbers. Their sequence must never change, since a recording's cases are made again from its seed.
 
 /// The generator SplitMix64.
 #[derive(Clone, Debug)]
@@ -13,7 +13,6 @@ impl Random {
         random
     }
 
-    /// Draws 64 bits.
     pub(crate) fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
@@ -22,35 +21,30 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// Draws 32 bits, each equally likely.
     pub(crate) fn bits(&mut self) -> u32 {
         (self.next() >> 32) as u32
     }
 
-    /// Draws a number below `limit`.
     pub(crate) fn below(&mut self, limit: u32) -> u32 {
         ((u64::from(self.bits()) * u64::from(limit)) >> 32) as u32
     }
 
-    /// Draws `true` once in `of` times.
     pub(crate) fn once_in(&mut self, of: u32) -> bool {
         self.below(of) == 0
     }
 
-    /// Draws one of `choices`.
     pub(crate) fn pick<T: Copy>(&mut self, choices: &[T]) -> T {
         choices[self.below(choices.len() as u32) as usize]
     }
 
-    /// Brings `items` into a random order.
     pub(crate) fn shuffle<T>(&mut self, items: &mut [T]) {
         for i in (1..items.len()).rev() {
             items.swap(i, self.below(i as u32 + 1) as usize);
         }
     }
 
-    /// Draws a word that is likely to reveal errors of arithmetic: boundaries, small numbers, halves and bytes at their
-    /// limits, or any bits.
+    /// Draws a word that is likely to reveal errors of arithmetic: boundaries, small numbers, extreme halves and bytes,
+    /// or any bits.
     pub(crate) fn word(&mut self) -> u32 {
         const EDGES: [u32; 16] = [
             0,
@@ -79,8 +73,8 @@ impl Random {
         }
     }
 
-    /// Draws a single-precision number: every kind of zero, denormal, infinity and NaN, numbers near powers of two and
-    /// near the limits of the conversions, or any bits.
+    /// Draws a single-precision number: any kind of zero, denormal, infinity and NaN, numbers near powers of two and
+    /// near limits of conversions, or any bits.
     pub(crate) fn float(&mut self) -> u32 {
         let sign = self.bits() & 0x8000_0000;
         let near = |random: &mut Self, value: u32| value.wrapping_add(random.below(5)).wrapping_sub(2);

@@ -1,4 +1,4 @@
-//! A recording of QEMU's results, which is enough to repeat the comparison without QEMU.
+//! A recording of QEMU's results, for comparisons without QEMU.
 //!
 //! A recording is a text: a line with the version of QEMU, a line `seed N`, then for each class a line `class NAME
 //! CASES` and one 64-bit digest for each [`BATCH`] cases, in hexadecimal, eight to a line.
@@ -18,7 +18,7 @@ pub const BATCH: usize = 64;
 pub struct Recorded {
     /// The class.
     pub class: Class,
-    /// The number of cases, counted from case 0.
+    /// The number of cases, from case 0 on.
     pub cases: usize,
     /// One digest for each [`BATCH`] cases.
     pub digests: Vec<u64>,
@@ -87,7 +87,7 @@ impl Recording {
         Ok(Self { source, seed, classes })
     }
 
-    /// Runs the cases again on the bench's core, and names each batch whose digest differs.
+    /// Runs the cases on the bench's core, and names each batch whose digest differs.
     ///
     /// # Errors
     ///

@@ -1,40 +1,35 @@
-//! Encodings that are written as bit patterns, and their random instances.
+//! Encodings as bit patterns, and random instances of them.
 //!
-//! A pattern has 16 or 32 characters, each `0`, `1` or a letter; blanks do not count. All bits with the same letter are
-//! one field; its first bit is the most significant. A capital letter stands for a core register (3 or 4 bits), any
-//! other letter for a number.
+//! A pattern has 16 or 32 characters, each `0`, `1` or a letter; blanks do not count. The bits with the same letter are
+//! one field, most significant bit first. A capital letter stands for a core register (3 or 4 bits), any other letter
+//! for a number.
 
 use crate::random::Random;
 
-/// The values of a pattern's fields.
 #[derive(Clone, Debug)]
 pub(crate) struct Fields {
     value: [u32; 128],
 }
 
 impl Fields {
-    /// The value of a field, 0 where the pattern has no field of that name.
+    /// The value of a field, 0 if the pattern does not have it.
     #[must_use]
     pub(crate) fn get(&self, name: char) -> u32 {
         self.value[name as usize]
     }
 }
 
-/// A pattern, and a function that says which of its instances are defined (without ARM ARM's "UNPREDICTABLE" and
-/// "SEE").
+/// A pattern, and a function that tells which instances are defined (not "UNPREDICTABLE" or "SEE" in the ARM ARM).
 pub(crate) type Template = (&'static str, fn(&Fields) -> bool);
 
-/// One instruction of one or two halfwords.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Instruction {
-    /// A 16-bit instruction.
     Narrow(u16),
-    /// A 32-bit instruction, with its first halfword in the upper bits.
+    /// The first halfword is in the upper bits.
     Wide(u32),
 }
 
 impl Instruction {
-    /// Appends the halfwords of the instruction to `code`.
     pub(crate) fn append(self, code: &mut Vec<u16>) {
         match self {
             Self::Narrow(half) => code.push(half),
@@ -43,7 +38,6 @@ impl Instruction {
     }
 }
 
-/// Makes a random instance of `template`, with core registers from `registers`.
 pub(crate) fn instance(template: &Template, random: &mut Random, registers: &[u32]) -> Instruction {
     let (pattern, rule) = template;
     loop {

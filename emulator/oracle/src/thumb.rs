@@ -3,38 +3,33 @@
 /// Code under construction, at a known address.
 #[derive(Clone, Debug)]
 pub(crate) struct Code {
-    /// The address of the first halfword.
     pub(crate) base: u32,
-    /// The halfwords that are written so far.
     pub(crate) halves: Vec<u16>,
 }
 
 impl Code {
-    /// Begins code at an address.
     #[must_use]
     pub(crate) fn at(base: u32) -> Self {
         Self { base, halves: Vec::new() }
     }
 
-    /// The address of the next instruction.
     #[must_use]
     pub(crate) fn here(&self) -> u32 {
         self.base + 2 * self.halves.len() as u32
     }
 
-    /// Appends a 16-bit instruction.
     pub(crate) fn narrow(&mut self, bits: u32) -> &mut Self {
         self.halves.push(bits as u16);
         self
     }
 
-    /// Appends a 32-bit instruction, given with its first halfword in the upper bits.
+    /// Appends a 32-bit instruction. Its first halfword is in the upper bits.
     pub(crate) fn wide(&mut self, bits: u32) -> &mut Self {
         self.halves.extend([(bits >> 16) as u16, bits as u16]);
         self
     }
 
-    /// Appends MOVW and MOVT, which set `register` to `value` and change no flag.
+    /// Appends MOVW and MOVT.
     pub(crate) fn constant(&mut self, register: u32, value: u32) -> &mut Self {
         for (op, half) in [(0xF240_0000, value & 0xFFFF), (0xF2C0_0000, value >> 16)] {
             let (i, imm4) = ((half >> 11) & 1, half >> 12);
@@ -59,13 +54,13 @@ impl Code {
         self.wide(branch_wide(offset) | 0x9000)
     }
 
-    /// Appends BKPT 0xAB, which is a semihosting call.
+    /// Appends a semihosting call.
     pub(crate) fn host_call(&mut self) -> &mut Self {
         self.narrow(0xBEAB)
     }
 }
 
-/// The offset bits of B.W (encoding T4), which BL has too.
+/// The offset bits of B.W (encoding T4) and BL.
 #[must_use]
 pub(crate) fn branch_wide(offset: u32) -> u32 {
     let sign = (offset >> 24) & 1;

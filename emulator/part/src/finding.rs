@@ -1,4 +1,4 @@
-//! Findings: what a part's models report about the firmware's use of the part.
+//! Findings: reports of a part's models about the firmware's use of the part.
 
 use crate::Cycle;
 
@@ -9,13 +9,12 @@ pub enum FindingKind {
     Unmapped,
     /// The firmware accessed a peripheral whose clock is off, or the part refused the access.
     Refused,
-    /// The firmware used a register, a mode or a peripheral that is not modelled, so the model differs from the part
-    /// from then on.
+    /// The firmware used a register, a mode or a peripheral without a model.
     Unmodelled,
     /// The firmware accessed an address inside a peripheral's block at which the manual has no register. It read zero.
     Undefined,
-    /// The firmware brought about a state that the manual forbids or leaves undefined, and that the real part does not
-    /// report.
+    /// The firmware brought about a state that the manual forbids or leaves undefined. The real part does not report
+    /// it.
     Misuse,
     /// The firmware used a function of the part that does not work because of an erratum.
     Erratum,
@@ -23,7 +22,7 @@ pub enum FindingKind {
     Unreachable,
 }
 
-/// A report that matters for the result of a run. The same words at the same place are listed once.
+/// A report that matters for the result of a run. A finding that occurs again is only counted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Finding {
     /// The kind of the finding.
@@ -32,7 +31,7 @@ pub struct Finding {
     pub at: Cycle,
     /// The address of the instruction whose access caused the finding, if one did.
     pub pc: Option<u32>,
-    /// The name of the peripheral in the manual, like `SPI1` or `TIMER0`.
+    /// The name of the peripheral in the manual, such as `SPI1` or `TIMER0`.
     pub place: &'static str,
     /// What happened, in words.
     pub text: String,

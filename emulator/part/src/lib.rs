@@ -1,14 +1,12 @@
-//! The interface between a model of a microcontroller and the bench around it.
+//! The interface between the model of a microcontroller and the bench around it.
 //!
 //! A [`Part`] is one microcontroller without its core: memory, peripherals, interrupt lines, pins. It is plain data and
-//! is copied by `Clone`. Everything that leaves the part goes through an [`Outside`], which each call gets, so that
-//! dispatch is static. Everything that the outside does to the part is a method call: a pin is driven, or a serial
-//! frame arrives.
+//! is copied by `Clone`. Each call gets an [`Outside`], to which the part reports everything that leaves it. The
+//! outside acts on the part by method calls: it drives a pin, or sends a serial frame.
 //!
 //! # Time
-//! Inside a part, time is counted in its core's clock cycles ([`Cycle`]), since everything in step with the core is
-//! then exact. A [`Timebase`] converts cycles into the bench's nanoseconds and back, and changes with the part's clock
-//! tree.
+//! Inside a part, time is counted in its core's clock cycles ([`Cycle`]), so that everything in step with the core is
+//! exact. A [`Timebase`] converts cycles into nanoseconds and back, and follows the part's clock tree.
 //!
 //! ```
 //! use emulator_part::UartFrame;

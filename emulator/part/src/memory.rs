@@ -11,7 +11,7 @@ pub struct Flash {
 }
 
 impl Flash {
-    /// Makes a flash of `size` erased bytes, which are all ones.
+    /// Makes a flash of `size` erased bytes (all ones).
     #[must_use]
     pub fn new(size: usize) -> Self {
         Self { bytes: Arc::new(vec![0xFF; size]) }
@@ -24,7 +24,7 @@ impl Flash {
         &self.bytes
     }
 
-    /// The whole contents, for changes by loaders and flash controllers. Whoever makes such a change then raises
+    /// The whole contents, for loaders and flash controllers. After a change the caller calls
     /// [`cortex_m4::Signals::forget_code`].
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         Arc::make_mut(&mut self.bytes).as_mut_slice()
@@ -37,7 +37,7 @@ impl Flash {
         read(&self.bytes, offset, width)
     }
 
-    /// Reads as [`Flash::read`] does, but returns `None` where `offset` is not a multiple of the width.
+    /// Reads as [`Flash::read`] does, but returns `None` if `offset` is not a multiple of the width.
     #[must_use]
     #[inline(always)]
     pub fn read_aligned(&self, offset: u32, width: Width) -> Option<u32> {
@@ -45,7 +45,7 @@ impl Flash {
     }
 }
 
-/// A bit of memory that keeps its value, whatever is written.
+/// A bit of memory that keeps its value whatever is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StuckBit {
     /// The address of the bit's byte.
@@ -56,26 +56,21 @@ pub struct StuckBit {
     pub value: bool,
 }
 
-/// The size of a page of [`Ram`] that can be watched, as a power of two. It equals that of the core's pages of decoded
-/// code.
+/// The binary logarithm of the size of a watched page. It equals that of the core's pages of decoded code.
 const PAGE_BITS: u32 = 10;
 
 /// Memory that the core and bus controllers write.
 ///
-/// While a core executes from this memory, the pages with its code are watched ([`Ram::watch`]). Every change of a byte
-/// in a page ends the page's watch, so that the core never executes decoded instructions that memory no longer holds.
+/// While a core executes from this memory, the pages with its code are watched ([`Ram::watch`]). A change of a byte
+/// ends the watch of its page, so that the core decodes the page again.
 #[derive(Clone, Debug)]
 pub struct Ram {
     bytes: Vec<u8>,
-    /// One bit for each page, set while the page is watched.
     watched: Vec<u64>,
-    /// The range in which a write may change a watched page: its first offset, and its length.
+    /// The range in which a write may change a watched page: first offset and length.
     near_watched: (usize, usize),
-    /// The number of watches that a write has ended.
     rewritten: u64,
-    /// The offset of the byte with a stuck bit, or [`usize::MAX`] if there is none.
     stuck_at: usize,
-    /// The mask of the stuck bit in that byte, and its value.
     stuck: (u8, u8),
 }
 
@@ -93,7 +88,7 @@ impl Ram {
         }
     }
 
-    /// Watches the page of 1 KiB that has `offset`, until a byte in it is written. Returns whether that page exists.
+    /// Watches the page of 1 KiB that has `offset`, until a byte in it is written. Returns whether the page exists.
     pub fn watch(&mut self, offset: u32) -> bool {
         let page = (offset >> PAGE_BITS) as usize;
         let there = offset < self.bytes.len() as u32;
@@ -104,7 +99,7 @@ impl Ram {
         there
     }
 
-    /// Whether the page that has `offset` is watched, which means that it was not written since the watch began.
+    /// Whether the page that has `offset` is watched and was not written since.
     #[must_use]
     pub fn is_watched(&self, offset: u32) -> bool {
         let page = (offset >> PAGE_BITS) as usize;
@@ -118,7 +113,6 @@ impl Ram {
         self.rewritten
     }
 
-    /// Computes the range in which a write of up to four bytes may change a watched page.
     fn settle_watches(&mut self) {
         let pages = 0..64 * self.watched.len();
         let is_watched = |page: &usize| self.watched[page / 64] >> (page % 64) & 1 != 0;
@@ -131,7 +125,7 @@ impl Ram {
         };
     }
 
-    /// Ends the watches of the pages in which `size` bytes from `at` on change.
+    /// Ends the watches of pages in which `size` bytes from `at` on change.
     #[cold]
     #[inline(never)]
     fn rewrite(&mut self, at: usize, size: usize) {
@@ -150,21 +144,19 @@ impl Ram {
         }
     }
 
-    /// Whether a write at `at` may change a watched page.
     #[inline(always)]
     fn may_be_watched(&self, at: usize) -> bool {
         at.wrapping_sub(self.near_watched.0) < self.near_watched.1
     }
 
-    /// Makes one bit stuck from now on, instead of any bit that was stuck before; `address` counts from the start of
-    /// this memory. With `None` no bit is stuck.
+    /// Makes one bit stuck, instead of any bit that was stuck before. `address` counts from the start of this memory.
+    /// With `None` no bit is stuck.
     pub fn stick(&mut self, stuck: Option<StuckBit>) {
         self.stuck_at = stuck.map_or(usize::MAX, |stuck| stuck.address as usize);
         self.stuck = stuck.map_or((0, 0), |stuck| (1 << (stuck.bit & 7), u8::from(stuck.value) << (stuck.bit & 7)));
         self.keep_stuck();
     }
 
-    /// Restores the value of the stuck bit after a write.
     #[cold]
     fn keep_stuck(&mut self) {
         let (mask, value) = self.stuck;
@@ -181,15 +173,14 @@ impl Ram {
         &self.bytes
     }
 
-    /// The whole contents, for changes. A stuck bit takes the value that is written in this way, until the next
+    /// The whole contents, for changes. A stuck bit keeps a value that is written in this way until the next
     /// [`Ram::write`] to its byte.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         self.rewrite(0, self.bytes.len());
         &mut self.bytes
     }
 
-    /// Returns `size` bytes from `offset` on for changes, as [`Ram::bytes_mut`] does, or `None` where some of them are
-    /// past the end.
+    /// Returns `size` bytes from `offset` on for changes, as [`Ram::bytes_mut`] does; `None` past the end.
     pub fn slice_mut(&mut self, offset: u32, size: usize) -> Option<&mut [u8]> {
         let at = offset as usize;
         self.rewrite(at, size);
@@ -203,15 +194,15 @@ impl Ram {
         read(&self.bytes, offset, width)
     }
 
-    /// Reads as [`Ram::read`] does, but returns `None` where `offset` is not a multiple of the width.
+    /// Reads as [`Ram::read`] does, but returns `None` if `offset` is not a multiple of the width.
     #[must_use]
     #[inline(always)]
     pub fn read_aligned(&self, offset: u32, width: Width) -> Option<u32> {
         if offset & (width as u32 - 1) != 0 { None } else { read(&self.bytes, offset, width) }
     }
 
-    /// Writes as [`Ram::write`] does, where no page is watched. Returns `false` where a watched page may be near, or
-    /// where `offset` is not a multiple of the width.
+    /// Writes as [`Ram::write`] does. Returns `false` and writes nothing if a watched page may be near, or if `offset`
+    /// is not a multiple of the width.
     #[must_use]
     #[inline(always)]
     pub fn write_aligned(&mut self, offset: u32, width: Width, value: u32) -> bool {
@@ -261,7 +252,6 @@ mod tests {
 
     const KIB: u32 = 1 << PAGE_BITS;
 
-    /// The test takes every way in which a byte of RAM can change.
     #[test]
     fn every_change_of_a_byte_ends_its_pages_watch() {
         let ways: [fn(&mut Ram); 7] = [

@@ -1,4 +1,4 @@
-//! A microcontroller without its core, and everything around it.
+//! A microcontroller without its core, and its surroundings.
 
 use cortex_m4::{Access, Bound, BusError, Config, Signals, Width};
 
@@ -9,22 +9,22 @@ use crate::{Cycle, Finding, I2cAnswer, I2cEvent, Pad, Pin, SpiFrame, StuckBit, U
 pub struct Clock {
     /// The nominal rate in hertz, as if the clock's source were exact; 0 while the core has no clock.
     pub hz: u64,
-    /// How much faster the clock's source is, in parts per billion; negative for a slower source.
+    /// How much faster the clock's source is than nominal, in parts per billion; negative if it is slower.
     pub ppb: i64,
 }
 
 /// The cause of a restart of the part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reset {
-    /// The supply came on: no earlier state is left.
+    /// The supply came on. RAM holds noise.
     PowerOn,
-    /// The supply fell below the brown-out threshold for a moment, and RAM survived.
+    /// The supply fell below the brown-out threshold for a moment. RAM survived.
     BrownOut,
     /// The reset pin was pulled.
     Pin,
     /// A watchdog ran out. The text is the watchdog's name in the manual.
     Watchdog(&'static str),
-    /// The core locked up, on a part that resets then.
+    /// The core locked up, and the part resets on a lock-up.
     Lockup,
     /// The firmware wrote AIRCR.SYSRESETREQ.
     Software,
@@ -39,27 +39,27 @@ pub enum Supplied {
     Enough,
     /// The part is held in reset: its core executes nothing.
     HeldInReset,
-    /// The part was held in reset, and now has to restart for this cause.
+    /// The part was held in reset and now restarts for this cause.
     Restarts(Reset),
 }
 
-/// The receiver of everything that leaves a part. The bench implements it for what is wired to the part.
+/// The receiver of everything that leaves a part. The bench implements it for the board around the part.
 pub trait Outside {
-    /// Reports that the state in which the part holds `pin` changes at `at`. Only changes are reported.
+    /// Reports that the part holds `pin` in another state from `at` on.
     fn pin(&mut self, at: Cycle, pin: Pin, pad: Pad);
 
-    /// Takes a frame that an SPI controller has clocked out by now, which is the frame's end. Returns the bits that
-    /// MISO carried, in the order of [`SpiFrame::data`], or `None` if nothing drove the pin. The part then reads what
+    /// Takes a frame that an SPI controller has clocked out; the call comes at the frame's end. Returns the bits of
+    /// MISO in the order of [`SpiFrame::data`], or `None` if nothing drove the pin. The part then reads the level that
     /// its pull resistor gives.
     fn spi(&mut self, frame: &SpiFrame) -> Option<u32>;
 
-    /// Takes a UART frame that was sent on `pin`; the frame's last stop bit ended at `at`.
+    /// Takes a UART frame that was sent on `pin` and whose last stop bit ended at `at`.
     fn uart(&mut self, at: Cycle, pin: Pin, frame: &UartFrame);
 
-    /// Answers an I2C controller on these pins, whose action on the bus ended at `at`.
+    /// Answers an I2C controller on these pins. Its action on the bus ended at `at`.
     fn i2c(&mut self, at: Cycle, scl: Pin, sda: Pin, event: I2cEvent) -> I2cAnswer;
 
-    /// The voltage on an analogue input against ground, in microvolts; 0 where nothing is connected.
+    /// The voltage on an analogue input in microvolts, 0 if nothing is connected.
     fn microvolts(&self, at: Cycle, pin: Pin) -> i32;
 }
 
@@ -85,16 +85,16 @@ impl Outside for Open {
     }
 }
 
-/// A microcontroller without its core. It is plain data: a clone that is run on does what the original does.
+/// A microcontroller without its core. It is plain data, and a clone runs on as the original does.
 ///
-/// The bench calls [`Part::advance`] whenever the core's cycle reaches [`Part::due`], before the core's next access. So
-/// everything that was due before a `read` or `write` is already done. Effects that an access has at once are done when
-/// the call returns, and [`Signals::is_announced`] tells whether lines or [`Part::due`] changed.
+/// The bench calls [`Part::advance`] when the core's cycle reaches [`Part::due`], before the core's next access. A
+/// `read` or `write` therefore finds all earlier events done. When the call returns, its immediate effects are done,
+/// and [`Signals::is_announced`] tells whether lines or [`Part::due`] changed.
 pub trait Part: Clone + std::fmt::Debug + Send + 'static {
     /// The part's name, as its maker writes it.
     const NAME: &'static str;
 
-    /// The addresses and sizes of the part's RAM, which has noise at power-on and is included in a digest of the state.
+    /// The addresses and sizes of the part's RAM. It has noise at power-on and belongs to a digest of the state.
     const RAM: &'static [(u32, usize)];
 
     /// Whether a lock-up of the core resets the part.
@@ -103,14 +103,14 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
     /// The configuration of this part's core.
     fn core(&self) -> Config;
 
-    /// Carries out a read of the core, see [`cortex_m4::Bus::read`].
+    /// Carries out a read by the core, see [`cortex_m4::Bus::read`].
     ///
     /// # Errors
     ///
     /// Returns [`BusError`] where the part has nothing, or refuses the access.
     fn read<O: Outside>(&mut self, access: &Access, outside: &mut O) -> Result<u32, BusError>;
 
-    /// Carries out a write of the core, see [`cortex_m4::Bus::write`].
+    /// Carries out a write by the core, see [`cortex_m4::Bus::write`].
     ///
     /// # Errors
     ///
@@ -162,7 +162,7 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
     /// The next cycle at which something happens in the part.
     fn due(&self) -> Cycle;
 
-    /// Carries out everything that is due up to and at `to`, in order.
+    /// Carries out everything that is due at or before `to`, in order.
     fn advance<O: Outside>(&mut self, to: Cycle, outside: &mut O);
 
     /// The signals that the part drives into the core.
@@ -176,20 +176,20 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
         false
     }
 
-    /// The present clock of the core. The part announces a change of the clock by [`Signals::announce`]. Cycles are
-    /// then counted on at the new rate.
+    /// The present clock of the core. The part announces a change by [`Signals::announce`], and cycles then count at
+    /// the new rate.
     fn clock(&self) -> Clock;
 
-    /// Restarts the part at `at`. Registers take their reset values as far as the manual says so for this cause, and
-    /// pins are no longer driven. Memory keeps its contents.
+    /// Restarts the part at `at`. Registers take the reset values that the manual gives for this cause, and pins are no
+    /// longer driven. Memory keeps its contents.
     fn reset<O: Outside>(&mut self, at: Cycle, cause: Reset, outside: &mut O);
 
-    /// Takes a restart that the part itself requests (watchdog, wake-up). The bench calls this after every other call,
-    /// and each request is returned once.
+    /// Takes a restart that the part requests (watchdog, wake-up). The bench calls this after every other call, and
+    /// each request is returned once.
     fn take_reset(&mut self) -> Option<Reset>;
 
-    /// Sets the supply to `microvolts` from `at` on. `seed` decides what goes wrong at a voltage that is too low for
-    /// what the part does. A part without a model of its supply always has enough.
+    /// Sets the supply to `microvolts` from `at` on. `seed` decides what goes wrong at a voltage too low for the part's
+    /// work. A part without a model of its supply always has enough.
     fn supply<O: Outside>(&mut self, at: Cycle, microvolts: u32, seed: u64, outside: &mut O) -> Supplied {
         let _ = (at, microvolts, seed, outside);
         Supplied::Enough
@@ -210,30 +210,30 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
         let _ = (at, halted, outside);
     }
 
-    /// Makes the outside drive `pin` (`Some`) or stop driving it (`None`), from `at` on.
+    /// Makes the outside drive `pin` (`Some`) or stop driving it (`None`) from `at` on.
     fn drive<O: Outside>(&mut self, at: Cycle, pin: Pin, level: Option<bool>, outside: &mut O);
 
-    /// The level of `pin` now, whoever drives it; a floating pin is low.
+    /// The level of `pin` now, whoever drives the pin. A floating pin is low.
     fn pin(&self, pin: Pin) -> bool;
 
-    /// Receives a UART frame on `pin`, whose start bit began at `begins`. The call comes at the frame's end or before,
-    /// and the receiver reacts to the frame at its own sample instants.
+    /// Receives a UART frame on `pin` whose start bit began at `begins`. The call comes at the frame's end or before.
+    /// The receiver reacts at its own sample instants.
     fn receive<O: Outside>(&mut self, begins: Cycle, pin: Pin, frame: UartFrame, outside: &mut O);
 
-    /// The `size` bytes of memory at `address`, as a debugger reads them (flash, RAM, option bytes); `None` where some
-    /// of them are not memory.
+    /// The `size` bytes of memory at `address` (flash, RAM, option bytes), as a debugger reads them; `None` if one is
+    /// not memory.
     fn memory(&self, address: u32, size: usize) -> Option<&[u8]>;
 
-    /// The `size` bytes of memory at `address` for changes, flash included, as a loader makes them. The core then
-    /// decodes its instructions anew.
+    /// The `size` bytes of memory at `address`, flash included, for changes by a loader. The core then decodes its
+    /// instructions anew.
     fn memory_mut(&mut self, address: u32, size: usize) -> Option<&mut [u8]>;
 
-    /// Makes one bit of RAM stuck from now on, instead of any bit that was stuck before; with `None` no bit is stuck.
-    /// Returns whether the part has RAM there and supports this.
+    /// Makes one bit of RAM stuck, instead of any bit that was stuck before. With `None` no bit is stuck. Returns
+    /// whether the part supports this and has RAM there.
     fn stick(&mut self, _stuck: Option<StuckBit>) -> bool {
         false
     }
 
-    /// The findings of the models so far, in the order of their first occurrence.
+    /// The findings so far, in the order of their first occurrence.
     fn findings(&self) -> &[Finding];
 }

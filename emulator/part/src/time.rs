@@ -1,30 +1,28 @@
-//! The conversion between cycles of a part's core and the bench's nanoseconds.
+//! The conversion between cycles of a part's core and nanoseconds.
 
-/// A number of core clock cycles of a part, counted from power-on. The count goes on through resets and sleep.
+/// A number of core clock cycles since power-on. Resets and sleep do not stop the count.
 pub type Cycle = u64;
 
 /// A cycle that never comes.
 pub const NEVER: Cycle = u64::MAX;
 
-/// The number of fractional bits in a period.
+/// The number of fractional bits of a period in nanoseconds.
 const FRACTION: u32 = 32;
 
-/// The relation between a part's cycles and the bench's time: linear, from each change of the part's core clock to the
-/// next.
+/// The relation between a part's cycles and nanoseconds. It is linear between two changes of the core's clock.
 ///
-/// A period is held in units of 2⁻³² ns. At 144 MHz the rounding makes an error below 2·10⁻¹¹, a hundred-thousandth of
-/// the error of a crystal.
+/// A period is held in units of 2⁻³² ns. At 144 MHz the rounding error is below 2·10⁻¹¹, far less than a crystal's
+/// error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timebase {
-    /// The cycle at which the present rate began. The next field is its instant in units of 2⁻³² ns.
+    /// The cycle at which the present rate began.
     cycle: Cycle,
     instant: u128,
-    /// The length of one cycle, in units of 2⁻³² ns.
     period: u64,
 }
 
 impl Timebase {
-    /// Makes a timebase whose cycle 0 is at 0 ns, for a core at `hz` whose source is `ppb` parts per billion fast
+    /// Makes a timebase whose cycle 0 is at 0 ns, for a core at `hz` whose clock is `ppb` parts per billion fast
     /// (negative: slow).
     ///
     /// # Panics
@@ -35,7 +33,7 @@ impl Timebase {
         Self { cycle: 0, instant: 0, period: period(hz, ppb) }
     }
 
-    /// Changes the rate from `cycle` on to `hz`, with a source that is `ppb` parts per billion fast.
+    /// Changes the rate from `cycle` on to `hz`, with a clock that is `ppb` parts per billion fast.
     ///
     /// # Panics
     ///
@@ -82,7 +80,7 @@ impl Timebase {
         }
     }
 
-    /// The time that `cycles` take at the present rate, in nanoseconds, rounded down.
+    /// The length of `cycles` at the present rate, in nanoseconds, rounded down.
     #[must_use]
     pub fn span_ns(&self, cycles: u64) -> u64 {
         u64::try_from((u128::from(cycles) * u128::from(self.period)) >> FRACTION).unwrap_or(u64::MAX)
@@ -95,7 +93,7 @@ impl Timebase {
     }
 }
 
-/// The period of a clock of `hz` that is `ppb` parts per billion fast, in units of 2⁻³² ns, to the nearest.
+/// The period in units of 2⁻³² ns, to the nearest, of a clock of `hz` that is `ppb` parts per billion fast.
 fn period(hz: u64, ppb: i64) -> u64 {
     const GIGA: u128 = 1_000_000_000;
     let scale = u128::try_from(1_000_000_000_i64.saturating_add(ppb)).expect("an oscillator that oscillates");

@@ -2,8 +2,8 @@
 
 use crate::Cycle;
 
-/// A pin of a part, by its port and number. The STM32's PA0 is port 0 pin 0 and its PK15 port 10 pin 15; the nRF52840's
-/// P1.05 is port 1 pin 5.
+/// A pin of a part. The STM32's PA0 is pin 0 of port 0 and its PK15 pin 15 of port 10; the nRF52840's P1.05 is pin 5 of
+/// port 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Pin {
     /// The number of the port, from 0.
@@ -25,14 +25,14 @@ impl Pin {
 pub enum Pad {
     /// The part drives the pin low or high.
     Driven(bool),
-    /// The part only pulls the pin low or high with a resistor, so any other driver of the pin wins.
+    /// The part only pulls the pin low or high with a resistor. Any other driver of the pin wins.
     Pulled(bool),
     /// The part lets the pin float.
     Floating,
 }
 
 impl Pad {
-    /// The level of the pin if nothing outside drives it. A floating pin reads low here.
+    /// The level of the pin if nothing outside drives it. A floating pin counts as low.
     #[must_use]
     pub const fn level(self) -> bool {
         matches!(self, Self::Driven(true) | Self::Pulled(true))
@@ -42,20 +42,20 @@ impl Pad {
 /// The clock polarity and phase of SPI.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum SpiMode {
-    /// SCK idles low, and data are sampled at its first edge.
+    /// SCK is low between frames, and data are sampled at its first edge.
     Mode0,
-    /// SCK idles low, and data are sampled at its second edge.
+    /// SCK is low between frames, and data are sampled at its second edge.
     Mode1,
-    /// SCK idles high, and data are sampled at its first edge.
+    /// SCK is high between frames, and data are sampled at its first edge.
     Mode2,
-    /// SCK idles high, and data are sampled at its second edge.
+    /// SCK is high between frames, and data are sampled at its second edge.
     Mode3,
 }
 
-/// One frame that a part's SPI controller clocks, as it appears on the wires.
+/// One frame of a part's SPI controller, as it appears on the wires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SpiFrame {
-    /// The pins to which SCK is connected; `None` where a pin is missing.
+    /// The pins to which SCK is connected.
     pub sck: [Option<Pin>; 2],
     /// The pins to which MOSI is connected.
     pub mosi: [Option<Pin>; 2],
@@ -74,14 +74,14 @@ pub struct SpiFrame {
 }
 
 impl SpiFrame {
-    /// The levels that SCK takes, each with its beginning in half bits after the first clock edge.
+    /// The levels of SCK, each with its beginning in half bits after the first clock edge.
     pub fn clock_levels(&self) -> impl Iterator<Item = (u64, bool)> {
         let idle = matches!(self.mode, SpiMode::Mode2 | SpiMode::Mode3);
         (0..2 * u64::from(self.bits)).map(move |half| (half, (half % 2 == 0) != idle))
     }
 
-    /// The levels that MOSI takes, each with its beginning in half bits after the first clock edge. The first bit
-    /// begins half a bit earlier where the first edge samples.
+    /// The levels of MOSI, each with its beginning in half bits after the first clock edge. If the first edge samples,
+    /// the first bit begins half a bit earlier.
     pub fn mosi_levels(&self) -> impl Iterator<Item = (i64, bool)> {
         let early = i64::from(matches!(self.mode, SpiMode::Mode0 | SpiMode::Mode2));
         let (bits, data) = (self.bits, self.data);
@@ -103,7 +103,7 @@ pub enum UartParity {
 /// One UART frame on a wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UartFrame {
-    /// The data without parity. The wire has the least significant bit first.
+    /// The data without parity. The least significant bit is sent first.
     pub data: u16,
     /// The number of data bits: 7, 8 or 9.
     pub bits: u8,
@@ -128,8 +128,8 @@ impl UartFrame {
         }
     }
 
-    /// The levels that the line takes for the start bit, the data, the parity and the stop bits, each with its
-    /// beginning in picoseconds after that of the frame. The line rests high before the frame and after it.
+    /// The levels of the line for start bit, data, parity and stop bits, each with its beginning in picoseconds after
+    /// that of the frame. The line is high before and after the frame.
     pub fn levels(&self) -> impl Iterator<Item = (u64, bool)> {
         let data = self.data & ((1 << self.bits) - 1);
         let odd = data.count_ones() % 2 == 1;
@@ -143,7 +143,7 @@ impl UartFrame {
         (0..).zip(levels).map(|(nth, level)| (nth * self.bit_ps, level))
     }
 
-    /// The length of the whole frame, including the start bit, in nanoseconds, to the nearest.
+    /// The length of the frame, with start and stop bits, in nanoseconds, to the nearest.
     #[must_use]
     pub const fn ns(&self) -> u64 {
         let parity = match self.parity {
@@ -158,22 +158,23 @@ impl UartFrame {
 /// An action of an I2C controller on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum I2cEvent {
-    /// The controller sends a start or repeated start, and the address byte: seven bits of address, then 1 for reading.
+    /// The controller sends a start or repeated start, and then the address byte: seven bits of address, and 1 for
+    /// reading.
     Start(u8),
     /// The controller sends a byte.
     Write(u8),
-    /// The controller reads a byte; `true` means that it will acknowledge the byte.
+    /// The controller reads a byte. `true` means that it acknowledges the byte.
     Read(bool),
     /// The controller sends a stop.
     Stop,
 }
 
-/// The bus's answer to an action of a controller.
+/// The bus's answer to an action of an I2C controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct I2cAnswer {
     /// Whether a peripheral acknowledged a `Start` or a `Write`.
     pub acknowledged: bool,
-    /// The byte of a `Read`, which is 0xFF where nobody drives the bus.
+    /// The byte of a `Read`, 0xFF if nobody drives the bus.
     pub data: u8,
     /// How long a peripheral stretches the clock, in nanoseconds.
     pub stretched_ns: u64,

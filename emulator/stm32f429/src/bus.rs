@@ -1,4 +1,4 @@
-//! The bus: it finds the register or the memory at an address, for the core and for the DMA controllers.
+//! The bus finds the register or the memory at an address, for the core and for the DMA controllers.
 
 use super::*;
 
@@ -59,13 +59,13 @@ impl Stm32f429 {
         })
     }
 
-    /// Whether the peripheral answers: its clock is on and its reset is not held.
+    /// Whether the peripheral's clock is on and its reset is not held.
     #[inline]
     pub(crate) fn is_open(&self, number: u8) -> bool {
         let gate = id::GATES[usize::from(number)];
         gate.bus == 255
             || self.rcc.is_on(gate)
-            // The clock of any of the three ADCs also opens their common registers. The three share one reset bit.
+            // Any ADC's clock opens the common registers. The three ADCs share one reset bit.
             || number == id::ADC && [9, 10].iter().any(|&bit| self.rcc.is_on(rcc::Gate { bus: 4, bit }))
     }
 
@@ -213,8 +213,7 @@ impl Stm32f429 {
             Outcome::BusError => Err(BusError),
             Outcome::Changed => {
                 self.signals.forget_code();
-                // If the next instruction comes from the same bank of flash, the core waits until the bank has
-                // finished.
+                // If the core executes from the same bank of flash, it waits until the bank has finished.
                 if let Some(pc) = pc
                     && let Some(offset) = self.flash_offset(pc)
                 {
@@ -341,7 +340,7 @@ impl Stm32f429 {
         result
     }
 
-    /// The offset in flash of `address`, which is in flash or in its alias at 0.
+    /// The offset in flash of an address in flash or in the alias of flash at 0.
     #[inline]
     pub(crate) fn flash_offset(&self, address: u32) -> Option<u32> {
         let offset = address.wrapping_sub(flash::BASE);

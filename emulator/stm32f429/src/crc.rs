@@ -1,6 +1,6 @@
 //! The CRC calculation unit (RM0090 chapter 4): `DR`, `IDR`, `CR`.
 //!
-//! The unit is covered completely, except for the four cycles that a word takes, during which the unit stalls the bus.
+//! Left out: a word stalls the bus for four cycles.
 
 use cortex_m4::Width;
 use emulator_part::{Cycle, FindingKind, NEVER};
@@ -9,7 +9,6 @@ use crate::cx::{Clocks, Cx, Peripheral, Wires};
 
 const POLYNOMIAL: u32 = 0x04C1_1DB7;
 
-/// The CRC unit.
 #[derive(Clone, Debug)]
 pub(crate) struct Crc {
     data: u32,
@@ -17,7 +16,6 @@ pub(crate) struct Crc {
 }
 
 impl Crc {
-    /// Makes the unit as it is after a reset.
     pub(crate) fn new() -> Self {
         Self { data: u32::MAX, independent: 0 }
     }
@@ -38,7 +36,7 @@ impl Peripheral for Crc {
                     (0..32).fold(self.data ^ value, |crc, _| crc << 1 ^ if crc >> 31 != 0 { POLYNOMIAL } else { 0 });
             }
             0x04 => self.independent = value & 0xFF,
-            // RESET leaves IDR as it is.
+            // RESET does not change IDR.
             0x08 if value & 1 != 0 => self.data = u32::MAX,
             0x08 => {}
             _ => cx.find_value(FindingKind::Undefined, "no register at offset", offset),
@@ -78,14 +76,13 @@ mod tests {
     #[test]
     fn words_go_in_as_crc_32_mpeg_2_has_them() {
         let mut rig = Rig::new(Crc::new());
-        // The input is "12345678", from the algorithm's check string, as two big-endian words.
+        // "12345678" as two big-endian words.
         rig.write(0, 0x3132_3334);
         rig.write(0, 0x3536_3738);
         assert_eq!(rig.read(0), 0x49E3_C2FB);
         rig.write(4, 0x1AB);
         rig.write(8, 1);
         assert_eq!((rig.read(0), rig.read(4)), (u32::MAX, 0xAB));
-        // One word of zeros after a reset gives the remainder that is typical of this unit.
         rig.write(0, 0);
         assert_eq!(rig.read(0), 0xC704_DD7B);
     }

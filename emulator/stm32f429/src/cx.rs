@@ -1,22 +1,20 @@
 //! The interface between the part and its peripherals.
 //!
-//! A peripheral instance is a [`Peripheral`]: plain data that the part calls with a [`Cx`]. The [`Cx`] has the time and
-//! the clocks, and takes the instance's effects. Levels that an instance drives all the time (interrupts, DMA requests)
-//! are returned by methods, which the part calls after every other call. Answers that the outside of the part gives at
-//! once (a serial frame's bits, a voltage) go through [`Wires`]. Only [`Peripheral::advance`] gets these, since on
-//! silicon, too, no such answer comes within a register access.
+//! A peripheral instance is a [`Peripheral`]: plain data that the part calls with a [`Cx`], which has the time and the
+//! clocks and takes the instance's effects. Methods return the levels of interrupts and DMA requests, and the part asks
+//! for them after every other call. The outside answers at once (a serial frame's bits, a voltage) through [`Wires`].
+//! Only [`Peripheral::advance`] gets these, since such an answer never comes within a register access.
 //!
-//! Instances are made by `Spi::new(n)`, `Usart::new(n)` (UARTs too), `I2c::new(n)`, `Tim::new(n)` with the manual's
-//! number, and by `Rtc::new()`, `Rng::new()`, `Adc::new()` (all three with the common registers, offsets 0 to 0x3FF)
-//! and `Crc::new()`. A USART has one more method for [`emulator_part::Part::receive`]: `receive(&mut self, begins:
-//! Cycle, frame: &UartFrame, cx: &mut Cx)`. By RM0090, most RTC registers are reset with the backup domain only: the
+//! Instances are made with the manual's number, such as `Spi::new(n)` and `Usart::new(n)` (UARTs too), or without one,
+//! such as `Rtc::new()` and `Adc::new()` (all three with the common registers, offsets 0 to 0x3FF). A USART also has
+//! `receive`, for [`emulator_part::Part::receive`]. Most RTC registers are reset with the backup domain only: the part
+//! calls `Rtc::reset` for BDCR.BDRST and power-on, and `Rtc::system_reset` for other resets.
 //! part calls `Rtc::reset` for BDCR.BDRST and power-on only, and `Rtc::system_reset` for other resets.
 
 use cortex_m4::Width;
 use emulator_part::{Cycle, FindingKind, I2cAnswer, I2cEvent, NEVER, Outside, Pin, SpiFrame, UartFrame};
 
-/// The number of core cycles that one tick of another clock takes, as an exact fraction. `num` is 0 while that clock
-/// stands still.
+/// The core cycles of one tick of another clock, as an exact fraction. `num` is 0 while that clock stands still.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Ratio {
     num: u64,
@@ -24,24 +22,22 @@ pub(crate) struct Ratio {
 }
 
 impl Ratio {
-    /// The ratio of a clock that stands still.
     pub(crate) const STOPPED: Self = Self { num: 0, den: 1 };
 
-    /// Makes the ratio `num / den` core cycles a tick, in lowest terms.
     pub(crate) fn new(num: u128, den: u128) -> Self {
         let (mut a, mut b) = (num, den);
         while b != 0 {
             (a, b) = (b, a % b);
         }
         let (mut num, mut den) = (num / a.max(1), den / a.max(1));
-        // Real rates are whole hertz and parts per billion, so this loop never runs for them.
+        // Real rates are whole hertz and parts per billion. For them this loop never runs.
         while num > u128::from(u64::MAX) || den > u128::from(u64::MAX) {
             (num, den) = (num >> 1, den >> 1);
         }
         Self { num: num as u64, den: (den as u64).max(1) }
     }
 
-    /// The core cycles that `ticks` take, rounded up, or [`NEVER`] where the clock stands still.
+    /// The core cycles of `ticks`, rounded up; [`NEVER`] if the clock stands still.
     pub(crate) fn cycles(self, ticks: u64) -> Cycle {
         if self.num == 0 {
             return NEVER;
@@ -49,7 +45,6 @@ impl Ratio {
         u64::try_from((u128::from(ticks) * u128::from(self.num)).div_ceil(u128::from(self.den))).unwrap_or(NEVER)
     }
 
-    /// The number of whole ticks in `cycles`, the inverse of [`Ratio::cycles`].
     pub(crate) fn ticks(self, cycles: Cycle) -> u64 {
         if self.num == 0 {
             return 0;
@@ -58,65 +53,56 @@ impl Ratio {
     }
 }
 
-/// The clocks that peripherals need.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Clocks {
-    /// The nominal rate of HCLK in hertz, as if its source were exact. The rate is never 0, since no instance is called
-    /// while HCLK has stopped.
+    /// The nominal rate of HCLK in hertz. It is never 0, since no instance is called while HCLK stands still.
     pub hclk_hz: u64,
-    /// How much faster HCLK really is, in parts per billion.
+    /// How much faster HCLK is, in parts per billion.
     pub ppb: i64,
     /// The core cycles of one PCLK1 cycle: 1, 2, 4, 8 or 16.
     pub pclk1: u32,
     /// The core cycles of one PCLK2 cycle: 1, 2, 4, 8 or 16.
     pub pclk2: u32,
-    /// The core cycles of one tick of the timers on APB1, which is a whole number in every setting of PPRE1 and TIMPRE.
+    /// The core cycles of one tick of the timers on APB1, which are whole for every PPRE1 and TIMPRE.
     pub tim1: u32,
-    /// The core cycles of one tick of the timers on APB2.
     pub tim2: u32,
-    /// The core cycles of one tick of LSI.
     pub lsi: Ratio,
-    /// The core cycles of one tick of LSE.
     pub lse: Ratio,
-    /// The core cycles of one tick of HSE.
     pub hse: Ratio,
-    /// The core cycles of one tick of the RTC's clock, after RTCSEL (and RTCPRE for HSE).
+    /// The core cycles of one tick of the RTC's clock, after RTCSEL and RTCPRE.
     pub rtc: Ratio,
-    /// The core cycles of one tick of the 48 MHz clock (PLL output Q), which the RNG needs.
+    /// The core cycles of one tick of the 48 MHz clock (PLL output Q) of the RNG.
     pub pll48: Ratio,
     /// The rate of PLL output Q in hertz, 0 while it stands still.
     pub pll48_hz: u64,
-    /// Whether PLLQ has a value that the manual calls wrong, so that the rate of this clock is an assumption.
+    /// Whether the manual calls the value of PLLQ wrong. The rate of the 48 MHz clock is then an assumption.
     pub pll48_undefined: bool,
-    /// The core cycles of one tick of the I2S clock (PLLI2S output R, or the I2S_CKIN pin, to which nothing is
-    /// connected).
+    /// The core cycles of one tick of the I2S clock: PLLI2S output R, or the I2S_CKIN pin, which is not connected.
     pub i2s: Ratio,
 }
 
 impl Clocks {
-    /// PCLK1 in hertz.
     pub(crate) fn pclk1_hz(&self) -> u64 {
         self.hclk_hz / u64::from(self.pclk1)
     }
 
-    /// PCLK2 in hertz.
     pub(crate) fn pclk2_hz(&self) -> u64 {
         self.hclk_hz / u64::from(self.pclk2)
     }
 
-    /// The time that `cycles` core cycles take, in picoseconds, to the nearest, for the bit times of frames. The
-    /// function divides 128-bit numbers, so callers that need the result often should keep it.
+    /// The length of `cycles` core cycles in picoseconds, to the nearest. The division has 128 bits, so frequent
+    /// callers keep the result.
     pub(crate) fn ps(&self, cycles: u64) -> u64 {
         let scale = 1_000_000_000_i64 + self.ppb;
         let rate = u128::from(self.hclk_hz) * scale.unsigned_abs() as u128;
         ((u128::from(cycles) * 1_000_000_000_000 * 1_000_000_000 + rate / 2) / rate.max(1)) as u64
     }
 
-    /// The number of whole core cycles in `ps` picoseconds, rounded up. The function is as slow as [`Clocks::ps`].
+    /// The core cycles of `ps` picoseconds, rounded up. It is as slow as [`Clocks::ps`].
     pub(crate) fn cycles_of_ps(&self, ps: u64) -> u64 {
         let scale = 1_000_000_000_i64 + self.ppb;
         let rate = u128::from(self.hclk_hz) * scale.unsigned_abs() as u128;
-        // For long times, the product of rate and 10^21 exceeds 128 bits, so the common factor 10^6 is taken out first.
+        // The common factor 10^6 is taken out first, so that the product fits 128 bits for long times.
         ((u128::from(ps) * (rate / 1_000_000)).div_ceil(1_000_000_000_000_000)) as u64
     }
 
@@ -149,7 +135,6 @@ pub(crate) enum SpiPin {
     Mck,
 }
 
-/// A pin of a USART or UART.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum UartPin {
     Tx,
@@ -159,7 +144,6 @@ pub(crate) enum UartPin {
     Rts,
 }
 
-/// A pin of an I2C.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum I2cPin {
     Scl,
@@ -167,7 +151,7 @@ pub(crate) enum I2cPin {
     Smba,
 }
 
-/// A pin of a timer. On TIM2, ETR shares a pin with channel 1 (data sheet: TIM2_CH1/TIM2_ETR). Such a pin is `Ch1`, and
+/// A pin of a timer. ETR of TIM2 shares its pin with channel 1 (data sheet: TIM2_CH1/TIM2_ETR). The pin is `Ch1`, and
 /// [`Pads::pins`] of `Etr` finds it too.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TimPin {
@@ -182,14 +166,13 @@ pub(crate) enum TimPin {
     Etr,
 }
 
-/// A pin of a CAN.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum CanPin {
     Tx,
     Rx,
 }
 
-/// The signal that an alternate function connects to a pin. Instances are numbered from 1, as in the manual.
+/// The signal that an alternate function connects to a pin. Instances have the manual's numbers, from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Signal {
     Spi(u8, SpiPin),
@@ -202,11 +185,10 @@ pub(crate) enum Signal {
     RtcReference,
 }
 
-/// The number of values of [`Signal::index`].
 pub(crate) const SIGNALS: usize = 212;
 
 impl Signal {
-    /// A number below [`SIGNALS`] that no other signal has.
+    /// The signal's own number, below [`SIGNALS`].
     pub(crate) const fn index(self) -> usize {
         match self {
             Self::Spi(n, pin) => (n as usize - 1) * 5 + pin as usize,
@@ -220,26 +202,25 @@ impl Signal {
     }
 }
 
-/// A trigger that one instance sends to others without software: the manual's internal triggers.
+/// A trigger from one instance to others: the manual's internal triggers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Trigger {
     /// Timer n's TRGO had a rising edge.
     Trgo(u8),
-    /// Timer n's output compare of channel c (1 to 4) had a rising edge. In this way TIM10 to TIM14 reach the ITR
-    /// inputs of other timers, and channels trigger the ADC.
+    /// Timer n's output compare of channel c (1 to 4) had a rising edge. The ADC and the ITR inputs of other timers use
+    /// this.
     Compare(u8, u8),
     /// The EXTI line had an event (11 and 15 trigger the ADCs).
     Exti(u8),
-    /// The clock security system detected a failure of HSE, which is a break of TIM1 and TIM8.
+    /// The clock security system detected that HSE failed. It is a break of TIM1 and TIM8.
     ClockFailure,
 }
 
-/// The pads as peripherals see them. The GPIO ports keep this state.
+/// The pads as peripherals see them, kept by the GPIO.
 #[derive(Clone, Debug)]
 pub(crate) struct Pads {
     /// The pins to which each signal is connected.
     pub(crate) routes: [[Option<Pin>; 2]; SIGNALS],
-    /// The levels on the pins of each port.
     pub(crate) levels: [u16; 11],
     /// The pins of each port whose output is an open drain.
     pub(crate) open_drain: [u16; 11],
@@ -248,34 +229,30 @@ pub(crate) struct Pads {
 }
 
 impl Pads {
-    /// Pads with no signal connected and all levels low.
     pub(crate) const OPEN: Self =
         Self { routes: [[None; 2]; SIGNALS], levels: [0; 11], open_drain: [0; 11], dac: [None; 2] };
 
-    /// The pins in alternate function mode whose selected function is `signal`. If there are more than two, the lowest
-    /// two by port and number.
+    /// The pins in alternate function mode with the function `signal`, at most the lowest two by port and number.
     pub(crate) fn pins(&self, signal: Signal) -> [Option<Pin>; 2] {
         self.routes[signal.index()]
     }
 
-    /// The level on `pin`, whoever drives it. A floating pin is low.
     pub(crate) fn level(&self, pin: Pin) -> bool {
         self.levels[usize::from(pin.port)] >> pin.number & 1 != 0
     }
 
-    /// Whether `pin` is an open drain.
     pub(crate) fn is_open_drain(&self, pin: Pin) -> bool {
         self.open_drain[usize::from(pin.port)] >> pin.number & 1 != 0
     }
 
-    /// The level of the first pin that is connected to `signal`, `None` where none is. Each instance documents how it
-    /// treats `None`.
+    /// The level of the first pin that is connected to `signal`; `None` if no pin is. Each instance documents the
+    /// meaning of `None`.
     pub(crate) fn input(&self, signal: Signal) -> Option<bool> {
         self.pins(signal)[0].map(|pin| self.level(pin))
     }
 }
 
-/// A finding that an instance reports: static words, and an optional number to append.
+/// A finding of an instance: static words, and an optional number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Note {
     pub(crate) kind: FindingKind,
@@ -286,7 +263,7 @@ pub(crate) struct Note {
     pub(crate) value: Option<u32>,
 }
 
-/// The effects of one call of an instance. The part empties them after the call, and the vectors keep their capacity.
+/// The effects of one call of an instance. The part empties them after the call.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Effects {
     pub(crate) notes: Vec<Note>,
@@ -294,16 +271,12 @@ pub(crate) struct Effects {
     pub(crate) triggers: Vec<Trigger>,
 }
 
-/// The context that an instance gets with each call.
 #[derive(Debug)]
 pub(crate) struct Cx<'a> {
-    /// The core cycle (HCLK) of the access, or of the event that is due.
+    /// The core cycle of the access, or of the event that is due.
     pub now: Cycle,
-    /// The present clocks.
     pub clocks: &'a Clocks,
-    /// The present state of the pads.
     pub pads: &'a Pads,
-    /// The effects of the call.
     pub out: &'a mut Effects,
     /// The address of the instruction that made the access.
     pub pc: Option<u32>,
@@ -312,47 +285,38 @@ pub(crate) struct Cx<'a> {
 }
 
 impl Cx<'_> {
-    /// Reports a finding. It costs little if the same finding was reported before.
     pub(crate) fn find(&mut self, kind: FindingKind, text: &'static str) {
         self.out.notes.push(Note { kind, at: self.now, pc: self.pc, place: self.name, text, value: None });
     }
 
-    /// Reports a finding with a number, which follows `text` in hexadecimal.
+    /// Reports a finding with a number, in hexadecimal after `text`.
     pub(crate) fn find_value(&mut self, kind: FindingKind, text: &'static str, value: u32) {
         self.out.notes.push(Note { kind, at: self.now, pc: self.pc, place: self.name, text, value: Some(value) });
     }
 
-    /// Returns the pins that are connected to `signal`, see [`Pads::pins`].
     pub(crate) fn pins(&self, signal: Signal) -> [Option<Pin>; 2] {
         self.pads.pins(signal)
     }
 
-    /// Makes the instance drive the pins that are connected to `signal` from now on. With `None` it stops driving,
-    /// which is every signal's state at the start and after a reset. While an instance clocks frames on a signal, the
-    /// signal's pins keep the idle level.
+    /// Makes the instance drive the pins that are connected to `signal`. With `None`, as after a reset, it does not
+    /// drive. During frames the pins keep the level between frames.
     pub(crate) fn output(&mut self, signal: Signal, level: Option<bool>) {
         self.out.outputs.push((self.now, signal, level));
     }
 
-    /// Sends a trigger to the other instances.
     pub(crate) fn trigger(&mut self, trigger: Trigger) {
         self.out.triggers.push(trigger);
     }
 }
 
-/// The outside of the part, which answers at once.
+/// The outside of the part.
 pub(crate) trait Wires {
-    /// Exchanges an SPI frame, see [`Outside::spi`].
     fn spi(&mut self, frame: &SpiFrame) -> Option<u32>;
-    /// Sends a UART frame, see [`Outside::uart`].
     fn uart(&mut self, at: Cycle, pin: Pin, frame: &UartFrame);
-    /// Carries out an action on an I2C bus, see [`Outside::i2c`].
     fn i2c(&mut self, at: Cycle, scl: Pin, sda: Pin, event: I2cEvent) -> I2cAnswer;
-    /// Reads the voltage on a pin, see [`Outside::microvolts`].
     fn microvolts(&self, at: Cycle, pin: Pin) -> i32;
 }
 
-/// An adapter that makes an [`Outside`] usable as [`Wires`].
 #[derive(Debug)]
 pub(crate) struct Outward<'a, O>(pub(crate) &'a mut O);
 
@@ -374,30 +338,27 @@ impl<O: Outside> Wires for Outward<'_, O> {
     }
 }
 
-/// One instance of a peripheral.
-///
-/// Before any call at a later cycle, the part calls [`Peripheral::advance`] for everything that is due. If RCC gates
-/// the instance's clock off, accesses are blocked, but events that are pending still happen.
+/// The part first calls [`Peripheral::advance`] for everything that is due before the present cycle. While RCC gates
+/// the instance's clock off, accesses are blocked, but pending events still happen.
 pub(crate) trait Peripheral: Clone {
-    /// Reads the register at `offset`, which is aligned to `width`. The result has the bits from `offset` on: a byte
-    /// read at offset 1 returns bits 15:8 of the register at 0, in its low bits.
+    /// Reads the register at `offset`, which is aligned to `width`. A byte read at offset 1 returns bits 15:8 of the
+    /// register at 0, in its low bits.
     fn read(&mut self, offset: u32, width: Width, cx: &mut Cx) -> u32;
 
-    /// Writes the low `width` bytes of `value`. Each instance handles narrow writes as the manual says: an APB
-    /// peripheral that takes only words gets the value copied to all lanes (RM0090 2.1.6).
+    /// Writes the low `width` bytes of `value`. An APB peripheral that takes only words gets the value copied to all
+    /// lanes (RM0090 2.1.6).
     fn write(&mut self, offset: u32, width: Width, value: u32, cx: &mut Cx);
 
-    /// Reads as a debugger does, without any change. The default returns 0.
+    /// Reads as a debugger does, without any change.
     fn peek(&self, offset: u32, cx: &mut Cx) -> u32 {
         let _ = (offset, cx);
         0
     }
 
-    /// The cycle at which the instance next acts by itself, [`NEVER`] if it does not. The function must be O(1).
+    /// The cycle at which the instance next acts by itself, or [`NEVER`]. It must be fast.
     fn due(&self) -> Cycle;
 
-    /// Carries out everything that is due up to and at `cx.now`, in order. Afterwards [`Peripheral::due`] is later than
-    /// `cx.now`.
+    /// Carries out everything that is due at or before `cx.now`, in order.
     fn advance<W: Wires>(&mut self, cx: &mut Cx, wires: &mut W);
 
     /// The levels of the instance's interrupt outputs. USART, SPI, RNG, ADC, TIM2 to TIM7: bit 0. I2C: bit 0 event, bit
@@ -411,9 +372,9 @@ pub(crate) trait Peripheral: Clone {
         0
     }
 
-    /// Tells the instance that the DMA has served request `bit`. The DMA has read or written the address to which its
-    /// stream points, which may be another register than the data register. `left` is NDTR afterwards: 0 is the end of
-    /// the transfer, and 1 is the signal EOT_1 that the I2C's LAST bit uses.
+    /// Tells the instance that the DMA has served request `bit`. The DMA may have accessed another register than the
+    /// data register. `left` is NDTR afterwards: 0 is the end of the transfer, and 1 is the signal EOT_1 for the I2C's
+    /// LAST bit.
     fn dma_served(&mut self, bit: u8, left: u32, cx: &mut Cx) {
         let _ = (bit, left, cx);
     }
@@ -422,16 +383,14 @@ pub(crate) trait Peripheral: Clone {
     /// `cx.clocks`.
     fn clocks_changed(&mut self, old: &Clocks, cx: &mut Cx);
 
-    /// Carries out an RCC peripheral reset or a system reset. The part itself stops driving the instance's outputs.
+    /// Resets the instance. The part itself stops driving the instance's outputs.
     fn reset(&mut self);
 
-    /// Tells the instance that a pin connected to `signal` changed its level, or that `signal` was connected to a pin
-    /// of another level.
+    /// Tells the instance that the level of `signal` changed, at its pin or by a connection to another pin.
     fn input(&mut self, signal: Signal, level: bool, cx: &mut Cx) {
         let _ = (signal, level, cx);
     }
 
-    /// Delivers a trigger of another instance.
     fn trigger(&mut self, trigger: Trigger, cx: &mut Cx) {
         let _ = (trigger, cx);
     }

@@ -7,15 +7,15 @@
 //! | The voltages on PA4 and PA5, which the ADCs read | 14.2 |
 //!
 //! **Left out, each a finding when it is set up:** the triggers of timers and EXTI, DMA, noise and triangle waves. The
-//! output register takes its data register's value at once, not after one or three PCLK1 cycles. The output settles at
-//! once and reaches both rails, even with its buffer on.
+//! output register takes the data at once, not after one or three PCLK1 cycles. The output settles at once and reaches
+//! both rails, even with its buffer on.
 
 use cortex_m4::Width;
 use emulator_part::FindingKind;
 
 use crate::gpio::{lane, merge};
 
-/// The bits of channel 1 in `CR`. Channel 2 has the same bits in the upper 16 bits.
+/// The bits of channel 1 in `CR`. Those of channel 2 are 16 bits higher.
 const EN: u32 = 1 << 0;
 const TEN: u32 = 1 << 2;
 const TSEL_SOFTWARE: u32 = 7 << 3;
@@ -25,13 +25,10 @@ const DMAEN: u32 = 1 << 12;
 /// The reference voltage in microvolts: VREF+ is connected to VDDA.
 const REFERENCE_UV: u64 = 3_300_000;
 
-/// The converter.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Dac {
     cr: u32,
-    /// The data holding registers, of twelve bits each.
     holding: [u32; 2],
-    /// The output registers.
     output: [u32; 2],
 }
 
@@ -40,7 +37,7 @@ impl Dac {
         self.cr >> (16 * channel) & 0x3FFF
     }
 
-    /// The voltage to which each channel drives its pin, in microvolts; `None` where the channel is off.
+    /// The voltages of the channels' pins, in microvolts; `None` for a channel that is off.
     pub(crate) fn microvolts(&self) -> [Option<i32>; 2] {
         std::array::from_fn(|channel| {
             let is_on = self.control(channel) & EN != 0;
@@ -48,7 +45,7 @@ impl Dac {
         })
     }
 
-    /// Copies the data to the output of channels without a trigger, 14.3.4.
+    /// Copies the data of channels without a trigger to their outputs (14.3.4).
     fn follow(&mut self) {
         for channel in 0..2 {
             if self.control(channel) & TEN == 0 {

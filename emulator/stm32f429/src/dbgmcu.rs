@@ -1,4 +1,4 @@
-//! DBGMCU: the part's identity, and the settings for a debugger that holds the core.
+//! DBGMCU: the part's identity, and settings for a debugger.
 //!
 //! | covered | RM0090 |
 //! |---|---|
@@ -14,7 +14,7 @@ pub(crate) const BASE: u32 = 0xE004_2000;
 /// The identity: device 0x419 (STM32F42x and F43x), revision 3 (38.6.1).
 const IDCODE: u32 = 0x2001_6419;
 
-/// The writable registers. A power-on reset clears them, and a system reset does not (38.16.3).
+/// The writable registers. Only a power-on reset clears them (38.16.3).
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Dbgmcu {
     control: u32,
@@ -23,7 +23,6 @@ pub(crate) struct Dbgmcu {
 }
 
 impl Dbgmcu {
-    /// Reads a word. Returns `None` where there is no register.
     pub(crate) fn read(&self, address: u32) -> Option<u32> {
         Some(match address - BASE {
             0x0 => IDCODE,
@@ -34,7 +33,6 @@ impl Dbgmcu {
         })
     }
 
-    /// Writes a word. Returns `false` where there is no writable register.
     pub(crate) fn write(&mut self, address: u32, value: u32) -> bool {
         match address - BASE {
             0x4 => self.control = value & 0xE7,

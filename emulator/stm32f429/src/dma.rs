@@ -1,4 +1,4 @@
-//! The DMA controllers, RM0090 chapter 10: registers and streams. The part itself moves the data.
+//! The DMA controllers, RM0090 chapter 10: registers and streams. Module `transfers` moves the data.
 //!
 //! | Register or section | Behaviour |
 //! |---|---|
@@ -10,11 +10,11 @@
 //! | Flags | `TCIF`, `HTIF`, `TEIF`, `FEIF`; `TCIF` also when software switches a stream off, 10.3.14 |
 //! | Priority | Software priority, then stream number; DMA1 before DMA2 if both have a request at one cycle |
 //!
-//! A transfer takes no time: data moves at the cycle of its request. So `EN` reads 0 right after it is cleared.
+//! A transfer takes no time: data moves at the cycle of its request, and `EN` reads 0 right after it is cleared.
 //!
-//! **Left out.** `DMEIF` never comes, since a direct transfer never has to wait. The peripheral as flow controller
-//! (`PFCTRL`, SDIO only) makes a finding and is ignored. Bursts move like single transfers. A burst that crosses 1 KiB,
-//! or that does not fit the FIFO threshold, makes a finding; the second is also a FIFO error, as 10.3.12 says.
+//! **Left out.** `DMEIF` never comes, since a direct transfer never waits. `PFCTRL` (SDIO only) makes a finding and is
+//! ignored. Bursts move like single transfers. A burst that crosses 1 KiB or does not fit the FIFO threshold makes a
+//! finding; the second is also a FIFO error (10.3.12).
 
 use cortex_m4::Width;
 use emulator_part::FindingKind;
@@ -43,7 +43,6 @@ const TCIF: u8 = 1 << 5;
 const DMDIS: u32 = 1 << 2;
 const FEIE: u32 = 1 << 7;
 
-/// The direction in which a stream moves data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Direction {
     FromPeripheral,
@@ -51,7 +50,7 @@ pub(crate) enum Direction {
     MemoryToMemory,
 }
 
-/// The instance, and the mask of its request outputs, that are connected to a channel of a stream.
+/// A request: the instance, and the mask of its request outputs.
 type Source = (u8, u8);
 
 const fn no() -> Source {
@@ -83,8 +82,8 @@ const fn adc(n: u8) -> Source {
     (id::ADC, 1 << (n - 1))
 }
 
-/// The request mapping of tables 42 and 43, by controller, channel and stream. Peripherals that are not modelled have
-/// no requests.
+/// The request mapping of tables 42 and 43, by controller, channel and stream. Peripherals without a model have no
+/// requests.
 #[rustfmt::skip]
 static MAP: [[[Source; 8]; 8]; 2] = [
     [
@@ -110,7 +109,6 @@ static MAP: [[[Source; 8]; 8]; 2] = [
     ],
 ];
 
-/// One stream.
 #[derive(Clone, Debug)]
 pub(crate) struct Stream {
     pub(crate) cr: u32,
@@ -120,22 +118,21 @@ pub(crate) struct Stream {
     m1ar: u32,
     fcr: u32,
     pub(crate) flags: u8,
-    /// The number of items that reloads NDTR in circular mode. The next field is the number left of the present
-    /// transfer.
+    /// The number of items of a whole transfer, which reloads NDTR in circular mode.
     total: u32,
     pub(crate) left: u32,
     pub(crate) peripheral: u32,
     pub(crate) memory: u32,
-    /// The 16 bytes of the FIFO, with the oldest byte lowest.
+    /// The 16 bytes of the FIFO, the oldest byte lowest.
     fifo: u128,
     pub(crate) filled: u8,
-    /// The number of bytes of the present transfer that are still to be read from memory.
+    /// The number of bytes of the present transfer that memory has still to supply.
     ahead: u32,
-    /// The request that starts the stream's transfers: an instance and a mask. The mask is 0 while the stream is off.
+    /// The request to which the stream listens. Its mask is 0 while the stream is off.
     pub(crate) source: Source,
 }
 
-/// A number with as many one bits as `width` has bits.
+/// A mask of the bits of `width`.
 const fn ones(width: Width) -> u128 {
     (1 << (8 * width.bytes())) - 1
 }
@@ -183,7 +180,7 @@ impl Stream {
         width(self.cr >> 11 & 3)
     }
 
-    /// The width on the memory side. In direct mode PSIZE counts for both sides, 10.3.11.
+    /// The width on the memory side. In direct mode it is PSIZE, 10.3.11.
     pub(crate) fn memory_width(&self) -> Width {
         if self.is_direct() { self.peripheral_width() } else { width(self.cr >> 13 & 3) }
     }
@@ -192,7 +189,6 @@ impl Stream {
         4 * (1 + (self.fcr & 3) as u8)
     }
 
-    /// The level of the stream's interrupt.
     pub(crate) fn irq(&self) -> bool {
         let flags = u32::from(self.flags);
         flags & u32::from(TCIF) != 0 && self.cr & TCIE != 0
@@ -202,7 +198,6 @@ impl Stream {
             || flags & u32::from(FEIF) != 0 && self.fcr & FEIE != 0
     }
 
-    /// The field FS, 10.5.10.
     fn fifo_status(&self) -> u32 {
         match self.filled {
             0 => 4,
@@ -233,14 +228,13 @@ impl Stream {
             && (self.is_direct() || self.filled >= self.threshold() || self.left == 0)
     }
 
-    /// Whether the FIFO has room for another item from memory, and the present transfer needs one.
+    /// Whether the FIFO has room for an item from memory that the present transfer needs.
     pub(crate) fn fills(&self) -> bool {
         let width = self.memory_width().bytes();
         let room = if self.is_direct() { width } else { 16 };
         self.ahead >= width && u32::from(self.filled) + width <= room
     }
 
-    /// Counts an item that was read from memory.
     pub(crate) fn filled_from_memory(&mut self) {
         self.ahead -= self.memory_width().bytes();
     }
@@ -258,8 +252,7 @@ impl Stream {
         }
     }
 
-    /// Counts an item that was moved on the peripheral's side: updates NDTR and the flags. Returns whether it was the
-    /// last item of the transfer.
+    /// Counts an item on the peripheral's side. Returns whether it was the last one of the transfer.
     pub(crate) fn count(&mut self) -> bool {
         self.left -= 1;
         if self.left == self.total / 2 {
@@ -268,12 +261,11 @@ impl Stream {
         self.left == 0
     }
 
-    /// The number of items that are left of the present transfer.
     pub(crate) const fn left(&self) -> u32 {
         self.left
     }
 
-    /// Ends a transfer whose data has all been moved. In circular mode the next transfer begins.
+    /// Ends a transfer. In circular mode the next one begins.
     pub(crate) fn end_of_lap(&mut self) {
         self.flags |= TCIF;
         if self.cr & (CIRC | DBM) != 0 && self.direction() != Direction::MemoryToMemory {
@@ -300,7 +292,6 @@ impl Stream {
         self.filled = 0;
     }
 
-    /// Switches the stream off after a failed access, 10.3.16.
     pub(crate) fn fail(&mut self) {
         self.flags |= TEIF;
         self.switch_off();
@@ -315,21 +306,18 @@ fn width(code: u32) -> Width {
     }
 }
 
-/// The effect of a write of a register on the movement of data.
+/// How a write of a register starts or stops a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Turn {
-    /// The write does not start or stop a stream.
     Nothing,
-    /// The stream was switched on.
     On(usize),
-    /// Software switched the stream off: the data in its FIFO still have to go to memory.
+    /// Software switched the stream off. The data in its FIFO still goes to memory.
     Off(usize),
 }
 
-/// One DMA controller.
 #[derive(Clone, Debug)]
 pub(crate) struct Dma {
-    /// The controller's number: 0 for DMA1, 1 for DMA2.
+    /// 0 for DMA1, 1 for DMA2.
     number: usize,
     pub(crate) streams: [Stream; 8],
 }
@@ -408,7 +396,7 @@ impl Dma {
                     0 => return self.control(nth, merge(self.streams[nth].cr, offset, width, value), find),
                     1 => protected(&mut stream.ndtr, 0xFFFF),
                     2 => protected(&mut stream.par, u32::MAX),
-                    // In double-buffer mode, software may change the address of the buffer that is not in use, 10.3.9.
+                    // In double-buffer mode, software may change the address of the unused buffer (10.3.9).
                     3 if on && stream.cr & (DBM | CT) == DBM | CT => stream.m0ar = value,
                     4 if on && stream.cr & (DBM | CT) == DBM => stream.m1ar = value,
                     3 => protected(&mut stream.m0ar, u32::MAX),
@@ -439,9 +427,8 @@ impl Dma {
         if new & EN == 0 {
             return Turn::Nothing;
         }
-        // 10.3.17 requires all event flags to be cleared "before the stream can be re-enabled". Drivers in wide use
-        // leave the flags of the half transfer and of the FIFO set, and their streams start. With another flag set, a
-        // stream does not start.
+        // 10.3.17 requires all event flags to be clear "before the stream can be re-enabled". Drivers in wide use leave
+        // the half transfer and FIFO flags set, and their streams start. Any other flag keeps a stream from starting.
         if stream.flags & !(HTIF | FEIF) != 0 {
             find(FindingKind::Misuse, "a stream is switched on with flags set: it stays off");
             return Turn::Nothing;
@@ -470,7 +457,7 @@ impl Dma {
         }
         let step = stream.memory_width().bytes();
         let burst = [1, 4, 8, 16][(stream.cr >> 23 & 3) as usize] * step;
-        // Table 48: the FIFO threshold has to be a whole number of bursts.
+        // The FIFO threshold has to be a whole number of bursts (table 48).
         if !stream.is_direct() && (burst > 16 || !u32::from(stream.threshold()).is_multiple_of(burst)) {
             find(FindingKind::Misuse, "the memory burst does not fit the FIFO threshold: the stream stays off");
             stream.flags |= FEIF;
@@ -494,7 +481,7 @@ impl Dma {
         Turn::On(nth)
     }
 
-    /// Switches a stream off for software, which sets the transfer complete flag.
+    /// Switches a stream off for software and sets its transfer complete flag.
     pub(crate) fn switched_off(&mut self, nth: usize) {
         let stream = &mut self.streams[nth];
         stream.switch_off();

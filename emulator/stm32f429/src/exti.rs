@@ -11,7 +11,7 @@
 //! | Line 16 | The voltage detector's output, 12.2.5 |
 //! | Lines 17, 21, 22 | The RTC's alarm, tamper and time stamp, wake-up |
 //!
-//! **Left out.** Lines 18, 19 and 20 (USB, Ethernet) have no source, so only `SWIER` raises them.
+//! **Left out.** Lines 18, 19 and 20 (USB, Ethernet) are raised by `SWIER` only.
 
 use cortex_m4::Width;
 
@@ -19,7 +19,6 @@ use crate::gpio::{lane, merge};
 
 const LINES: u32 = 0x007F_FFFF;
 
-/// The EXTI controller.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Exti {
     imr: u32,
@@ -28,21 +27,19 @@ pub(crate) struct Exti {
     ftsr: u32,
     swier: u32,
     pr: u32,
-    /// The levels of the lines when they were last sampled.
     levels: u32,
-    /// The lines that had an event for WFE. The part takes them.
+    /// The lines with an event for WFE, until the part takes them.
     pub(crate) events: u32,
-    /// The lines that had a selected edge. The part takes them for the ADC's triggers.
+    /// The lines with a selected edge, until the part takes them for the ADC's triggers.
     pub(crate) edges: u32,
 }
 
 impl Exti {
-    /// Carries out a system reset. The lines keep their levels.
     pub(crate) fn reset(&mut self) {
         *self = Self { levels: self.levels, ..Self::default() };
     }
 
-    /// Samples the lines in `mask`, whose levels are in `levels`.
+    /// Samples the lines of `mask`. Their levels are in `levels`.
     pub(crate) fn sample(&mut self, mask: u32, levels: u32) {
         let changed = (self.levels ^ levels) & mask;
         self.levels ^= changed;
@@ -50,15 +47,14 @@ impl Exti {
         self.hit(hits);
     }
 
-    /// Handles an event on `lines`. In figure 41 the pending register comes before the mask, so it shows masked lines
-    /// too.
+    /// Handles an event on `lines`. The pending register shows masked lines too (figure 41).
     fn hit(&mut self, lines: u32) {
         self.pr |= lines;
         self.events |= lines & self.emr;
         self.edges |= lines;
     }
 
-    /// The lines whose pending bit is set and is passed to the core by IMR.
+    /// The pending lines that IMR passes to the core.
     pub(crate) fn live(&self) -> u32 {
         self.pr & self.imr
     }

@@ -11,9 +11,8 @@
 //! | Reading a bank that programs or erases | The bus waits until the bank has finished, 3.5.2 |
 //! | `OPTCR`, `OPTCR1` | `OPTSTRT` programs the option bytes, loaded by a reset; write protection, `BOR_LEV` work |
 //!
-//! **Left out.** Read protection, PCROP and booting from bank 2 have no effect, and make a finding when they are set.
-//! The caches never hold stale data after programming or erasing. A reset that interrupts an erase or a program leaves
-//! it complete.
+//! **Left out.** Read protection, PCROP and booting from bank 2 have no effect, and setting them makes a finding. The
+//! caches never hold stale data. A reset does not interrupt an erase or a program.
 
 use cortex_m4::{Bound, Width};
 use emulator_part::{Cycle, FindingKind, Flash, NEVER};
@@ -47,33 +46,30 @@ const BSY: u32 = 1 << 16;
 const OPTLOCK: u32 = 1 << 0;
 const OPTSTRT: u32 = 1 << 1;
 
-/// The time to program one unit of data in nanoseconds: 16 µs typically, whatever the width (DS9405, flash memory
-/// programming).
+/// The time to program one unit of data, of any width, in nanoseconds (DS9405, flash memory programming: 16 µs
+/// typical).
 const PROGRAM_NS: u64 = 16_000;
 
 const PREFETCH: u32 = 1 << 8;
 const INSTRUCTION_CACHE: u32 = 1 << 9;
 const DATA_CACHE: u32 = 1 << 10;
 
-/// The state of a register's lock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Key {
     None,
     First,
-    /// A wrong key came, so the register stays locked until the next reset.
+    /// A wrong key was written. The register stays locked until the next reset.
     Failed,
 }
 
-/// The outcome of an access to the interface or of a store into flash.
+/// The outcome of a register access or of a store into flash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Outcome {
     Done,
-    /// The access changed memory.
     Changed,
     BusError,
 }
 
-/// The flash memory and its interface.
 #[derive(Clone, Debug)]
 pub(crate) struct FlashControl {
     pub(crate) memory: Flash,
@@ -84,17 +80,15 @@ pub(crate) struct FlashControl {
     option_key: Key,
     optcr: u32,
     optcr1: u32,
-    /// The cycle until which each bank programs or erases.
     busy_until: [Cycle; 2],
     readable: bool,
-    /// The number of wait states that are missing only because of the supply.
+    /// The number of wait states that are missing because of the supply.
     missing: u32,
-    /// The seed of the wrong bits. The next field is the number of reads that could have had one.
+    /// The seed that decides which reads are wrong.
     noise: u64,
     reads: u64,
-    /// Whether OPTCR was just programmed into the option bytes.
     programmed: bool,
-    /// The line of 128 bits from which the last instruction was fetched, for the wait states.
+    /// The 128-bit line of the last instruction fetch, for the wait states.
     line: u32,
 }
 
@@ -123,14 +117,14 @@ impl FlashControl {
         }
     }
 
-    /// Carries out a system reset. Memory stays, and OPTCR is loaded with `options`, its part of the option bytes.
+    /// Carries out a system reset. `options` is OPTCR in the option bytes.
     pub(crate) fn reset(&mut self, options: u32) {
         let memory = std::mem::replace(&mut self.memory, Flash::new(0));
         let optcr1 = self.optcr1;
         *self = Self { memory, optcr: options | OPTLOCK, optcr1, ..Self::with(Flash::new(0)) };
     }
 
-    /// Takes the value of OPTCR that was just programmed into the option bytes, if there is one.
+    /// Takes the value of OPTCR that was just programmed, if there is one.
     pub(crate) fn take_options(&mut self) -> Option<u32> {
         std::mem::take(&mut self.programmed).then_some(self.optcr & !(OPTLOCK | OPTSTRT))
     }
@@ -140,21 +134,20 @@ impl FlashControl {
         self.optcr >> 2 & 3
     }
 
-    /// Sets the seed of the wrong bits.
     pub(crate) fn set_noise(&mut self, seed: u64) {
         self.noise = seed;
     }
 
-    /// Reads flash. Where the supply needs more wait states than are set, the sense amplifiers are too slow for some
-    /// cells, and one bit of some reads is wrong. No manual says how many reads are wrong: the seed decides between one
-    /// in 4 and one in 65536, and each missing wait state doubles their number.
+    /// Reads flash. With fewer wait states than the supply needs, one bit of some reads is wrong. No manual says how
+    /// many reads: the seed decides between one in 4 and one in 65536, and each missing wait state doubles their
+    /// number.
     pub(crate) fn read(&mut self, offset: u32, width: Width) -> Option<u32> {
         let value = self.memory.read(offset, width)?;
         if self.missing == 0 {
             return Some(value);
         }
         self.reads = self.reads.wrapping_add(1);
-        // The random generator is SplitMix64.
+        // SplitMix64
         let mut word = self.noise.wrapping_add(self.reads.wrapping_mul(0x9E37_79B9_7F4A_7C15));
         word = (word ^ word >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         word = (word ^ word >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
@@ -164,12 +157,12 @@ impl FlashControl {
         Some(if hit { value ^ 1 << ((word >> 32) as u32 % (8 * width.bytes())) } else { value })
     }
 
-    /// Whether repeated reads of one place always return the same value.
+    /// Whether all reads of a word return the same value.
     pub(crate) fn is_certain(&self) -> bool {
         self.missing == 0
     }
 
-    /// Whether hardware starts the independent watchdog: the option bit `WDG_SW` is 0.
+    /// Whether hardware starts the independent watchdog (option bit `WDG_SW` is 0).
     pub(crate) fn starts_watchdog(&self) -> bool {
         self.optcr & 1 << 5 == 0
     }
@@ -178,25 +171,21 @@ impl FlashControl {
         self.acr & 0xF
     }
 
-    /// Whether reads are correct. With fewer wait states than RM0090 table 11 requires, the core samples the array
-    /// before it has settled, and may read any value. In this model every halfword reads as the permanently undefined
-    /// instruction `UDF #255` (0xDEFF), so that firmware stops at once in a fault, and in lockup, since the vectors are
-    /// garbage too.
+    /// Whether reads are correct. With fewer wait states than RM0090 table 11 requires, a read may return any value.
+    /// Here every halfword then reads as `UDF #255` (0xDEFF), so that firmware stops at once in a fault and a lockup.
     pub(crate) fn is_readable(&self) -> bool {
         self.readable
     }
 
-    /// Whether a read of flash returns the stored value at once.
     #[inline]
     pub(crate) fn is_quiet(&self) -> bool {
         self.readable && self.missing == 0 && self.sr & BSY == 0
     }
 
-    /// The value of every word of flash while it is not readable.
+    /// The value of every word of unreadable flash.
     pub(crate) const GARBAGE: u32 = 0xDEFF_DEFF;
 
-    /// Checks the wait states after a change of HCLK, the latency or the supply. Returns whether fetches now read
-    /// differently.
+    /// Checks the wait states after a change of HCLK, the latency or the supply. Returns whether fetched code changed.
     pub(crate) fn check(
         &mut self,
         hclk_hz: u64,
@@ -205,7 +194,7 @@ impl FlashControl {
         pc: Option<u32>,
         out: &mut Effects,
     ) -> bool {
-        // Table 11 gives the highest HCLK without a wait state, and the increase for each further one.
+        // Table 11: the highest HCLK without a wait state, which is also the increase for each wait state.
         let mhz = match microvolts {
             2_700_000.. => 30,
             2_400_000.. => 24,
@@ -230,7 +219,6 @@ impl FlashControl {
         std::mem::replace(&mut self.readable, readable) != readable || certain != (self.missing == 0)
     }
 
-    /// The level of FLASH's interrupt.
     pub(crate) fn irq(&self) -> bool {
         self.sr & EOP != 0 && self.cr & EOPIE != 0 || self.sr & OPERR != 0 && self.cr & ERRIE != 0
     }
@@ -249,7 +237,7 @@ impl FlashControl {
         }
     }
 
-    /// Converts the end of an operation under way after a change of the clocks.
+    /// Converts the end of an operation to the new clock.
     pub(crate) fn clocks_changed(&mut self, now: Cycle, old_hz: u64, new_hz: u64) {
         for until in &mut self.busy_until {
             if *until > now {
@@ -258,7 +246,7 @@ impl FlashControl {
         }
     }
 
-    /// The cycle until which a read of `offset` has to wait; 0 if it need not wait.
+    /// The cycle until which a read of `offset` has to wait, 0 if it need not.
     #[inline]
     pub(crate) fn busy(&self, offset: u32, now: Cycle) -> Cycle {
         if self.sr & BSY == 0 {
@@ -280,7 +268,7 @@ impl FlashControl {
         lane(register, offset, width)
     }
 
-    /// Writes a register of the interface. `hz` is the rate of HCLK.
+    /// Writes a register of the interface. `hz` is HCLK.
     #[expect(clippy::too_many_arguments, reason = "one access with everything it depends on")]
     pub(crate) fn write_register(
         &mut self,
@@ -298,7 +286,7 @@ impl FlashControl {
         match offset >> 2 {
             0 => {
                 let new = merge(self.acr, offset, width, value) & 0x1F0F;
-                // ICRST and DCRST lie two bits above ICEN and DCEN. Each needs its own cache to be off (RM0090 3.9.1).
+                // ICRST and DCRST are two bits above ICEN and DCEN. Each needs its own cache to be off (RM0090 3.9.1).
                 if new >> 2 & new & (INSTRUCTION_CACHE | DATA_CACHE) != 0 {
                     find(FindingKind::Misuse, "a cache is reset while it is on: that does nothing");
                 }
@@ -372,7 +360,6 @@ impl FlashControl {
         Outcome::Done
     }
 
-    /// Begins an operation of `ns` nanoseconds on the banks in `mask`.
     fn begin(&mut self, mask: u32, now: Cycle, hz: u64, ns: u64) {
         let until = now + (ns * (hz / 1000) / 1_000_000).max(1);
         for (bank, busy) in self.busy_until.iter_mut().enumerate() {
@@ -390,15 +377,13 @@ impl FlashControl {
         }
     }
 
-    /// Whether the option bits `nWRP` protect the sector (0 to 11) of `bank`.
     fn is_protected(&self, bank: u32, sector: u32) -> bool {
         let bits = if bank == 0 { self.optcr } else { self.optcr1 };
         bits >> (16 + sector) & 1 == 0
     }
 
     fn erase(&mut self, now: Cycle, pc: Option<u32>, hz: u64, out: &mut Effects) -> Outcome {
-        // The times are those of DS9405's table for parallelism 8, 16 and 32 bits (64 needs VPP, which no board here
-        // has).
+        // Times for 8, 16 and 32 bits in parallel (DS9405). 64 bits need VPP, which no board here has.
         let psize = (self.cr >> 8 & 3) as usize;
         let mut find = |kind, text| out.notes.push(Note { kind, at: now, pc, place: "FLASH", text, value: None });
         if psize == 3 {
@@ -445,7 +430,7 @@ impl FlashControl {
         Outcome::Changed
     }
 
-    /// The error flag and the reason if a store of this width into flash programs nothing; `None` if it programs.
+    /// The error flag and the reason for a store that programs nothing; `None` for one that programs.
     fn refusal(&self, offset: u32, width: Width) -> Option<(u32, &'static str)> {
         let (bank, sector) = sector_of(offset);
         if self.cr & (LOCK | PG) != PG || self.cr & (SER | MER | MER1) != 0 {
@@ -461,8 +446,7 @@ impl FlashControl {
         }
     }
 
-    /// Carries out a store into flash. Returns what is wrong with a store that programs nothing. `hz` is the rate of
-    /// HCLK.
+    /// Carries out a store into flash, with HCLK at `hz`. Returns why a store programs nothing.
     pub(crate) fn store(
         &mut self,
         offset: u32,
@@ -486,8 +470,8 @@ impl FlashControl {
         Ok(())
     }
 
-    /// The wait states of a read at `address`: none where prefetch or a cache has the data, else the latency. At worst
-    /// each line of 128 bits is fetched anew (RM0090 3.5.2).
+    /// The wait states of a read: none if prefetch or a cache has the data, else the latency. At worst each line of 128
+    /// bits is fetched again (RM0090 3.5.2).
     pub(crate) fn wait_states(&mut self, address: u32, fetch: bool, bound: Bound) -> u32 {
         let cached = if fetch { self.acr & (PREFETCH | INSTRUCTION_CACHE) } else { self.acr & DATA_CACHE } != 0;
         match bound {
@@ -497,7 +481,7 @@ impl FlashControl {
                 if std::mem::replace(&mut self.line, line) == line { 0 } else { self.latency() }
             }
             _ => {
-                // The array has one read port, so a data access replaces the line from which instructions came.
+                // The array has one read port, so a data access replaces the instructions' line.
                 self.line = u32::MAX;
                 self.latency()
             }
@@ -505,8 +489,8 @@ impl FlashControl {
     }
 }
 
-/// The offset and the size of a sector (0 to 11) of a bank: four of 16 KiB, one of 64 KiB, seven of 128 KiB, RM0090
-/// table 6.
+/// The offset and the size of a sector (0 to 11) of a bank: four of 16 KiB, one of 64 KiB, seven of 128 KiB (RM0090
+/// table 6).
 fn sector_range(bank: u32, sector: u32) -> (u32, u32) {
     const KIB: u32 = 1 << 10;
     let (offset, size) = match sector {
@@ -517,7 +501,7 @@ fn sector_range(bank: u32, sector: u32) -> (u32, u32) {
     (bank * BANK + offset, size)
 }
 
-/// The bank of `offset`, and the number of its sector in that bank.
+/// The bank and its sector that have `offset`.
 fn sector_of(offset: u32) -> (u32, u32) {
     let (bank, within) = ((offset / BANK) & 1, (offset % BANK) >> 10);
     let sector = match within {
@@ -534,7 +518,7 @@ mod tests {
 
     const MHZ: u64 = 1_000_000;
 
-    /// Makes flash full of zeros with the given wait states, HCLK, supply and noise seed.
+    /// Flash full of zeros with these wait states, HCLK, supply and noise seed.
     fn flash(latency: u32, hz: u64, microvolts: u32, noise: u64) -> FlashControl {
         let mut flash = FlashControl::new();
         flash.memory.bytes_mut()[..4096].fill(0);
@@ -548,7 +532,7 @@ mod tests {
         read.filter(|(_, word)| *word != 0).collect()
     }
 
-    /// RM0090's table gives 30, 24, 22 and 20 MHz for each wait state, from 2.7, 2.4, 2.1 and 1.8 V on.
+    /// RM0090 table 11: 30, 24, 22 and 20 MHz for each wait state, from 2.7, 2.4, 2.1 and 1.8 V on.
     #[test]
     fn four_wait_states_at_144_mhz_need_2700_mv() {
         assert_eq!(flash(4, 144 * MHZ, 2_700_000, 0).missing, 0);

@@ -1,8 +1,8 @@
-//! Numbers for everything in the part that has registers, and the address map that finds them: RM0090 table 1.
+//! Numbers for everything in the part that has registers, and the address map of RM0090 table 1.
 
 use crate::rcc::Gate;
 
-/// The first number of each kind of scheduled instance.
+/// The first number of each kind of instance with events.
 pub(crate) const SPI: u8 = 0;
 pub(crate) const USART: u8 = 6;
 pub(crate) const I2C: u8 = 14;
@@ -12,7 +12,7 @@ pub(crate) const RNG: u8 = 32;
 pub(crate) const ADC: u8 = 33;
 pub(crate) const CRC: u8 = 34;
 pub(crate) const CAN1: u8 = 35;
-/// The number of instances that are [`crate::cx::Peripheral`]s. These instances have the numbers below it.
+/// The number of [`crate::cx::Peripheral`]s. They have the numbers below it.
 pub(crate) const INSTANCES: u8 = 36;
 pub(crate) const IWDG: u8 = 36;
 pub(crate) const WWDG: u8 = 37;
@@ -20,7 +20,7 @@ pub(crate) const RCC: u8 = 38;
 pub(crate) const FLASH: u8 = 39;
 pub(crate) const DMA1: u8 = 40;
 pub(crate) const DMA2: u8 = 41;
-/// The number of entries in the event queue. These entries have the numbers below it.
+/// The number of entries in the event queue. They have the numbers below it.
 pub(crate) const SCHEDULED: usize = 42;
 pub(crate) const PWR: u8 = 42;
 pub(crate) const SYSCFG: u8 = 43;
@@ -29,13 +29,12 @@ pub(crate) const GPIO: u8 = 45;
 pub(crate) const BKPSRAM: u8 = 56;
 /// The first number of the peripherals without a model.
 pub(crate) const STUBS: u8 = 57;
-/// The number of the DAC. It is among the peripherals without a model, since the DAC schedules no event.
+/// The number of the DAC, which schedules no event.
 pub(crate) const DAC: u8 = STUBS + 3;
 pub(crate) const COUNT: usize = 70;
-/// The number that stands for an address at which the part has nothing.
+/// Stands for an address at which the part has nothing.
 pub(crate) const NOTHING: u8 = 255;
 
-/// The names in the manual.
 #[rustfmt::skip]
 pub(crate) static NAMES: [&str; COUNT] = [
     "SPI1", "SPI2", "SPI3", "SPI4", "SPI5", "SPI6",
@@ -49,7 +48,7 @@ pub(crate) static NAMES: [&str; COUNT] = [
     "FMC",
 ];
 
-/// The clock gates in RCC, by number. Bus 255 means that there is no gate.
+/// The clock gates in RCC, by number. Bus 255 means no gate.
 #[rustfmt::skip]
 pub(crate) static GATES: [Gate; COUNT] = {
     const fn a1(bit: u8) -> Gate { Gate { bus: 0, bit } }
@@ -73,7 +72,7 @@ pub(crate) static GATES: [Gate; COUNT] = {
 pub(crate) const fn spi(n: u8) -> u8 {
     SPI + n - 1
 }
-/// The index of a USART or UART by its number: USART1 to 3, UART4 and 5, USART6, UART7 and 8.
+/// The index of USART1 to 3, UART4 and 5, USART6, UART7 or 8 by its number.
 pub(crate) const fn usart(n: u8) -> u8 {
     USART + n - 1
 }
@@ -168,7 +167,6 @@ static BLOCKS: [u8; 512] = {
     table
 };
 
-/// The number of the instance at `address`, and the address's offset in it.
 #[inline]
 pub(crate) fn at(address: u32) -> (u8, u32) {
     if address & 0xFFF8_0000 == 0x4000_0000 {

@@ -1,7 +1,6 @@
-//! The STM32F429ZI without its core: memory, clocks, peripherals, pins and interrupt lines, as a
-//! [`emulator_part::Part`].
+//! The STM32F429ZI without its core, as a [`emulator_part::Part`].
 //!
-//! Section and table numbers are those of RM0090. "Data sheet" is DS9405, and "errata" is ES0206.
+//! Section and table numbers are of RM0090. "Data sheet" is DS9405, and "errata" is ES0206.
 //!
 //! | covered | module |
 //! |---|---|
@@ -107,15 +106,15 @@ pub const fn pin(port: char, number: u8) -> Pin {
 pub const TIM2_INTERRUPT: u16 = 28;
 /// The number of the interrupt of EXTI line 3, table 63.
 pub const EXTI3_INTERRUPT: u16 = 9;
-/// The number of interrupt lines of the part, table 63. The last is DMA2D's, 90.
+/// The number of interrupt lines, table 63.
 pub const INTERRUPTS: u16 = 91;
 
 /// The address of the unique device ID, 39.1.
 pub const UNIQUE_ID: u32 = 0x1FFF_7A10;
-/// The address of the flash size, a half-word in KiB, 39.2.
+/// The address of the flash size, a halfword in KiB, 39.2.
 pub const FLASH_SIZE: u32 = 0x1FFF_7A22;
 
-/// The first address of SRAM1, SRAM2 and SRAM3, which adjoin each other, 2.3.1.
+/// The first address of SRAM1, SRAM2 and SRAM3, which are contiguous, 2.3.1.
 const SRAM_BASE: u32 = 0x2000_0000;
 const SRAM_SIZE: u32 = 192 << 10;
 const SRAM1_SIZE: u32 = 112 << 10;
@@ -126,13 +125,13 @@ const CCM_GATE: rcc::Gate = rcc::Gate { bus: 0, bit: 20 };
 /// The first address of backup SRAM, 5.1.2.
 const BACKUP_BASE: u32 = 0x4002_4000;
 const BACKUP_SIZE: u32 = 4 << 10;
-/// The first address of system memory, OTP and factory values. The option bytes are in its second half: table 6.
+/// The first address of system memory, OTP and factory values. The option bytes are in the second half (table 6).
 const FACTORY_BASE: u32 = 0x1FFF_0000;
 const FACTORY_SIZE: u32 = 0x1_0000;
-/// The option bytes of bank 1: read protection and user options, with the write protection 8 bytes further, 3.9.
+/// The option bytes of bank 1 (3.9): read protection and user options. The write protection is 8 bytes further.
 const OPTION_BYTES: u32 = 0x1FFF_C000;
 
-/// The word that an APB peripheral gets for a narrow write: the bridge copies the value to all lanes (2.1.6).
+/// The word that an APB peripheral gets for a narrow write: the value in all lanes (2.1.6).
 pub(crate) fn lanes(width: Width, value: u32) -> u32 {
     match width {
         Width::Byte => (value & 0xFF) * 0x0101_0101,
@@ -144,8 +143,8 @@ pub(crate) fn lanes(width: Width, value: u32) -> u32 {
 /// The oscillators that clock the part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Oscillators {
-    /// The nominal rate of the clock on OSC_IN, in hertz; `None` where nothing drives OSC_IN, as on a NUCLEO whose
-    /// ST-LINK has no power.
+    /// The nominal rate of the clock on OSC_IN, in hertz; `None` if nothing drives OSC_IN, as on a NUCLEO whose ST-LINK
+    /// has no power.
     pub hse_hz: Option<u64>,
     /// How much faster the clock on OSC_IN is, in parts per billion.
     pub hse_ppb: i64,
@@ -164,14 +163,13 @@ impl Default for Oscillators {
     }
 }
 
-/// The key by which two findings are the same. Their words are compared by their addresses in the program.
+/// Two findings with the same key are one. Words are compared by their address.
 type NoteKey = (FindingKind, &'static str, &'static str, Option<u32>);
 
 /// The STM32F429ZI without its core.
 #[derive(Clone, Debug)]
 pub struct Stm32f429 {
     signals: Signals,
-    /// The latest cycle at which the part was called.
     now: Cycle,
 
     flash: FlashControl,
@@ -181,7 +179,6 @@ pub struct Stm32f429 {
     backup: Ram,
 
     rcc: Rcc,
-    /// The clocks that the instances use at present.
     clocks: Clocks,
     pwr: Pwr,
     supply: Supervisors,
@@ -203,22 +200,19 @@ pub struct Stm32f429 {
     can: Can,
     dac: Dac,
 
-    /// The cycle of the next event: in each instance, then in each group of eight, then in all.
+    /// The cycle of the next event of each instance.
     due: [Cycle; GROUPS * 8],
     group_due: [Cycle; GROUPS],
     next: Cycle,
-    /// The instances that were called and whose outputs were not yet checked.
+    /// The instances whose outputs must be checked after a call.
     dirty: u64,
-    /// The DMA requests of each instance. `listened` has the requests to which a stream listens, and `hungry` the
-    /// instances with a request to which a stream listens.
+    /// The DMA requests of each instance.
     requests: [u8; id::SCHEDULED],
-    /// The cycle until which each DMA controller pauses because of a request that never ends.
     dma_pauses_until: [Cycle; 2],
     listened: [u8; id::SCHEDULED],
     hungry: u64,
-    /// The streams of each controller that listen to a request.
     listening: [u8; 2],
-    /// The interrupt lines of TIM9 to TIM14, which share lines with TIM1 and TIM8. The next field is all other lines.
+    /// The lines that TIM9 to TIM14 share with TIM1 and TIM8, as TIM9 to TIM14 drive them.
     shared: [u64; 4],
     own: [u64; 4],
     out: Effects,
@@ -227,33 +221,30 @@ pub struct Stm32f429 {
     reset_wanted: Option<Reset>,
 }
 
-/// The number of groups of eight in the event queue.
 const GROUPS: usize = id::SCHEDULED.div_ceil(8);
 
-/// The maximum number of findings that are kept.
 const MOST_FINDINGS: usize = 200;
 
-/// The maximum number of DMA transfers at one cycle. A stream whose request never ends (a circular stream to a register
-/// that does not clear its request) then pauses for the time that as many transfers take, see [`TRANSFER_CYCLES`].
+/// The maximum number of DMA transfers at one cycle. A request may never end, such as a circular stream to a register
+/// that does not clear it. Its controller then pauses for [`TRANSFER_CYCLES`] per transfer.
 const MOST_TRANSFERS: u32 = 64;
 
-/// The cycles of one DMA transfer where a request never ends: arbitration and an access on either port. AN4031 ("DMA
-/// latency") counts a few cycles for each part. The exact number depends on the bus matrix, which is not modelled.
+/// The cycles of one DMA transfer if a request never ends. AN4031 ("DMA latency") counts a few cycles for arbitration
+/// and an access on either port. The exact number depends on the bus matrix, which has no model.
 const TRANSFER_CYCLES: Cycle = 8;
 
-/// The maximum number of rounds of internal triggers at one cycle. On silicon, timers that trigger one another in a
-/// ring need clocks for each round. Here the ring would never end, so it is cut with a finding.
+/// The maximum number of rounds of internal triggers at one cycle. Timers that trigger one another in a ring would
+/// never end here, so the ring is cut with a finding.
 const MOST_TRIGGERS: u32 = 64;
 
-/// The bus master of an access that the core does not make.
+/// A bus master other than the core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Master {
-    /// The peripheral port of a DMA controller: 0 is DMA1. The next variant is the memory port.
+    /// The peripheral port of a DMA controller; 0 is DMA1.
     DmaPeripheral(u8),
     DmaMemory(u8),
 }
 
-/// Evaluates an expression for the instance with the given number.
 macro_rules! with {
     ($self:ident, $id:expr, $p:ident => $body:expr) => {
         match $id {
@@ -297,7 +288,6 @@ macro_rules! with {
     };
 }
 
-/// Makes the context ([`Cx`]) with which an instance is called.
 macro_rules! cx {
     ($self:ident, $id:expr, $now:expr, $pc:expr) => {
         &mut Cx {
@@ -311,14 +301,14 @@ macro_rules! cx {
     };
 }
 
-// The modules here use the macros above, so their declarations come after them.
+// These modules use the macros above.
 mod bus;
 mod part;
 mod reactions;
 mod transfers;
 
 impl Stm32f429 {
-    /// Makes the part on a 3.3 V rail, just powered on, with nothing on its pins and its flash erased.
+    /// Makes the part on a 3.3 V rail, just powered on, with open pins and erased flash.
     #[must_use]
     pub fn new(oscillators: Oscillators) -> Self {
         let mut factory = emulator_part::Flash::new(FACTORY_SIZE as usize);
@@ -327,14 +317,14 @@ impl Stm32f429 {
             bytes[at..at + values.len()].copy_from_slice(values);
         };
         let bytes = factory.bytes_mut();
-        // The default device ID is easy to recognise in a dump: coordinates, wafer, lot in ASCII (39.1).
+        // The default device ID: coordinates, wafer, lot in ASCII (39.1).
         put(bytes, UNIQUE_ID, &[0x2A, 0x00, 0x31, 0x00, 0x0D, b'H', b'O', b'R', b'U', b'S', b'0', b'1']);
         put(bytes, FLASH_SIZE, &2048_u16.to_le_bytes());
-        // The calibration values are for 3.3 V (data sheet): VREFINT, the sensor at 30 °C and at 110 °C.
+        // VREFINT, and the sensor at 30 °C and at 110 °C, for 3.3 V (data sheet).
         for (nth, value) in adc::CALIBRATION.into_iter().enumerate() {
             put(bytes, 0x1FFF_7A2A + 2 * nth as u32, &value.to_le_bytes());
         }
-        // The option bytes are as delivered: 0x0FFF_AAED without the lock bits, 3.9.10.
+        // The option bytes as delivered: 0x0FFF_AAED without the lock bits (3.9.10).
         put(bytes, OPTION_BYTES, &[0xEC, 0xAA]);
         put(bytes, OPTION_BYTES + 8, &[0xFF, 0x0F]);
         let mut part = Self {
@@ -395,8 +385,8 @@ impl Stm32f429 {
         self.factory.bytes_mut()[at..at + id.len()].copy_from_slice(&id);
     }
 
-    /// Puts brown-out level 3 (2.7 V) into the option bytes, as `cargo xtask flash horus` does. The level is in force
-    /// from the next reset on.
+    /// Puts brown-out level 3 (2.7 V) into the option bytes, as `cargo xtask flash horus` does. The level applies from
+    /// the next reset on.
     #[must_use]
     pub fn with_brown_out_level_3(mut self) -> Self {
         self.factory.bytes_mut()[(OPTION_BYTES - FACTORY_BASE) as usize] &= !(3 << 2);
@@ -408,9 +398,9 @@ impl Stm32f429 {
         self.rng.seed(seed);
     }
 
-    /// Stops the oscillator on OSC_IN at `at`. With `CSSON` set, the hardware switches what ran from the oscillator to
-    /// HSI and raises the NMI. Without it, everything that the oscillator clocked stands still, including the core
-    /// (7.2.7). The call does nothing if the oscillator does not run.
+    /// Stops the oscillator on OSC_IN at `at`. With `CSSON` set, the hardware switches to HSI and raises the NMI.
+    /// Without it, everything that the oscillator clocked stands still, including the core (7.2.7). Does nothing if the
+    /// oscillator does not run.
     pub fn fail_hse<O: Outside>(&mut self, at: Cycle, outside: &mut O) {
         self.advance(at, outside);
         self.rcc.fail_hse(at, self.pwr.supply(), &mut self.out);
@@ -421,8 +411,8 @@ impl Stm32f429 {
         self.settle(at, outside);
     }
 
-    /// Starts the oscillator on OSC_IN at `at`, even if it was absent from the start. `HSERDY` then rises for software
-    /// that waits for it; the hardware switches nothing back by itself.
+    /// Starts the oscillator on OSC_IN at `at`, even if it was absent from the start. `HSERDY` then rises; the hardware
+    /// switches nothing back by itself.
     pub fn restore_hse<O: Outside>(&mut self, at: Cycle, outside: &mut O) {
         self.advance(at, outside);
         self.rcc.restore_hse(at, self.pwr.supply(), &mut self.out);
@@ -430,7 +420,7 @@ impl Stm32f429 {
         self.settle(at, outside);
     }
 
-    /// Makes I2C`number` report a bus error at `at` without any cause (ES0206 2.9.6).
+    /// Makes I2C`number` report a bus error at `at` without a cause (ES0206 2.9.6).
     pub fn spurious_bus_error<O: Outside>(&mut self, number: u8, at: Cycle, outside: &mut O) {
         self.advance(at, outside);
         self.i2c[usize::from(number - 1)].spurious_bus_error();
@@ -450,14 +440,12 @@ impl Stm32f429 {
         self.gpio.pad(pin)
     }
 
-    /// The voltage to which the DAC's channel `number` (1 on PA4, 2 on PA5) drives its pin, in microvolts; `None` where
+    /// The voltage in microvolts to which channel `number` of the DAC (1 on PA4, 2 on PA5) drives its pin; `None` if
     /// the channel is off.
     #[must_use]
     pub fn dac_microvolts(&self, number: usize) -> Option<i32> {
         self.gpio.pads.dac[number - 1]
     }
-
-    // The following functions handle findings.
 
     fn note(&mut self, note: Note) {
         let key = (note.kind, note.place, note.text, note.value);
@@ -480,7 +468,6 @@ impl Stm32f429 {
     }
 }
 
-/// One of the part's memories.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Memory {
     Flash,
@@ -494,7 +481,6 @@ fn name(number: u8) -> &'static str {
     id::NAMES[usize::from(number)]
 }
 
-/// The number of the instance that has `signal`.
 fn instance_of(signal: Signal) -> Option<u8> {
     match signal {
         Signal::Spi(n, _) => Some(id::spi(n)),
@@ -507,7 +493,6 @@ fn instance_of(signal: Signal) -> Option<u8> {
     }
 }
 
-/// The indices of the signals of an instance.
 fn signals_of(number: u8) -> std::ops::Range<usize> {
     let (first, count) = match number {
         id::SPI..id::USART => (usize::from(number - id::SPI) * 5, 5),

@@ -1,4 +1,4 @@
-//! The implementation of [`Part`], through which the bench calls the part.
+//! The implementation of [`Part`].
 
 use super::*;
 
@@ -13,8 +13,7 @@ impl Part for Stm32f429 {
             // PM0214 4.3 gives this number.
             priority_bits: 4,
             vector_table: 0,
-            // The calibration value is 18750, which is 1 ms at HCLK/8 of 150 MHz (12.1.2). SKEW is set, since it is not
-            // exact.
+            // 18750 is 1 ms at HCLK/8 of 150 MHz (12.1.2). SKEW says that it is not exact.
             systick_calibration: 0x4000_0000 | 18_750,
             systick_reference: 8,
             mpu_regions: 8,
@@ -26,7 +25,7 @@ impl Part for Stm32f429 {
         if let Some(value) = self.sram.read(access.address.wrapping_sub(SRAM_BASE), access.width) {
             return Ok(value);
         }
-        // The access is copied, so that the compiler does not store it in the host's memory for each access to RAM.
+        // A copy keeps the compiler from storing the access in memory for each access to RAM.
         self.read_other(&{ *access }, outside)
     }
 
@@ -63,7 +62,7 @@ impl Part for Stm32f429 {
             }
             return self.flash.read(offset, Width::Half).map(|value| value as u16).ok_or(BusError);
         }
-        // The CCM is only on the data bus, 2.3.1, so nothing can be executed from it.
+        // The CCM is on the data bus only, so nothing can be executed from it (2.3.1).
         match self.locate(address) {
             Some((Memory::Sram, offset)) => self.sram.read(offset as u32, Width::Half),
             Some((Memory::Factory, offset)) => self.factory.read(offset as u32, Width::Half),
@@ -140,13 +139,12 @@ impl Part for Stm32f429 {
         if self.flash_offset(address).is_some() {
             return self.flash.wait_states(address, access.purpose == Purpose::Fetch, bound);
         }
-        // It is assumed, since no manual has figures, that an active DMA controller takes the RAM or the bridge for one
-        // cycle.
+        // Assumed, since no manual has figures: an active DMA controller takes the RAM or the bridge for one cycle.
         let contention = u32::from(bound == Bound::Worst && self.dma.iter().any(Dma::is_active));
         match address {
             0x4000_0000..0x4002_0000 => {
-                // It is assumed that an access has the setup and access phases of the APB, and at worst waits for the
-                // bridge's clock edge.
+                // Assumed: an access has the setup and access phases of the APB, and at worst waits for the bridge's
+                // clock edge.
                 let divider = if address < 0x4001_0000 { self.clocks.pclk1 } else { self.clocks.pclk2 };
                 let phases = 2 * divider;
                 match bound {
@@ -163,8 +161,8 @@ impl Part for Stm32f429 {
         true
     }
 
-    /// The clock HCLK. While its source has failed without the clock security system, its rate is 0 and the core stands
-    /// still. Cycles are then counted on at the last rate, for the independent watchdog.
+    /// HCLK. If its source has failed without the clock security system, the rate is 0 and the core stands still.
+    /// Cycles then count on at the last rate, for the independent watchdog.
     fn clock(&self) -> Clock {
         Clock { hz: if self.rcc.stopped { 0 } else { self.clocks.hclk_hz }, ppb: self.clocks.ppb }
     }
@@ -265,7 +263,7 @@ impl Part for Stm32f429 {
         let now = self.now;
         let usart = &mut self.usart[usize::from(n - 1)];
         let cx = cx!(self, number, now, None);
-        // In half-duplex mode (CR3.HDSEL) the TX pin is also the receiver's, and the RX pin is not used, 30.3.10.
+        // In half-duplex mode (CR3.HDSEL) the TX pin also receives, and the RX pin is not used (30.3.10).
         let half_duplex = usart.peek(0x14, cx) & 1 << 3 != 0;
         if half_duplex == (wire == UartPin::Tx) {
             usart.receive(begins, &frame, cx);

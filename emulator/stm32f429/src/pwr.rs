@@ -8,8 +8,8 @@
 //! | `CR` `PVDE`, `PLS`; `CSR` `PVDO` | The voltage detector, whose comparator is [`crate::supply`], 5.2.3 |
 //! | `CSR` `VOSRDY`, `BRE`, `BRR` | Ready at once |
 //!
-//! **Left out.** Stop and standby are not entered: a deep sleep with `PDDS` or in stop mode makes a finding and is an
-//! ordinary sleep. The flags of standby and wake-up stay 0.
+//! **Left out.** Stop and standby: a deep sleep makes a finding and is an ordinary sleep. The flags of standby and
+//! wake-up stay 0.
 
 use cortex_m4::Width;
 
@@ -21,7 +21,6 @@ const ODEN: u32 = 1 << 16;
 const ODSWEN: u32 = 1 << 17;
 const VOS: u32 = 3 << 14;
 
-/// The power controller.
 #[derive(Clone, Debug)]
 pub(crate) struct Pwr {
     cr: u32,
@@ -47,7 +46,7 @@ impl Pwr {
         self.cr
     }
 
-    /// Reads a register. `low` is the voltage detector's output.
+    /// Reads a register. `low` is PVDO.
     pub(crate) fn read(&self, offset: u32, width: Width, low: bool) -> u32 {
         let register = match offset >> 2 {
             0 => self.cr,

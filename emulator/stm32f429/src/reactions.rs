@@ -1,13 +1,11 @@
-//! The consequences of a call of an instance: interrupt lines, DMA requests, pins, triggers, the next event.
+//! The consequences of calling an instance: interrupt lines, DMA requests, pins, triggers, the next event.
 
 use super::*;
 
 impl Stm32f429 {
-    /// Takes over the outputs of the instance `number` after it was called.
     pub(crate) fn refresh(&mut self, number: u8) {
         let (irq, dma, due) = with!(self, number, p => (p.irq(), p.dma(), p.due()));
-        // An instance that is given a frame late may have an event due at a cycle that has already passed. Such an
-        // event is handled now.
+        // An instance that gets a frame late may have an event due in the past. The event is handled now.
         self.set_due(number, due.max(self.now));
         let at = usize::from(number);
         self.requests[at] = dma as u8;
@@ -40,21 +38,20 @@ impl Stm32f429 {
         }
     }
 
-    /// The first instance that has an event at `at`.
     pub(crate) fn first_due(&self, at: Cycle) -> u8 {
         let position = |list: &[Cycle]| list.iter().position(|&due| due == at).unwrap_or(0);
         let group = position(&self.group_due);
         (group * 8 + position(&self.due[group * 8..group * 8 + 8])) as u8
     }
 
-    /// Puts the levels of an instance's interrupt outputs onto their lines, table 63.
+    /// Drives the interrupt lines of an instance, table 63.
     pub(crate) fn set_irq(&mut self, number: u8, irq: u32) {
         const SPI: [u8; 6] = [35, 36, 51, 84, 85, 86];
         const USART: [u8; 8] = [37, 38, 39, 52, 53, 71, 82, 83];
         const I2C: [u8; 3] = [31, 33, 72];
-        // The table has the lines of TIM2 to TIM7.
+        // TIM2 to TIM7
         const TIM: [u8; 6] = [28, 29, 30, 50, 54, 55];
-        // The table has the lines of TIM9 to TIM14.
+        // TIM9 to TIM14
         const SHARED: [u8; 6] = [24, 25, 26, 43, 44, 45];
         match number {
             id::SPI..id::USART => self.set_line(SPI[usize::from(number - id::SPI)], irq & 1 != 0),
@@ -110,7 +107,6 @@ impl Stm32f429 {
         }
     }
 
-    /// Passes on the lines and events of the EXTI after the EXTI was called.
     pub(crate) fn after_exti(&mut self) {
         let live = self.exti.live();
         for line in 0..5 {
@@ -140,7 +136,7 @@ impl Stm32f429 {
         }
     }
 
-    /// Computes the requests to which streams listen.
+    /// Computes which requests streams listen to.
     pub(crate) fn listen(&mut self) {
         self.listened = [0; id::SCHEDULED];
         for (dma, listening) in self.dma.iter().zip(&mut self.listening) {
@@ -157,7 +153,7 @@ impl Stm32f429 {
         }
     }
 
-    /// Passes a possible change of the clock tree on to the instances.
+    /// Tells the instances a possible change of the clock tree.
     pub(crate) fn after_rcc<O: Outside>(&mut self, now: Cycle, pc: Option<u32>, outside: &mut O) {
         self.set_line(5, self.rcc.irq());
         self.signals.drive_nmi(self.rcc.nmi());
@@ -194,7 +190,7 @@ impl Stm32f429 {
         }
     }
 
-    /// Updates the voltage detector after a change of the supply or of its settings.
+    /// Updates the voltage detector.
     pub(crate) fn watch_supply(&mut self) {
         self.supply.detect(self.pwr.cr());
         self.exti.sample(1 << 16, u32::from(self.supply.low) << 16);
@@ -259,7 +255,7 @@ impl Stm32f429 {
         self.listen();
     }
 
-    /// Carries out everything that a call has set off at once: lines, pins, triggers, DMA.
+    /// Carries out everything that a call has set off: lines, pins, triggers, DMA.
     #[inline]
     pub(crate) fn settle<O: Outside>(&mut self, now: Cycle, outside: &mut O) {
         let (mut transfers, mut rounds) = ([0; 2], 0);
@@ -302,7 +298,7 @@ impl Stm32f429 {
         }
     }
 
-    /// Passes on the effects of instances and ports. Returns whether there were any.
+    /// Passes on effects of instances and ports. Returns whether there were any.
     #[inline]
     pub(crate) fn drain<O: Outside>(&mut self, now: Cycle, outside: &mut O) -> bool {
         if self.out.notes.is_empty()
@@ -358,7 +354,6 @@ impl Stm32f429 {
         }
     }
 
-    /// Lets the EXTI sample the pins of a port that changed.
     pub(crate) fn sample_port(&mut self, port: usize, mut mask: u16) {
         let mut lines = 0;
         while mask != 0 {

@@ -1,4 +1,4 @@
-//! A test bench for one instance of a peripheral alone: clocks, pads, and wires that record.
+//! A test bench for one peripheral alone: clocks, pads, and wires that record.
 
 use std::collections::VecDeque;
 
@@ -7,7 +7,6 @@ use emulator_part::{Cycle, I2cAnswer, I2cEvent, Pin, SpiFrame, UartFrame};
 
 use crate::cx::{Clocks, Cx, Effects, Pads, Peripheral, Signal, Wires};
 
-/// The recording wires outside the instance.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Lines {
     pub(crate) spi: Vec<SpiFrame>,
@@ -38,7 +37,6 @@ impl Wires for Lines {
     }
 }
 
-/// An instance and its surroundings.
 #[derive(Clone, Debug)]
 pub(crate) struct Rig<P> {
     pub(crate) instance: P,
@@ -85,7 +83,6 @@ impl<P: Peripheral> Rig<P> {
         call(&mut self.instance, &mut cx)
     }
 
-    /// Carries out everything that is due up to and at `to`, each at its own cycle.
     pub(crate) fn run(&mut self, to: Cycle) {
         while self.instance.due() <= to {
             self.now = self.instance.due().max(self.now);
@@ -118,7 +115,6 @@ impl<P: Peripheral> Rig<P> {
         self.call(|instance, cx| instance.input(signal, level, cx));
     }
 
-    /// Whether a finding contains `words`.
     pub(crate) fn found(&self, words: &str) -> bool {
         self.out.notes.iter().any(|note| note.text.contains(words))
     }

@@ -5,7 +5,7 @@
 //! | A word every 40 cycles of the 48 MHz clock, `DRDY`, the interrupt | 24.3 |
 //! | A clock below HCLK / 16, or none: `CECS`, `CEIS`, no more words | 24.3.2 |
 //!
-//! **Left out:** seed errors never come. The words are a pseudo-random sequence, which is the same in every run.
+//! **Left out:** seed errors. The words are a pseudo-random sequence, the same in every run.
 
 use cortex_m4::Width;
 use emulator_part::{Cycle, FindingKind, NEVER};
@@ -19,33 +19,29 @@ const CECS: u32 = 1 << 1;
 const CEIS: u32 = 1 << 5;
 const SEIS: u32 = 1 << 6;
 
-/// The cycles of the 48 MHz clock that a word takes.
+/// The cycles of the 48 MHz clock per word.
 const WORD: u64 = 40;
 
-/// The random number generator.
 #[derive(Clone, Debug)]
 pub(crate) struct Rng {
     cr: u32,
     sr: u32,
     data: u32,
-    /// The state of the sequence.
     state: u64,
     due: Cycle,
 }
 
 impl Rng {
-    /// Makes the generator as it is after a reset.
     pub(crate) fn new() -> Self {
         Self { cr: 0, sr: 0, data: 0, state: 0x5EED_0F42_9000_0001, due: NEVER }
     }
 
-    /// Seeds the words from now on.
     #[allow(dead_code, reason = "for a bench that wants another sequence")]
     pub(crate) fn seed(&mut self, seed: u64) {
         self.state = seed;
     }
 
-    /// Draws the upper half of a number of SplitMix64 (Steele, Lea and Flood 2014).
+    /// The upper half of the next number of SplitMix64 (Steele, Lea and Flood 2014).
     fn next(&mut self) -> u32 {
         self.state = self.state.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut mixed = self.state;

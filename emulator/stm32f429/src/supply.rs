@@ -1,20 +1,18 @@
-//! The supply supervisors: power-on and power-down reset, brown-out reset, the programmable voltage detector. RM0090
-//! 5.2.
+//! The supply supervisors: power-on and power-down reset, brown-out reset, the voltage detector (RM0090 5.2).
 //!
-//! The thresholds are those of DS9405, "Embedded reset and power control block characteristics". The data sheet gives a
-//! range for each threshold. Here each detector reacts as late as the data sheet allows, so that firmware has the least
-//! time between two detectors. The time for which the reset lasts beyond the threshold (0.5 to 3 ms) is left out.
+//! The thresholds are from DS9405, "Embedded reset and power control block characteristics", which gives a range for
+//! each. Here each detector reacts as late as the range allows, so that firmware has the least time between two
+//! detectors. The reset's delay after the threshold (0.5 to 3 ms) is left out.
 
 use emulator_part::{Reset, Supplied};
 
-/// A threshold in µV: its values for a falling and for a rising supply.
+/// The thresholds of a falling and of a rising supply, in µV.
 type Threshold = (u32, u32);
 
-/// The thresholds of power-down and power-on.
 const POWER: Threshold = (1_600_000, 1_640_000);
-/// The thresholds of brown-out levels 3, 2 and 1, in the order of `BOR_LEV`. The value 3 of that field means off.
+/// Brown-out levels 3, 2 and 1, in the order of `BOR_LEV`.
 const BROWN_OUT: [Threshold; 3] = [(2_750_000, 2_850_000), (2_440_000, 2_530_000), (2_130_000, 2_230_000)];
-/// The thresholds of the voltage detector, by `PWR_CR.PLS`.
+/// By `PWR_CR.PLS`.
 const DETECTOR: [Threshold; 8] = [
     (1_980_000, 2_090_000),
     (2_130_000, 2_230_000),
@@ -29,20 +27,18 @@ const DETECTOR: [Threshold; 8] = [
 /// Bits of `PWR_CR`.
 const PVDE: u32 = 1 << 4;
 
-/// The supply and its supervisors.
 #[derive(Clone, Debug)]
 pub(crate) struct Supervisors {
     microvolts: u32,
-    /// The cause for which the part will restart, while it is held in reset.
+    /// The cause of the next restart, while the part is held in reset.
     held: Option<Reset>,
-    /// The voltage detector's output, `PWR_CSR.PVDO`: whether the supply is below its threshold.
+    /// `PWR_CSR.PVDO`: whether the supply is below the voltage detector's threshold.
     pub(crate) low: bool,
-    /// Whether the output rose since the last check.
+    /// Whether PVDO rose since the last check.
     pub(crate) warned: bool,
 }
 
 impl Supervisors {
-    /// Makes the supervisors on a rail of 3.3 V.
     pub(crate) fn new() -> Self {
         Self { microvolts: 3_300_000, held: None, low: false, warned: false }
     }
@@ -70,7 +66,7 @@ impl Supervisors {
         }
     }
 
-    /// Updates the voltage detector with the settings in `PWR_CR`.
+    /// Updates the voltage detector. `cr` is `PWR_CR`.
     pub(crate) fn detect(&mut self, cr: u32) {
         let (falls, rises) = DETECTOR[(cr >> 5 & 7) as usize];
         let low = cr & PVDE != 0 && self.microvolts < if self.low { rises } else { falls };
@@ -103,8 +99,7 @@ mod tests {
         assert_eq!(supply.supply(1_600_000, 3), Supplied::Enough);
         assert_eq!(supply.supply(1_599_999, 3), Supplied::HeldInReset);
         assert_eq!(supply.supply(1_640_000, 3), Supplied::Restarts(Reset::PowerOn));
-        // Whatever the brown-out level is, a supply that has fallen to 0 restarts as at power-on, as late as that level
-        // allows.
+        // A supply that has fallen to 0 restarts as at power-on, at any brown-out level.
         assert_eq!(supply.supply(0, 0), Supplied::HeldInReset);
         assert_eq!(supply.supply(2_849_999, 0), Supplied::HeldInReset);
         assert_eq!(supply.supply(2_850_000, 0), Supplied::Restarts(Reset::PowerOn));

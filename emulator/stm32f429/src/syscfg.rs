@@ -11,7 +11,6 @@ use cortex_m4::Width;
 
 use crate::gpio::{lane, merge};
 
-/// The system configuration controller.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Syscfg {
     memrmp: u32,
@@ -21,7 +20,7 @@ pub(crate) struct Syscfg {
 }
 
 impl Syscfg {
-    /// The port (0 is A) to which `line` listens. Codes past port K select no pin.
+    /// The port (0 is A) of `line`. Codes past port K select no pin.
     pub(crate) fn port_of(&self, line: usize) -> usize {
         (self.exticr[line / 4] >> (4 * (line % 4)) & 0xF) as usize
     }
@@ -42,7 +41,7 @@ impl Syscfg {
         lane(register, offset, width)
     }
 
-    /// Writes a register. Returns a description of a written setting that is not modelled.
+    /// Writes a register. Returns what is not modelled of the written setting.
     pub(crate) fn write(&mut self, offset: u32, width: Width, value: u32) -> Option<&'static str> {
         let merged = |old: u32| merge(old, offset, width, value);
         match offset >> 2 {

@@ -1,4 +1,4 @@
-//! DMA transfers: the choice of the next stream, and the movement of data.
+//! DMA transfers: the choice of the stream, and the movement of data.
 
 use super::*;
 
@@ -30,8 +30,8 @@ impl Stm32f429 {
         self.after_dma(nth);
     }
 
-    /// Serves the next request: by software priority, then by stream number, and DMA1 before DMA2. Returns the
-    /// controller that had a request.
+    /// Serves the next request, by software priority and then stream number; DMA1 precedes DMA2. Returns the controller
+    /// that had one.
     pub(crate) fn transfer(&mut self, now: Cycle) -> Option<usize> {
         let mut pauses = false;
         for nth in 0..2 {
@@ -58,13 +58,12 @@ impl Stm32f429 {
             }
         }
         if !pauses {
-            // No stream listens to these requests any more.
+            // No stream listens to a request that is still up.
             self.hungry = 0;
         }
         None
     }
 
-    /// Moves one item between a stream and its peripheral, and handles the effect on the FIFO.
     pub(crate) fn serve(&mut self, nth: usize, number: usize, now: Cycle) {
         let stream = &self.dma[nth].streams[number];
         let (instance, mask) = stream.source;
@@ -133,7 +132,7 @@ impl Stm32f429 {
         true
     }
 
-    /// Moves the rest of the FIFO to memory, byte by byte if necessary (10.3.13).
+    /// Moves the rest of the FIFO to memory, by bytes if necessary (10.3.13).
     pub(crate) fn flush(&mut self, nth: usize, number: usize, now: Cycle) {
         while u32::from(self.dma[nth].streams[number].filled) >= self.dma[nth].streams[number].memory_width().bytes() {
             if !self.drain_one(nth, number, now) {
@@ -153,7 +152,6 @@ impl Stm32f429 {
         }
     }
 
-    /// Fills the FIFO from memory.
     pub(crate) fn fill(&mut self, nth: usize, number: usize, now: Cycle) {
         while self.dma[nth].streams[number].is_on() && self.dma[nth].streams[number].fills() {
             let stream = &self.dma[nth].streams[number];
@@ -174,7 +172,6 @@ impl Stm32f429 {
         }
     }
 
-    /// Moves all data of a memory-to-memory stream, from the peripheral address to the memory address.
     pub(crate) fn move_memory(&mut self, nth: usize, number: usize, now: Cycle) {
         while self.dma[nth].streams[number].is_on() {
             let stream = &self.dma[nth].streams[number];
@@ -201,8 +198,7 @@ impl Stm32f429 {
     }
 
     /// Whether a DMA controller's port reaches `address` (figure 2 and 2.1). DMA1's peripheral port reaches APB1 only,
-    /// and its memory port reaches flash and SRAM. DMA2's ports reach these and all peripherals. No port reaches the
-    /// CCM.
+    /// and its memory port flash and SRAM. DMA2's ports reach these and all peripherals. No port reaches the CCM.
     pub(crate) fn reaches(master: Master, address: u32) -> bool {
         let memory = matches!(address, 0..0x0820_0000 | SRAM_BASE..0x2003_0000);
         let peripheral = matches!(address, 0x4000_0000..0x6000_0000);
@@ -255,7 +251,6 @@ impl Stm32f429 {
         self.bus_write(address, width, value, now, None, None::<&mut emulator_part::Open>)
     }
 
-    /// The memory that has `address`, for a debugger's read, and the offset of `address` in it.
     pub(crate) fn locate(&self, address: u32) -> Option<(Memory, usize)> {
         if let Some(offset) = self.flash_offset(address) {
             return Some((Memory::Flash, offset as usize));

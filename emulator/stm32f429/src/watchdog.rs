@@ -8,10 +8,9 @@
 //! | `WWDG_CR`, `CFR` | Counts PCLK1 over 4096 over `WDGTB`; too early or too late a write restarts the part, 22.3 |
 //! | `WWDG_SR` | Early wake-up interrupt at 0x40, 22.3 |
 //!
-//! **Left out.** The window watchdog's prescaler runs freely in the part. Here it starts with each write of `T`, so a
-//! time-out comes at the late end of the part's uncertainty of one tick. If `PR` is changed while the watchdog
-//! counts, the new prescaler applies when the 5 ticks of the update end, and the count is kept. DBGMCU does not freeze
-//! the watchdogs.
+//! **Left out.** On silicon the window watchdog's prescaler runs freely. Here it starts with each write of `T`, so that
+//! a time-out comes as late as silicon's uncertainty of one tick allows. A change of `PR` while the watchdog counts
+//! applies when the 5 ticks of the update end, and the count is kept. DBGMCU does not freeze the watchdogs.
 
 use cortex_m4::Width;
 use emulator_part::{Cycle, NEVER};
@@ -19,24 +18,21 @@ use emulator_part::{Cycle, NEVER};
 use crate::cx::{Clocks, Ratio};
 use crate::gpio::{lane, merge};
 
-/// The independent watchdog.
 #[derive(Clone, Debug)]
 pub(crate) struct Iwdg {
     open: bool,
     running: bool,
     pr: u32,
     rlr: u32,
-    /// The written value of PR that is not in force yet, with the cycle from which it will be in force. The next field
-    /// is the same for RLR.
+    /// The written PR, with the cycle from which it is in force.
     pr_next: Option<(u32, Cycle)>,
     rlr_next: Option<(u32, Cycle)>,
-    /// The prescaled LSI ticks that were left at the cycle `since`.
     count: u32,
     since: Cycle,
     end: Cycle,
-    /// Whether the watchdog has run out. The part takes this flag.
+    /// Whether the watchdog has run out, until the part takes it.
     pub(crate) expired: bool,
-    /// Whether the watchdog was started. The part takes this flag and starts LSI.
+    /// Whether the watchdog was started, until the part starts LSI.
     pub(crate) started: bool,
 }
 
@@ -61,7 +57,7 @@ impl Iwdg {
         4 << self.pr.min(6)
     }
 
-    /// Counts from `now` on with `count` left. The watchdog runs out one tick after the count reached 0.
+    /// Counts down from `count`. The watchdog runs out one tick after 0.
     fn schedule(&mut self, now: Cycle, count: u32, lsi: Ratio) {
         self.count = count;
         self.since = now;
@@ -120,11 +116,10 @@ impl Iwdg {
             now + ps as u64 + 1
         };
         if self.running {
-            // The start of the count moves as well, so that the fraction of a tick that has passed is kept.
+            // The start of the count moves too, so that the fraction of a tick is kept.
             let gone = u128::from(now.saturating_sub(self.since)) * u128::from(new.hclk_hz);
             let gone = (gone / u128::from(old.hclk_hz.max(1))) as u64;
-            // The count starts at `since`. A negative start becomes 0, and the ticks before it are subtracted from the
-            // count.
+            // If the start would be negative it becomes 0, and the ticks before it are subtracted from the count.
             if gone <= now {
                 self.since = now - gone;
             } else {
@@ -154,7 +149,7 @@ impl Iwdg {
 
     pub(crate) fn read(&self, offset: u32, width: Width) -> u32 {
         let register = match offset >> 2 {
-            // While an update is under way, PR and RLR read as last written. 21.4.2 leaves the value undefined.
+            // During an update, PR and RLR read as last written. 21.4.2 leaves the value undefined.
             1 => self.pr_next.map_or(self.pr, |(pr, _)| pr),
             2 => self.rlr_next.map_or(self.rlr, |(rlr, _)| rlr),
             3 => u32::from(self.pr_next.is_some()) | u32::from(self.rlr_next.is_some()) << 1,
@@ -163,7 +158,6 @@ impl Iwdg {
         lane(register, offset, width)
     }
 
-    /// Writes a register. Returns a description of a misuse.
     pub(crate) fn write(
         &mut self,
         offset: u32,
@@ -172,8 +166,7 @@ impl Iwdg {
         lsi: Ratio,
         lsi_runs: bool,
     ) -> Option<&'static str> {
-        // The delay is five ticks of LSI. If LSI does not run yet, its start-up time of 40 µs is added, at most 2 ticks
-        // at 47 kHz.
+        // Five ticks of LSI. If LSI does not run yet, its start-up time of 40 µs is added: at most 2 ticks at 47 kHz.
         let delay = lsi.cycles(if lsi_runs { 5 } else { 7 });
         match offset >> 2 {
             0 => {
@@ -206,11 +199,10 @@ impl Iwdg {
 
 const WDGA: u32 = 1 << 7;
 const COUNT: u32 = 0x7F;
-/// Bit 6 of `T`. The part restarts when this bit is clear.
+/// Bit 6 of `T`. The part restarts when it is clear.
 const ALIVE: u32 = 0x40;
 const EWI: u32 = 1 << 9;
 
-/// The window watchdog.
 #[derive(Clone, Debug)]
 pub(crate) struct Wwdg {
     active: bool,
@@ -237,7 +229,6 @@ impl Wwdg {
         }
     }
 
-    /// The core cycles of one tick.
     fn tick(&self, clocks: &Clocks) -> u64 {
         (4096 * u64::from(clocks.pclk1)) << (self.cfr >> 7 & 3)
     }
@@ -312,13 +303,13 @@ impl Wwdg {
             }
             1 => {
                 let count = self.count(now, clocks);
-                // Only a reset clears EWI, 22.6.2.
+                // Only a reset clears EWI (22.6.2).
                 self.cfr = merge(self.cfr, offset, width, value) & 0x3FF | self.cfr & EWI;
                 self.written = count;
                 self.written_at = now;
                 self.schedule(clocks, now);
             }
-            // Writing 0 clears EWIF. It cannot be set.
+            // EWIF cannot be set.
             2 if merge(1, offset, width, value) & 1 == 0 => self.early = false,
             _ => {}
         }

@@ -1,4 +1,4 @@
-//! Tests of the part by register accesses that a board's firmware makes, without a core.
+//! Tests of the part by a board's register accesses, without a core.
 
 use crate::rig;
 
@@ -60,7 +60,7 @@ fn the_security_system_answers_an_hse_failure_with_hsi_and_nmi() {
 #[test]
 fn an_hse_failure_without_the_security_system_stops_the_core_clock() {
     let mut rig = Rig::board();
-    // CSSON cannot be cleared, so the test needs a fresh part.
+    // CSSON cannot be cleared.
     let mut fresh = Rig::new(Oscillators::default());
     std::mem::swap(&mut rig, &mut fresh);
     rig.write(RCC, 0x83 | 1 << 18);
@@ -81,13 +81,13 @@ fn spi_frames_travel_by_dma_with_the_pins_of_the_board() {
     for (nth, byte) in [0x12_u32, 0x34, 0x56].into_iter().enumerate() {
         rig.try_write(0x2000_1000 + nth as u32, Width::Byte, byte).expect("RAM");
     }
-    // Stream 0, channel 3 moves data in, with an advancing memory address and the transfer complete interrupt.
+    // Stream 0, channel 3: data in, advancing memory address, transfer complete interrupt.
     rig.write(SPI1 + 4, 1);
     rig.write(DMA2 + 0x14, 3);
     rig.write(DMA2 + 0x18, SPI1 + 0xC);
     rig.write(DMA2 + 0x1C, 0x2000_2000);
     rig.write(DMA2 + 0x10, 3 << 25 | 3 << 16 | 1 << 10 | 1 << 4 | 1);
-    // Stream 3, channel 3 moves data out.
+    // Stream 3, channel 3: data out.
     rig.write(DMA2 + 0x5C, 3);
     rig.write(DMA2 + 0x60, SPI1 + 0xC);
     rig.write(DMA2 + 0x64, 0x2000_1000);
@@ -102,7 +102,7 @@ fn spi_frames_travel_by_dma_with_the_pins_of_the_board() {
     let pin = |number| Some(Pin::new(0, number));
     assert_eq!((frames[0].sck[0], frames[0].mosi[0], frames[0].miso), (pin(5), pin(7), pin(6)));
     assert_eq!((frames[0].mode, frames[0].bits), (SpiMode::Mode1, 8));
-    // At 9 MHz a byte takes 128 core cycles, and bytes follow each other without a gap.
+    // At 9 MHz a byte takes 128 core cycles. Bytes follow without a gap.
     assert_eq!(frames[2].ends - frames[0].ends, 256);
     assert!(frames[0].begins >= begun && frames[0].begins < begun + 16);
     assert_eq!(rig.part.memory(0x2000_2000, 3), Some(&[0xED, 0xCB, 0xA9][..]));
@@ -120,7 +120,7 @@ fn a_gnss_receivers_bytes_go_round_a_ring() {
     rig.write(GPIOD + 0x0C, 1 << 12);
     rig.write(GPIOD + 0x20, 7 << 24);
     rig.write(GPIOD, 2 << 12);
-    // DMA1 stream 5, channel 4 moves data in, circular, with half and complete interrupts.
+    // DMA1 stream 5, channel 4: data in, circular, half and complete interrupts.
     rig.write(DMA1 + 0x8C, 4);
     rig.write(DMA1 + 0x90, USART2 + 4);
     rig.write(DMA1 + 0x94, 0x2000_3000);
@@ -268,7 +268,7 @@ fn what_has_no_clock_reads_zero_and_keeps_nothing() {
 #[test]
 fn the_independent_watchdog_restarts_the_part_unless_it_is_fed() {
     let mut rig = Rig::board();
-    // The watchdog runs at 32 kHz / 4 with reload value 800: 100 ms.
+    // 32 kHz / 4 with reload value 800: 100 ms.
     rig.write(IWDG, 0x5555);
     rig.write(IWDG + 4, 0);
     rig.write(IWDG + 8, 799);
@@ -314,7 +314,7 @@ fn flash_is_erased_and_programmed_by_its_interface_alone() {
     rig.write(FLASH + 0xC, 0xF0);
     rig.write(FLASH + 4, 0x4567_0123);
     rig.write(FLASH + 4, 0xCDEF_89AB);
-    // The test erases sector 12, 32 bits at a time.
+    // Sector 12, 32 bits at a time.
     rig.write(FLASH + 0x10, 1 << 1 | 16 << 3 | 2 << 8);
     rig.write(FLASH + 0x10, 1 << 1 | 16 << 3 | 2 << 8 | 1 << 16);
     assert_eq!(rig.read(FLASH + 0xC) & 1 << 16, 1 << 16, "busy");
@@ -332,8 +332,7 @@ fn flash_is_erased_and_programmed_by_its_interface_alone() {
     assert_eq!(rig.read(FLASH + 0xC) & 0x40, 0x40, "PGPERR: PSIZE is 32 bits");
 }
 
-/// Each cache can be reset while it is off itself (RM0090 3.9.1, ICRST and DCRST). The state of the other cache does
-/// not matter.
+/// RM0090 3.9.1, ICRST and DCRST.
 #[test]
 fn a_cache_may_be_reset_while_off_whatever_the_others_state() {
     const LATENCY: u32 = 5;

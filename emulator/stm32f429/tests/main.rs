@@ -1,4 +1,4 @@
-//! The tests of the STM32F429 in one binary: each file is a module of it.
+//! The tests of the STM32F429 in one binary.
 
 mod anything;
 mod board;

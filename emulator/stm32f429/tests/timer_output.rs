@@ -1,5 +1,5 @@
-//! Tests of a timer's channel on a pin: TIM2_CH3 in PWM mode 1 on PB10 (AF1), with the 72 MHz that the firmware's cycle
-//! timer has (RM0090 18.3.9). The part reports every edge at its own cycle, even when nobody calls the part for 35 ms.
+//! Tests of TIM2_CH3 in PWM mode 1 on PB10 (AF1), at the 72 MHz of the firmware's cycle timer (RM0090 18.3.9). The part
+//! reports every edge at its own cycle, even if nobody calls it for 35 ms.
 
 use crate::rig;
 
@@ -20,13 +20,12 @@ const ARR: u32 = TIM2 + 0x2C;
 const CCR3: u32 = TIM2 + 0x3C;
 
 const PB10: Pin = Pin::new(1, 10);
-/// The number of core cycles in a timer tick: the core runs at 144 MHz and the timer at 72 MHz.
+/// The core cycles of a timer tick: 144 MHz / 72 MHz.
 const CYCLES_PER_TICK: Cycle = 2;
-/// The period of the timer, 10 ms, in core cycles.
+/// The timer's period, 10 ms, in core cycles.
 const PERIOD: Cycle = 720_000 * CYCLES_PER_TICK;
 
-/// Sets TIM2 up on PB10, not counting yet: its period is 10 ms, the pin is high while CNT < `compare`, and the
-/// prescaler divides by `prescaler`.
+/// Sets TIM2 up on PB10, not counting yet: period 10 ms, pin high while CNT < `compare`.
 fn ready(prescaler: u32, compare: u32) -> Rig {
     let mut rig = Rig::board();
     rig.set(RCC + 0x40, 1);
@@ -43,14 +42,13 @@ fn ready(prescaler: u32, compare: u32) -> Rig {
     rig
 }
 
-/// Enables the counter. Returns the cycle at which CNT first becomes 0: one timer clock after CEN (17.3.4).
+/// Enables the counter. Returns the cycle at which CNT becomes 0: one timer clock after CEN (17.3.4).
 fn start(rig: &mut Rig) -> Cycle {
     rig.bench.pins.clear();
     rig.write(CR1, 1 << 7 | 1);
     (rig.now / CYCLES_PER_TICK + 1) * CYCLES_PER_TICK
 }
 
-/// The edges of PB10 that the part reported.
 fn edges(rig: &Rig) -> Vec<(Cycle, bool)> {
     let edge = |&(at, pin, pad): &(Cycle, Pin, Pad)| match (pin, pad) {
         (PB10, Pad::Driven(level)) => (at, level),

@@ -1,4 +1,4 @@
-//! Tests that wrong settings do not work, and that a finding reports them where the real part would report nothing.
+//! Tests that wrong settings do not work and are reported, which the real part would not do.
 
 use crate::rig;
 
@@ -12,7 +12,7 @@ const TIM5: u32 = 0x4000_0C00;
 
 #[test]
 fn a_pll_out_of_its_limits_never_locks() {
-    // The settings have PLLM 1, a VCO at 433 MHz, and a VCO input of 0.5 MHz.
+    // PLLM 1, a VCO at 433 MHz, and a VCO input of 0.5 MHz.
     for config in [1 | 50 << 6, 8 | 433 << 6, 16 | 400 << 6] {
         let mut rig = Rig::new(Oscillators::default());
         rig.write(RCC + 4, config | 4 << 24 | 1 << 22);
@@ -67,7 +67,6 @@ fn a_timers_clock_is_twice_its_divided_bus() {
 #[test]
 fn a_pin_without_its_function_carries_no_spi() {
     let mut rig = Rig::board();
-    // The pin is in alternate mode, but AF0 is selected.
     let moder = rig.read(GPIOA);
     rig.write(GPIOA, moder & !0xFC00 | 0xA800);
     rig.write(SPI1, 1 | 1 << 2 | 2 << 3 | 3 << 8 | 1 << 6);
@@ -225,7 +224,7 @@ fn the_cores_own_ram_is_data_alone() {
 fn dma1_does_not_reach_apb2() {
     let mut rig = Rig::board();
     rig.set(RCC + 0x40, 1 << 3);
-    // TIM5_UP is on stream 6, channel 6. Its transfers read from SPI1, which is on APB2.
+    // TIM5_UP is on stream 6, channel 6. Its transfers read SPI1, which is on APB2.
     rig.write(DMA1 + 0x10 + 6 * 0x18 + 4, 1);
     rig.write(DMA1 + 0x10 + 6 * 0x18 + 8, SPI1 + 0xC);
     rig.write(DMA1 + 0x10 + 6 * 0x18 + 12, 0x2000_0000);
@@ -274,14 +273,14 @@ fn a_deep_sleep_is_found_since_it_is_an_ordinary_one_here() {
 fn a_lasting_dma_request_occupies_its_own_controller_alone() {
     let mut rig = Rig::board();
     rig.spi_up();
-    // SPI1_TX is on stream 3, channel 3. It writes to CRCPR in place of DR, so TXE stays set.
+    // SPI1_TX is on stream 3, channel 3. It writes CRCPR instead of DR, so TXE stays set.
     let stream = DMA2 + 0x10 + 3 * 0x18;
     rig.write(stream + 4, 60_000);
     rig.write(stream + 8, SPI1 + 0x10);
     rig.write(stream + 12, 0x2000_0000);
     rig.write(stream, 3 << 25 | 1 << 6 | 1);
     rig.write(SPI1 + 4, 2);
-    // TIM5_UP is on stream 6, channel 6 of the other DMA controller.
+    // TIM5_UP is on stream 6, channel 6 of the other controller.
     rig.set(RCC + 0x40, 1 << 3);
     let other = DMA1 + 0x10 + 6 * 0x18;
     rig.write(other + 4, 1);
@@ -293,7 +292,7 @@ fn a_lasting_dma_request_occupies_its_own_controller_alone() {
     rig.write(TIM5 + 0x14, 1);
     rig.step(8_000);
     assert_eq!(rig.read(other + 4), 0, "served meanwhile");
-    // The transfers take eight cycles each, in runs of 64.
+    // Eight cycles each, in runs of 64.
     let moved = before - rig.read(stream + 4);
     assert!((900..=1_200).contains(&moved), "{moved} items in 8000 cycles");
 }

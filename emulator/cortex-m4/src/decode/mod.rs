@@ -7,11 +7,10 @@
 //! | A5.3.5 to A5.3.10, A5.3.19: loads and stores | `transfer` |
 //! | A5.3.18, coprocessors 10 and 11 | [`crate::fp`] |
 //!
-//! The decoder treats every case that the ARM ARM calls UNPREDICTABLE as undefined, so that it faults: the stack
-//! pointer or the program counter where an encoding does not allow them, a load/store multiple of fewer than two
-//! registers in its 32-bit form, write-back into a register that is loaded, a branch inside an IT block that is not its
-//! last instruction, and bits that differ from what they should be. Coprocessors other than 10 and 11 take the fault
-//! for an absent coprocessor (UFSR.NOCP).
+//! The decoder treats every UNPREDICTABLE case of the ARM ARM as undefined, so that it faults. Examples are a stack
+//! pointer or program counter where the encoding does not allow one, write-back into a loaded register, and a branch
+//! inside an IT block that is not its last instruction. Coprocessors other than 10 and 11 take the fault for an absent
+//! coprocessor (UFSR.NOCP).
 
 mod narrow;
 mod transfer;
@@ -26,7 +25,6 @@ pub(crate) const fn is_wide(first: u16) -> bool {
     first >= 0xE800
 }
 
-/// Decodes the 16-bit instruction at `address`.
 pub(crate) fn narrow(address: u32, halfword: u16) -> Op {
     let what = narrow::decode(address, halfword);
     if matches!(what, Do::HostCall) {
@@ -35,7 +33,6 @@ pub(crate) fn narrow(address: u32, halfword: u16) -> Op {
     op(what, 2, narrow::block(halfword, what))
 }
 
-/// Decodes the 32-bit instruction at `address`.
 pub(crate) fn wide(address: u32, first: u16, second: u16) -> Op {
     let what = wide::decode(address, first, second);
     op(what, 4, block(what))
@@ -46,8 +43,8 @@ pub(crate) fn fault(fault: Fault) -> Op {
     op(Do::Fault(fault), 2, Block::Same)
 }
 
-/// Makes a placeholder for an instruction that is not executed: at a breakpoint, for a semihosting call, or before the
-/// instruction is decoded. A placeholder has neither size nor cost, so neither the program counter nor time moves.
+/// Makes an [`Op`] that stands for a breakpoint, a semihosting call or an instruction that is not decoded yet. Its size
+/// and its cost are 0, so neither the program counter nor time moves.
 pub(crate) const fn place(what: Do) -> Op {
     Op { what, size: 0, least: 0, most: 0, block: Block::Same }
 }
@@ -57,7 +54,7 @@ fn op(what: Do, size: u8, block: Block) -> Op {
     Op { what, size, least, most, block }
 }
 
-/// The behaviour of the operation `what` in an IT block. 16-bit data processing is handled elsewhere.
+/// How the operation `what` behaves in an IT block. 16-bit data processing is handled by `narrow::block`.
 fn block(what: Do) -> Block {
     match what {
         Do::BCond { .. } | Do::Cbz { .. } | Do::Cbnz { .. } | Do::It { .. } | Do::Cps { .. } => Block::Never,
@@ -84,7 +81,6 @@ const fn bad(n: u8) -> bool {
     n == 13 || n == 15
 }
 
-/// Extracts `bits` bits of `value`, from bit `low` on.
 fn field(value: u16, low: u32, bits: u32) -> u8 {
     ((value >> low) & ((1 << bits) - 1)) as u8
 }

@@ -23,13 +23,11 @@ pub(super) fn decode(address: u32, h: u16) -> Do {
         0x2C..=0x2F => miscellaneous(address, h),
         0x30..=0x33 => multiple(h),
         0x34..=0x37 => conditional_branch(address, h),
-        // The encoding is that of B, T2.
         0x38 | 0x39 => Do::B { target: address.wrapping_add(4).wrapping_add(signed(h, 11) << 1) },
         _ => UNDEFINED,
     }
 }
 
-/// The low `bits` of `h` as a signed number.
 fn signed(h: u16, bits: u32) -> u32 {
     let up = 32 - bits;
     ((u32::from(h) << up) as i32 >> up) as u32
@@ -118,7 +116,6 @@ fn special_data(address: u32, h: u16) -> Do {
             (_, 15) => Do::MovImm { d, imm: pc },
             _ => Do::MovReg { d, m },
         },
-        // Bits 2 to 0 should be zero.
         _ if h & 7 != 0 => UNDEFINED,
         // BX PC would switch to ARM state: it takes INVSTATE, since bit 0 of the target is clear. BLX PC is
         // unpredictable.
@@ -184,7 +181,7 @@ fn miscellaneous(address: u32, h: u16) -> Do {
             let list = h & 0xFF | (h & 0x100) << 6;
             if list == 0 { UNDEFINED } else { Do::Stm { n: 13, list, write_back: true, down: true } }
         }
-        // In CPS, bit 3 and bit 2 (A) should be zero.
+        // Bits 3 and 2 of CPS should be zero.
         6 if h & 0xFFE0 == 0xB660 && h & 0xC == 0 && h & 3 != 0 => {
             Do::Cps { disable: h & 0x10 != 0, primask: h & 2 != 0, faultmask: h & 1 != 0 }
         }

@@ -26,14 +26,12 @@ pub(super) fn dual_exclusive(first: u16, second: u16) -> Do {
     let (n, t, t2, d) = (field(first, 0, 4), field(second, 12, 4), field(second, 8, 4), field(second, 0, 4));
     let imm = (second & 0xFF) << 2;
     match (field(first, 7, 2), field(first, 4, 2)) {
-        // The instruction is STREX.
         (0, 0) => {
             if bad(t2) || bad(t) || n == 15 || t2 == n || t2 == t {
                 return UNDEFINED;
             }
             Do::Strex { format: Format::Word, d: t2, t, n, imm }
         }
-        // The instruction is LDREX.
         (0, 1) => {
             if bad(t) || n == 15 || t2 != 15 {
                 return UNDEFINED;
@@ -70,7 +68,6 @@ pub(super) fn dual_exclusive(first: u16, second: u16) -> Do {
     }
 }
 
-/// Decodes LDRD and STRD.
 fn dual(first: u16, second: u16) -> Do {
     let (n, t, t2) = (field(first, 0, 4), field(second, 12, 4), field(second, 8, 4));
     let (pre, up, write_back, load) = (first & 0x100 != 0, first & 0x80 != 0, first & 0x20 != 0, first & 0x10 != 0);
@@ -104,7 +101,7 @@ pub(super) fn single(address: u32, first: u16, second: u16) -> Do {
         return UNDEFINED;
     }
     let word = format == Format::Word;
-    // PLD, PLI and the unallocated memory hints do nothing here, since the core has no cache.
+    // PLD, PLI and the unallocated memory hints do nothing, since the core has no cache.
     let hint = load && t == 15 && !word;
     let target_bad = if word { t == 15 && !load } else { bad(t) };
     if n == 15 {

@@ -70,7 +70,6 @@ fn shift(kind: u8, amount: u8) -> (Shift, u8) {
     }
 }
 
-/// The shift amount, which the encoding splits into imm3 and imm2.
 fn imm5(second: u16) -> u8 {
     field(second, 12, 3) << 2 | field(second, 6, 2)
 }

@@ -13,7 +13,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Writes one word of an exception frame. If that fails, returns a data fault, which the caller turns into a
+    /// Writes one word of an exception frame. A failure is returned as a data fault, which the caller turns into a
     /// stacking fault.
     pub(super) fn push_word<B: Bus>(
         &mut self,
@@ -46,8 +46,8 @@ impl<C: Cost> Core<C> {
         Some(value)
     }
 
-    /// Enters an exception: stacks the registers, then takes the best pending exception. The caller has made sure that
-    /// one is pending and preempts.
+    /// Stacks the registers and takes the best pending exception. The caller has checked that one is pending and
+    /// preempts.
     pub(super) fn enter<B: Bus>(&mut self, bus: &mut B, return_address: u32) {
         self.waiting = None;
         self.owed += std::mem::take(&mut self.cut);
@@ -68,8 +68,8 @@ impl<C: Cost> Core<C> {
         self.take_best(bus, exc_return);
     }
 
-    /// Takes in the signals that changed during an entry or a return, so that they count in the choice of the next
-    /// exception.
+    /// Takes in the signals that changed during an entry or a return, so that the choice of the next exception includes
+    /// them.
     fn take_late_arrivals<B: Bus>(&mut self, bus: &mut B) {
         let before = self.system.nvic.best;
         if bus.due() <= self.cycle {
@@ -121,8 +121,7 @@ impl<C: Cost> Core<C> {
                 break (number, vector);
             }
             self.system.scb.hfsr |= HFSR_VECTTBL;
-            // The core cannot serve an exception whose vector it cannot read. It takes HardFault instead, and the
-            // exception stays pending.
+            // An exception whose vector cannot be read stays pending, and the core takes HardFault instead.
             if number == HARD_FAULT || number == NMI {
                 self.lock_up_at(number);
                 return;

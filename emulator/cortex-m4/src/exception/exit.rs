@@ -16,11 +16,11 @@ impl<C: Cost> Core<C> {
         Ok(value)
     }
 
-    /// Returns from a handler: either unstacks the frame, or takes a pending exception without unstacking. `value` is
-    /// the branch target, an EXC_RETURN. ARM ARM B1.5.8.
+    /// Returns from a handler (ARM ARM B1.5.8): unstacks the frame, or takes a pending exception without unstacking.
+    /// `value` is the EXC_RETURN.
     pub(crate) fn exception_return<B: Bus>(&mut self, bus: &mut B, value: u32) {
-        // If the handler made its interrupt line fall, the core must see the line low before it deactivates the
-        // exception. An exception that is pending by now is taken by tail-chaining.
+        // If the handler made its interrupt line fall, the core must see the low line before it deactivates the
+        // exception.
         self.system_advance();
         self.take_signals(bus);
         let number = self.ipsr;
@@ -32,7 +32,7 @@ impl<C: Cost> Core<C> {
             0xD => (true, true, base_allowed),
             _ => (true, false, false),
         };
-        // Bits 27:5 are ones in every EXC_RETURN. Other values are UNPREDICTABLE, and a fault is the strictest choice.
+        // Bits 27:5 are ones in every EXC_RETURN. Other values are UNPREDICTABLE, and here they fault.
         let legal = legal && value & 0x0FFF_FFE0 == 0x0FFF_FFE0 && nvic::contains(&self.system.nvic.active, number);
         let value = 0xF000_0000 | value;
         self.system.nvic.deactivate(number);
@@ -53,8 +53,8 @@ impl<C: Cost> Core<C> {
             return;
         }
         self.cycle = unstacked + std::mem::take(&mut self.owed);
-        // The core switches to the stack pointer of the code returned to only once the frame has been found valid, so
-        // until then that pointer may be `other_sp`.
+        // The core switches to the stack pointer of the interrupted code only after it has checked the frame. Until
+        // then that pointer may be `other_sp`.
         let frame = if process && self.control & CONTROL_SPSEL == 0 { self.other_sp } else { self.r[13] };
         let privileged = !to_thread || self.control & CONTROL_NPRIV == 0;
         let words = match self.pop_frame(bus, frame, fp_in_memory, privileged) {
@@ -70,7 +70,7 @@ impl<C: Cost> Core<C> {
         };
         let xpsr = words[7];
         if (xpsr & 0x1FF == 0) != to_thread {
-            // The ARM ARM pops the frame and pushes it again, which leaves the same words at the same place.
+            // The ARM ARM pops the frame and pushes it again. Leaving it in place has the same result.
             self.refuse_return(bus, value);
             return;
         }
@@ -98,9 +98,9 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// On the optimistic clock: whether an exception that preempts the code returned to arrives before the cycle
-    /// `unstacked`, at which the unstacking ends. The core then abandons the return and tail-chains the exception (Yiu,
-    /// "The Definitive Guide to ARM Cortex-M3 and Cortex-M4 Processors", chapter 8, "pop preemption").
+    /// On the optimistic clock: whether a preempting exception arrives before the cycle `unstacked`, at which
+    /// unstacking ends. The core then abandons the return and tail-chains the exception (Yiu, "The Definitive Guide to
+    /// ARM Cortex-M3 and Cortex-M4 Processors", chapter 8, "pop preemption").
     fn is_abandoned<B: Bus>(&mut self, bus: &mut B, unstacked: u64) -> bool {
         if C::BOUND != Some(Bound::Best) {
             return false;

@@ -1,11 +1,10 @@
-//! Faults and the exceptions that an instruction raises itself: status, escalation, derived exceptions, lockup (ARM ARM
-//! B1.5.11, B1.5.14, B1.5.15).
+//! Faults, and exceptions that an instruction raises (ARM ARM B1.5.11, B1.5.14, B1.5.15).
 
 use super::*;
 
 impl<C: Cost> Core<C> {
-    /// Handles a fault of stacking (`entry`) or unstacking: the fault's exception becomes pending beside the one being
-    /// entered, and the core takes the higher of the two first. ARM ARM B1.5.11.
+    /// Makes the exception of a fault during stacking (`entry`) or unstacking pending. If an exception is already being
+    /// entered, the core takes the one of higher priority first. ARM ARM B1.5.11.
     pub(super) fn derived_fault(&mut self, fault: Fault, entry: bool) {
         let (number, flag, kind) = match (fault, entry) {
             (Fault::MemData(_), true) => (MEM_MANAGE, CFSR_MSTKERR, debug_catch::INTERR),
@@ -31,9 +30,9 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Makes the exception of a synchronous fault pending. Where that exception is disabled or does not preempt, it
-    /// becomes HardFault, and the core locks up where HardFault does not preempt either. Returns whether an exception
-    /// is to be taken. ARM ARM B1.5.11, B1.5.15.
+    /// Makes the exception of a synchronous fault pending (ARM ARM B1.5.11, B1.5.15). If that exception is disabled or
+    /// does not preempt, HardFault becomes pending instead. If HardFault does not preempt either, the core locks up.
+    /// Returns whether an exception is to be taken.
     pub(super) fn pend_fault(&mut self, number: u16) -> bool {
         if self.execution_priority() <= -1 {
             if number != HARD_FAULT {
@@ -61,7 +60,7 @@ impl<C: Cost> Core<C> {
         self.attention = true;
     }
 
-    /// Carries out a vector catch: the core halts at the first instruction of the handler.
+    /// Halts the core at the first instruction of the handler, by a vector catch.
     pub(super) fn catch(&mut self, kinds: u32) {
         let forced = self.system.nvic.best == HARD_FAULT;
         if self.system.debug.catches(kinds | if forced { debug_catch::HARDERR } else { 0 }) {
@@ -70,10 +69,9 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Whether the core ignores a data bus fault at `address` now: CCR.BFHFNMIGN is set, and the core is in HardFault
-    /// or NMI or has FAULTMASK set (ARM ARM B3.2.8). The core ignores only the exception. The status still says what
-    /// failed and where (B3.2.15, B3.2.18), and this function sets the status. Firmware reads it to find out whether
-    /// anything answers at an address.
+    /// Whether the core ignores the exception of a data bus fault at `address`: CCR.BFHFNMIGN is set, and the core is
+    /// in HardFault or NMI or has FAULTMASK set (ARM ARM B3.2.8). The fault's status is set in any case (B3.2.15,
+    /// B3.2.18), so that firmware can probe an address.
     pub(crate) fn ignores_bus_fault(&mut self, address: u32) -> bool {
         let ignores = self.system.scb.ccr & CCR_BFHFNMIGN != 0 && self.execution_priority() < 0;
         if ignores {
@@ -139,8 +137,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Stores the address of a fault. MMFAR and BFAR are one register in this core, so an address in one makes the
-    /// other's invalid (TRM table 4-1).
+    /// Stores the address of a fault. MMFAR and BFAR are one register in this core, so an address in one of them makes
+    /// the other invalid (TRM table 4-1).
     fn note_fault_address(&mut self, address: u32, other: u32) {
         self.system.scb.fault_address = address;
         self.system.scb.cfsr &= !other;
@@ -152,13 +150,12 @@ impl<C: Cost> Core<C> {
     fn skip_instruction<B: Bus>(&mut self, bus: &mut B) {
         let wide = bus.fetch(self.r[15]).is_ok_and(|first| first >> 11 >= 0x1D);
         self.r[15] = self.r[15].wrapping_add(if wide { 4 } else { 2 });
-        // The IT state advances as by ITAdvance, ARM ARM A7.3.2.
+        // ITAdvance, ARM ARM A7.3.2.
         self.it = if self.it & 7 == 0 { 0 } else { self.it & 0xE0 | self.it << 1 & 0x1F };
     }
 
-    /// Executes an SVC; r15 is the next instruction. Where SVCall does not preempt, the exception becomes a HardFault,
-    /// whose return address is the next instruction too: Zephyr's fault handler relies on this on silicon, and QEMU
-    /// does the same. A core that locks up stays at the SVC.
+    /// Executes an SVC; r15 is the next instruction. If SVCall does not preempt, HardFault is taken instead, with the
+    /// same return address, as in QEMU and as Zephyr's fault handler expects. A core that locks up stays at the SVC.
     pub(crate) fn supervisor_call<B: Bus>(&mut self, bus: &mut B) {
         let next = self.r[15];
         if self.pend_fault(SV_CALL) {
@@ -168,8 +165,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Executes a BKPT, or an instruction at a breakpoint of the FPB, whose address is r15. The core halts, or takes
-    /// DebugMonitor, or takes HardFault. ARM ARM C1.5.1.
+    /// Executes a BKPT, or an instruction at a breakpoint of the FPB, whose address is r15: halts the core, or takes
+    /// DebugMonitor or HardFault. ARM ARM C1.5.1.
     pub(crate) fn breakpoint<B: Bus>(&mut self, bus: &mut B) {
         if self.system.debug.halting() {
             self.halt(DFSR_BKPT);

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// CPACR settings that give access to the FPU: to privileged code, or to all code.
+/// The values of a coprocessor's field in CPACR that give access to privileged code, and to all code.
 const CP10_PRIVILEGED: u32 = 1;
 const CP10_FULL: u32 = 3;
 
@@ -14,8 +14,8 @@ impl<C: Cost> Core<C> {
         self.push_word(bus, at.wrapping_add(64), self.fpscr, privileged)
     }
 
-    /// Records the address at which the FP state is to be saved if a handler uses the FPU, and the faults that could be
-    /// taken now (UpdateFPCCR, ARM ARM B1.5.7).
+    /// Prepares lazy preservation (UpdateFPCCR, ARM ARM B1.5.7): records where the FP state is to be saved, and which
+    /// faults could be taken now.
     pub(super) fn prepare_lazy_preservation(&mut self, frame: u32, privileged: bool) {
         let priority = self.execution_priority();
         let nvic = &self.system.nvic;
@@ -37,7 +37,6 @@ impl<C: Cost> Core<C> {
         self.system.scb.fpcar = frame.wrapping_add(4 * BASIC) & !7;
     }
 
-    /// Whether CPACR allows the FPU to be used.
     #[inline]
     pub(super) fn fpu_allowed(&self, privileged: bool) -> bool {
         match self.system.scb.cpacr >> 20 & 3 {
@@ -65,9 +64,8 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    /// Saves the FP state (PreserveFPState, ARM ARM B1.5.7). Which exception a fault takes depends on what could be
-    /// taken when the frame was made. If the exception cannot be taken now, it stays pending and the instruction goes
-    /// on.
+    /// Saves the FP state (PreserveFPState, ARM ARM B1.5.7). The exception of a fault depends on what could be taken
+    /// when the frame was made. If the exception cannot be taken now, it stays pending and the instruction goes on.
     #[cold]
     fn preserve_fp<B: Bus>(&mut self, bus: &mut B) -> Result<(), Fault> {
         let fpccr = self.system.scb.fpccr;

@@ -9,10 +9,9 @@
 //! | `lazy` | lazy preservation of the floating-point state | B1.5.7, A2.5.3 |
 //! | `reset` | reset, power-on | B1.5.5 |
 //!
-//! Entry and return are one step each, which nothing interrupts in the middle. An exception that arrives while an entry
-//! stacks is taken by late arrival. An exception that arrives while a return unstacks preempts right after the return
-//! or, on the optimistic clock, instead of the return. Imprecise bus faults do not exist in this model: every bus fault
-//! is precise.
+//! An entry or a return is one step, and no event interrupts its middle. An exception that arrives while an entry
+//! stacks is taken by late arrival. An exception that arrives while a return unstacks preempts after the return or, on
+//! the optimistic clock, replaces it. Every bus fault is precise.
 
 mod entry;
 mod exit;
@@ -27,7 +26,7 @@ use crate::system::nvic::{
 use crate::system::*;
 use crate::{Access, Bound, Bus, Core, Cost, Fault, Purpose, Width};
 
-/// The number of words in a basic frame. The next constant is for a frame with the FP state, ARM ARM B1.5.7.
+/// The number of words in a basic frame (ARM ARM B1.5.7).
 const BASIC: u32 = 8;
 const EXTENDED: u32 = 26;
 
@@ -49,19 +48,18 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// The execution priority, ARM ARM B1.5.4: the core takes an exception whose group priority is a lower number.
+    /// The execution priority (ARM ARM B1.5.4). An exception preempts if the number of its group priority is lower.
     #[inline]
     pub(crate) fn execution_priority(&self) -> i32 {
         self.mask_priority(true).min(self.system.nvic.active_priority).into()
     }
 
-    /// Whether the best pending exception preempts.
     #[inline]
     fn preempts(&self) -> bool {
         i32::from(self.system.nvic.best_priority) < self.execution_priority()
     }
 
-    /// Takes in the interrupt lines and events from the part. Announced changes are left to the run loop.
+    /// Takes in the interrupt lines and events from the part.
     #[inline]
     pub(crate) fn take_signals<B: Bus>(&mut self, bus: &mut B) {
         let signals = bus.signals();
@@ -78,9 +76,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Takes in the signals that the part drives, wakes the core, and takes the highest pending exception if it
-    /// preempts. The run loop calls this between instructions whenever `attention` is set. Returns whether an exception
-    /// was entered.
+    /// Takes in the part's signals, wakes the core, and takes the best pending exception if it preempts. The run loop
+    /// calls this between instructions while `attention` is set. Returns whether an exception was entered.
     pub(crate) fn look_at_exceptions<B: Bus>(&mut self, bus: &mut B) -> bool {
         self.system_advance();
         self.take_signals(bus);
@@ -94,8 +91,7 @@ impl<C: Cost> Core<C> {
             return false;
         }
         if let Some(before) = self.system.debug.stepping {
-            // Otherwise the debugger's step is not complete yet (`debug_stepping`). For a core that hangs, the step is
-            // over.
+            // A debugger's step ends after one instruction. If the core hangs, it ends without one.
             if self.retired != before || self.hung {
                 self.system.debug.stepping = None;
                 if self.system.debug.halting() {
@@ -109,7 +105,7 @@ impl<C: Cost> Core<C> {
             return false;
         }
         if self.locked_up {
-            // Only NMI ends a lockup, and only a lockup at HardFault's priority (ARM ARM B1.5.15).
+            // NMI ends a lockup at HardFault's priority. Nothing else ends a lockup (ARM ARM B1.5.15).
             if self.system.nvic.best != NMI || !self.preempts() {
                 return false;
             }
@@ -134,7 +130,7 @@ impl<C: Cost> Core<C> {
             self.waiting = None;
             return;
         }
-        // WFI wakes for an exception that would preempt if PRIMASK were clear; WFE wakes only for one that is taken.
+        // PRIMASK keeps WFE from waking, but not WFI (ARM ARM B1.5.18, B1.5.19).
         let priority = self.mask_priority(self.waiting == Some(true)).min(self.system.nvic.active_priority);
         if self.system.nvic.best_priority < priority {
             self.waiting = None;

@@ -3,9 +3,8 @@
 use super::*;
 
 impl<C: Cost> Core<C> {
-    /// Carries out a system reset: registers, stack pointer and program counter get their reset values (ARM ARM
-    /// B1.5.5). The cycle count and other counts go on. The debug components keep their state, since only a power-on
-    /// resets them.
+    /// Carries out a system reset (ARM ARM B1.5.5): registers, stack pointer and program counter get their reset
+    /// values. The cycle count goes on, and the debug components keep their state.
     pub fn reset<B: Bus>(&mut self, bus: &mut B) {
         self.system_advance();
         self.system.reset();
@@ -43,7 +42,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Carries out a power-on: it is a [`Core::reset`] that also resets the debug components.
+    /// Carries out a power-on: a [`Core::reset`] that also resets the debug components.
     pub fn power_on<B: Bus>(&mut self, bus: &mut B) {
         self.halted = false;
         self.system.power_on();

@@ -52,7 +52,7 @@ pub(crate) fn unsigned_saturate(value: i64, bits: u32) -> (u32, bool) {
     (held as u32, held != value)
 }
 
-/// Extends a part of a register that the caller has rotated, and adds it to `base`.
+/// Extends part of a register, which the caller has already rotated, and adds it to `base`.
 pub(crate) const fn extend(kind: Extend, base: u32, value: u32) -> u32 {
     match kind {
         Extend::SignedByte => base.wrapping_add(value as i8 as u32),
@@ -66,12 +66,10 @@ pub(crate) const fn extend(kind: Extend, base: u32, value: u32) -> u32 {
     }
 }
 
-/// Packs the low halves of two numbers into one word.
 const fn halves(low: u32, high: u32) -> u32 {
     high << 16 | low & 0xFFFF
 }
 
-/// Computes an operation with one operand.
 pub(crate) const fn unary(kind: Unary, value: u32) -> u32 {
     match kind {
         Unary::Rev => value.swap_bytes(),
@@ -89,13 +87,13 @@ pub(crate) fn parallel(lanes: Lanes, lane: Lane, a: u32, b: u32) -> (u32, Option
     let (mut result, mut ge) = (0, 0);
     let (width, count, flags) = if matches!(lanes, Lanes::Add8 | Lanes::Sub8) { (8, 4, 1_u8) } else { (16, 2, 3) };
     for index in 0..count {
-        // The exchanging forms combine each half with the opposite half of the second operand.
+        // The exchanging forms combine each half of `a` with the opposite half of `b`.
         let exchange = matches!(lanes, Lanes::Exchange16AddSub | Lanes::Exchange16SubAdd);
         let other = if exchange { 1 - index } else { index };
         let subtract = match lanes {
             Lanes::Add16 | Lanes::Add8 => false,
             Lanes::Sub16 | Lanes::Sub8 => true,
-            // In ASX the upper half adds and the lower half subtracts; in SAX it is the other way round.
+            // ASX adds in the upper half and subtracts in the lower half. SAX does the reverse.
             Lanes::Exchange16AddSub => index == 0,
             Lanes::Exchange16SubAdd => index == 1,
         };
@@ -118,7 +116,6 @@ pub(crate) fn parallel(lanes: Lanes, lane: Lane, a: u32, b: u32) -> (u32, Option
     (result, sets.then_some(ge))
 }
 
-/// Extracts lane `index`, which has `width` bits.
 fn part(value: u32, index: u32, width: u32, signed: bool) -> i64 {
     let value = value >> (index * width);
     match (width, signed) {
@@ -134,7 +131,7 @@ pub(crate) fn half(value: u32, top: bool) -> i64 {
     i64::from((if top { value >> 16 } else { value }) as i16)
 }
 
-/// Computes the two products of the SMLAD family and adds them, or subtracts the second one where `subtract`.
+/// Computes the two products of the SMLAD family, and their sum or difference.
 pub(crate) fn dual(a: u32, b: u32, subtract: bool, exchange: bool) -> i64 {
     let b = if exchange { b.rotate_left(16) } else { b };
     let (first, second) = (half(a, false) * half(b, false), half(a, true) * half(b, true));

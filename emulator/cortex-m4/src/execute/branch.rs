@@ -35,7 +35,6 @@ pub(super) const fn passes() -> [u16; 16] {
 }
 
 impl<C: Cost> Core<C> {
-    /// Whether the flags pass a condition (ConditionPassed).
     #[inline(always)]
     pub(crate) fn passes(&self, condition: u8) -> bool {
         let flags = u8::from(self.flag_n) << 3
@@ -61,7 +60,7 @@ impl<C: Cost> Core<C> {
         target & !1
     }
 
-    /// Refills the pipeline after a taken branch. At worst the core fetches words again that the pipeline held.
+    /// Refills the pipeline after a taken branch. On the pessimistic clock the next fetch counts wait states again.
     #[inline(always)]
     pub(super) fn refill(&mut self) {
         self.cycle += C::REFILL;
@@ -70,7 +69,6 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Takes a branch (BranchWritePC).
     #[inline(always)]
     pub(super) fn branch(&mut self, target: u32) -> u32 {
         self.refill();

@@ -31,8 +31,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Accumulates for the SMLAxy family: adds `product` to register `a` (with 15 nothing is added) and sets Q where
-    /// the sum overflows.
+    /// Adds `product` to register `a` for the SMLAxy family, and sets Q if the sum overflows. An `a` of 15 stands for
+    /// 0.
     pub(super) fn accumulate(&mut self, d: u8, a: u8, product: i64) {
         let sum = if a == 15 { product } else { product + i64::from(self.get(a) as i32) };
         self.put(d, sum as u32);

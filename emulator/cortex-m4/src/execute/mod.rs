@@ -21,7 +21,6 @@ use crate::{Bus, Core, Cost, Exit, Fault, Purpose, Width};
 use arithmetic::{add_with_carry, dual, extend, half, parallel, shift, signed_saturate, unary, unsigned_saturate};
 
 impl<C: Cost> Core<C> {
-    /// Reads register `n` as an operand.
     #[inline(always)]
     pub(crate) fn get(&self, n: u8) -> u32 {
         self.r[usize::from(n & 15)]
@@ -351,7 +350,7 @@ impl<C: Cost> Core<C> {
                 return Ok(self.branch(target));
             }
             Do::Bx { m } => {
-                // BX PC uses the address of the instruction plus 4.
+                // In BX PC, the program counter reads as the address of the instruction plus 4.
                 let target = if m == 15 { pc.wrapping_add(4) & !1 } else { self.get(m) };
                 return Ok(self.branch_exchange(bus, target));
             }
@@ -435,13 +434,12 @@ impl<C: Cost> Core<C> {
             Do::Fault(fault) => return Err(fault),
             Do::Breakpoint => self.pause(Exit::Breakpoint),
             Do::HostCall => self.pause(Exit::HostCall),
-            // The run loop decodes each instruction before it is executed.
+            // The run loop decodes an instruction before it executes it.
             Do::Unknown => return Err(Fault::BusInstruction),
         }
         Ok(next)
     }
 
-    /// The width of the memory access that `format` makes.
     pub(crate) const fn width(format: Format) -> Width {
         match format {
             Format::Byte | Format::SignedByte => Width::Byte,

@@ -1,18 +1,18 @@
 //! Loads and stores of more than one access or register: ARM ARM A7.7, LDM, STM, LDRD, STRD, LDREX, STREX.
 //!
-//! On the clocks with bounds, the core interrupts a load/store multiple in whose middle an event is due. It keeps the
-//! register to continue with in EPSR.ICI and continues afterwards (ARM ARM B1.5.10). Three kinds of load/store multiple
-//! are completed first instead: those in an IT block, those whose base is in the list, and PUSH. That delays an
-//! interrupt by up to 16 cycles on the pessimistic clock and not at all on the optimistic clock (`Core::cut_short`).
+//! On the clocks with bounds, an event interrupts a load/store multiple in its middle. EPSR.ICI then holds the register
+//! with which it continues (ARM ARM B1.5.10). PUSH, a transfer in an IT block and one whose base is in the list
+//! complete first. On the pessimistic clock that delays an interrupt by up to 16 cycles, on the optimistic clock not at
+//! all (`Core::cut_short`).
 //!
-//! The local exclusive monitor marks all of memory (TRM 3.6.2: the granule is the whole address space). A STREX
-//! therefore succeeds at any address if no exception, CLREX or STREX came since the LDREX.
+//! The local exclusive monitor covers the whole address space (TRM 3.6.2). A STREX succeeds at any address unless an
+//! exception, a CLREX or a STREX came after the LDREX.
 
 use crate::op::{Format, Index};
 use crate::{Bus, Core, Cost, Fault, Purpose, Width};
 
 impl<C: Cost> Core<C> {
-    /// Loads a value and extends it. `privilege` overrides the core's privilege where it is not `None`.
+    /// Loads and extends a value. `privilege`, if not `None`, replaces the core's privilege.
     pub(super) fn load_format<B: Bus>(
         &mut self,
         bus: &mut B,
@@ -52,8 +52,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Puts a loaded value into register `t`, which may be the program counter. Returns the address of the next
-    /// instruction.
+    /// Puts a loaded value into register `t`, which may be the program counter. Returns the next instruction's address.
     pub(super) fn loaded<B: Bus>(&mut self, bus: &mut B, t: u8, value: u32, next: u32) -> u32 {
         if t == 15 {
             return self.branch_exchange(bus, value);
@@ -62,7 +61,7 @@ impl<C: Cost> Core<C> {
         next
     }
 
-    /// The address of an access of two words, and the value that the instruction writes back to the base.
+    /// The address of a two-word access, and the value to write back to the base.
     fn dual_address(&self, index: Index, n: u8, imm: u32) -> Result<(u32, u32), Fault> {
         let base = if n == 15 { self.r[15].wrapping_add(4) & !3 } else { self.get(n) };
         let offset = base.wrapping_add(imm);
@@ -161,7 +160,7 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    /// The first address of a load/store multiple, and the value that the instruction writes back to the base.
+    /// The first address of a load/store multiple, and the value to write back to the base.
     fn multiple_address(&self, n: u8, list: u16, down: bool) -> Result<(u32, u32), Fault> {
         let base = self.get(n);
         let size = 4 * list.count_ones();
@@ -170,8 +169,8 @@ impl<C: Cost> Core<C> {
         if start & 3 == 0 { Ok((start, end)) } else { Err(Fault::Unaligned) }
     }
 
-    /// Whether to interrupt a load/store multiple before its register number `done` (counted from 0), because the next
-    /// event is due there and the instruction can be continued.
+    /// Whether to interrupt a load/store multiple before its register number `done` (from 0): an event is due there,
+    /// and the instruction can be continued.
     fn is_interrupted<B: Bus>(&self, bus: &mut B, list: u16, n: u8, down: bool, done: u32) -> bool {
         let continuable = self.it == 0 && list & (1 << n) == 0 && !(down && n == 13);
         C::BOUND.is_some()
@@ -182,26 +181,25 @@ impl<C: Cost> Core<C> {
             && self.cycle + u64::from(1 + done) >= self.limit_of_multiple(bus)
     }
 
-    /// Interrupts a load/store multiple before `register`, with `left` registers to go. The run loop handles the event
-    /// that is due and then continues the instruction, perhaps after an exception.
+    /// Interrupts a load/store multiple before `register`, with `left` registers to go. The run loop continues it after
+    /// the event.
     fn interrupt_multiple(&mut self, register: usize, left: u32) -> u32 {
         self.ici = register as u8;
         self.attention = true;
         self.limit = 0;
-        // The run loop counts the instruction and adds its full cost both now and when it is completed, so one count
-        // and one cost are taken back here.
+        // The run loop counts the instruction and its full cost once now and once at its completion. One of the two is
+        // taken back here.
         self.cycle -= u64::from(left);
         self.retired -= 1;
         self.r[15]
     }
 
-    /// The registers that a continued load/store multiple still has to move, and the number of registers that it moved
-    /// before.
+    /// The registers that a continued load/store multiple still moves, and the number of those that it has moved.
     fn continued(&mut self, list: u16) -> (u16, u32) {
         let from = std::mem::take(&mut self.ici);
         let rest = list & (u16::MAX << (from & 15));
         let before = list.count_ones() - rest.count_ones();
-        // The cycles of registers that were moved before are not counted again, but the one cycle for the start of the
+        // The cycles of registers that were moved before are not counted again. The one cycle for the start of the
         // instruction is.
         self.cycle -= u64::from(before).min(self.cycle);
         (rest, before)
@@ -242,7 +240,6 @@ impl<C: Cost> Core<C> {
         if list & 0x8000 != 0 { Ok(self.branch_exchange(bus, values[15])) } else { Ok(next) }
     }
 
-    /// Writes the values of the registers in `list`.
     fn put_list(&mut self, values: &[u32; 16], list: u16) {
         let mut rest = list;
         while rest != 0 {

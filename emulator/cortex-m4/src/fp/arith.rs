@@ -10,20 +10,19 @@
 //! | Integers and fixed point | FPToFixed, FixedToFP |
 //! | Half precision, IEEE and alternative | FPHalfToSingle, FPSingleToHalf |
 //!
-//! Each result can be computed in two ways. [`exact`] uses integer arithmetic, which covers all cases. The functions
-//! here first try the host's arithmetic where it gives the same bits and flags. That needs rounding to nearest without
-//! flush-to-zero, and a result so far inside the normal range that underflow, overflow, NaN and infinity are all
-//! impossible. Under these conditions the host's operation is the correctly rounded one of IEEE 754, and the only flag
-//! is IXC. `f64` arithmetic that is itself exact, as noted at each function, tells whether the result is inexact.
+//! Each result can be computed in two ways. [`exact`] uses integer arithmetic, which covers all cases. The functions of
+//! this module first try the host's arithmetic, which is faster. They use its result if FPSCR asks for rounding to
+//! nearest without flush-to-zero, and if the result is far inside the normal range. Then the host's operation is the
+//! correctly rounded one of IEEE 754, and IXC is the only possible flag. Exact `f64` arithmetic tells whether to set
+//! it.
 //!
-//! Everything that FPv4-SP has is covered. The Advanced SIMD forms of the manual's functions (the standard FPSCR value)
-//! do not exist on this core.
+//! The Advanced SIMD forms of the manual's functions (the standard FPSCR value) do not exist on this core.
 
 pub(super) mod exact;
 
 pub(super) const SIGN: u32 = 0x8000_0000;
 
-// The following constants are bits of FPSCR, A2.5.3.
+// Bits of FPSCR, A2.5.3.
 pub(super) const IOC: u32 = 1;
 pub(super) const DZC: u32 = 1 << 1;
 pub(super) const OFC: u32 = 1 << 2;
@@ -44,7 +43,7 @@ pub(super) struct Integer {
     /// The number of bits: 16 or 32.
     pub(super) size: u8,
     pub(super) unsigned: bool,
-    /// The number of bits below the point, at most `size`.
+    /// The number of bits below the binary point, at most `size`.
     pub(super) fraction_bits: u8,
 }
 
@@ -54,8 +53,8 @@ fn host_rounding(fpscr: u32) -> bool {
     fpscr & (RMODE | FZ) == 0
 }
 
-/// Whether a rounded result is normal, finite and not the least normal number. The manual detects underflow before
-/// rounding, so a result that underflows may be rounded to the least normal number.
+/// Whether a rounded result is finite and above the least normal number. The manual detects underflow before rounding,
+/// so a result that underflows may round up to the least normal number.
 #[inline(always)]
 fn well_inside(result: f32) -> bool {
     (result.to_bits() >> 23 & 0xFF).wrapping_sub(2) < 253
@@ -88,7 +87,7 @@ pub(super) fn add(a: u32, b: u32, fpscr: &mut u32) -> u32 {
     exact::add(a, b, fpscr)
 }
 
-/// Computes `a - b`. It differs from adding a negated `b` where `b` is a NaN, whose sign stays.
+/// Computes `a - b`. A NaN in `b` keeps its sign, so this is not the sum of `a` and a negated `b`.
 #[inline]
 pub(super) fn subtract(a: u32, b: u32, fpscr: &mut u32) -> u32 {
     if host_rounding(*fpscr) {
@@ -130,7 +129,7 @@ pub(super) fn divide(a: u32, b: u32, fpscr: &mut u32) -> u32 {
         let (x, y) = (f32::from_bits(a), f32::from_bits(b));
         let result = x / y;
         if well_inside(result) {
-            // The quotient is exact where quotient times divisor, which f64 holds exactly, equals the dividend.
+            // The quotient is exact if quotient times divisor equals the dividend. f64 holds that product exactly.
             if *fpscr & IXC == 0 && f64::from(result) * f64::from(y) != f64::from(x) {
                 *fpscr |= IXC;
             }
@@ -160,15 +159,15 @@ pub(super) fn square_root(a: u32, fpscr: &mut u32) -> u32 {
 pub(super) fn multiply_add(addend: u32, a: u32, b: u32, fpscr: &mut u32) -> u32 {
     if host_rounding(*fpscr) {
         let z = f64::from(f32::from_bits(addend));
-        // The product is exact, and only the sum rounds. A sum that is rounded to odd in f64 then rounds to the right
+        // The product is exact, so only the sum rounds. A sum that is rounded to odd in f64 then rounds to the right
         // f32, since 53 bits are more than 24 + 2 (S. Boldo, G. Melquiond: Emulation of FMA and correctly rounded sums,
         // 2008).
         let product = f64::from(f32::from_bits(a)) * f64::from(f32::from_bits(b));
         let sum = product + z;
         let error = sum_error(product, z, sum);
         let to_odd = if error != 0.0 && sum.to_bits() & 1 == 0 {
-            // The sum moves one step towards the exact sum. The bit pattern of a number of either sign grows with its
-            // magnitude.
+            // The sum moves one step towards the exact sum. A larger magnitude has a larger bit pattern, for either
+            // sign.
             let outwards = (error > 0.0) == (sum > 0.0);
             f64::from_bits(if outwards { sum.to_bits() + 1 } else { sum.to_bits() - 1 })
         } else {
@@ -189,7 +188,7 @@ pub(super) fn multiply_add(addend: u32, a: u32, b: u32, fpscr: &mut u32) -> u32 
 #[inline]
 pub(super) fn compare(a: u32, b: u32, signals: bool, fpscr: &mut u32) {
     let (x, y) = (f32::from_bits(a), f32::from_bits(b));
-    // Flush-to-zero changes operands, and a NaN raises flags, so the integer arithmetic handles both.
+    // The integer arithmetic handles flush-to-zero and NaNs.
     if *fpscr & FZ != 0 || x.is_nan() || y.is_nan() {
         exact::compare(a, b, signals, fpscr);
     } else {

@@ -7,11 +7,10 @@
 //! | 0xEExx, bit 4 set: transfers of 32 bits | A6.6 | `transfer` |
 //! | 0xEC4x, 0xEC5x: transfers of 64 bits | A6.7 | `transfer_pair` |
 //!
-//! `None` means an encoding that FPv4-SP does not define, or one that the manual calls UNPREDICTABLE.
+//! `None` means an encoding that is undefined in FPv4-SP or UNPREDICTABLE.
 
 use super::FpOp;
 
-/// Decodes an instruction of coprocessor 10 or 11. Returns `None` where FPv4-SP has none.
 pub(crate) fn decode(first: u16, second: u16) -> Option<FpOp> {
     if second & 0x0E00 != 0x0A00 {
         return None;
@@ -39,9 +38,9 @@ const fn field(halfword: u16, low: u32) -> u8 {
     (halfword >> low & 15) as u8
 }
 
-/// A register's number, encoded in four bits and a fifth. The fifth bit is the lowest bit of a single register's number
-/// and the highest of a double register's. A double register is given as the lower of its two single registers; d16 and
-/// above are absent.
+/// The number of a register, encoded in four bits and a fifth. The fifth bit is the lowest bit of a single register's
+/// number and the highest of a double register's. A double register is returned as the lower of its two single
+/// registers. `None` stands for d16 and above, which do not exist.
 fn register(four: u8, fifth: bool, double: bool) -> Option<u8> {
     match (double, fifth) {
         (false, fifth) => Some(four << 1 | u8::from(fifth)),
@@ -59,7 +58,7 @@ fn data_processing(first: u16, second: u16) -> Option<FpOp> {
     let d = field(second, 12) << 1 | u8::from(bit(first, 6));
     let n = field(first, 0) << 1 | u8::from(bit(second, 7));
     let m = field(second, 0) << 1 | u8::from(bit(second, 5));
-    // The first number is Opc1 without the bit that belongs to D: bit 23 and bits 21:20 of the instruction.
+    // The first number is bit 23 and bits 21:20 of the instruction: Opc1 without its bit for D.
     Some(match (bit(first, 7), first >> 4 & 3, bit(second, 6)) {
         (false, 0, false) => FpOp::Vmla { d, n, m },
         (false, 0, true) => FpOp::Vmls { d, n, m },

@@ -20,9 +20,9 @@ fn expand_immediate(imm8: u8) -> u32 {
 }
 
 impl<C: Cost> Core<C> {
-    /// Executes one floating-point instruction, after `fp_ready` has checked the access and saved the state of an
-    /// interrupted context. A load or store multiple that faults leaves its base register as it was. Registers that it
-    /// has loaded keep the loaded values, as the manual allows, and a restart loads them again.
+    /// Executes one floating-point instruction. `fp_ready` must have been called before. A load or store multiple that
+    /// faults leaves its base register unchanged; registers that it has already loaded keep the new values, as the
+    /// manual allows.
     #[inline]
     pub(crate) fn execute_fp<B: Bus>(&mut self, bus: &mut B, op: FpOp) -> Result<(), Fault> {
         self.fp_ready(bus)?;
@@ -130,7 +130,7 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    // The masks show the compiler that no index is out of range.
+    // The masks show the compiler that the index is in range.
     #[inline]
     fn s(&self, register: u8) -> u32 {
         self.s[usize::from(register & 31)]
@@ -153,8 +153,8 @@ impl<C: Cost> Core<C> {
         self.set_s(d, result);
     }
 
-    /// Executes VMLA and its relatives: first the product is rounded, then the sum. The signs of the addend and of the
-    /// product, NaNs included, are changed by exclusive or, as FPNeg does.
+    /// Executes VMLA and its relatives, which round the product and then the sum. Each sign is combined with its
+    /// operand by exclusive or, as FPNeg does, NaNs included.
     #[inline]
     fn chained(&mut self, d: u8, n: u8, m: u8, addend_sign: u32, product_sign: u32) {
         let product = arith::multiply(self.s(n), self.s(m), &mut self.fpscr) ^ product_sign;
@@ -162,7 +162,7 @@ impl<C: Cost> Core<C> {
         self.set_s(d, result);
     }
 
-    /// Executes VFMA and its relatives, which round once. The sign of the first factor is changed.
+    /// Executes VFMA and its relatives, which round once.
     #[inline]
     fn fused(&mut self, d: u8, n: u8, m: u8, addend_sign: u32, factor_sign: u32) {
         let (addend, factor) = (self.s(d) ^ addend_sign, self.s(n) ^ factor_sign);

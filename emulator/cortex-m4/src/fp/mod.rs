@@ -10,16 +10,15 @@
 //! Left out, and how firmware sees it:
 //!
 //! - Double-precision arithmetic and FPv5 do not exist in FPv4-SP: the instructions are undefined (UFSR.UNDEFINSTR).
-//! - Every case that the manual calls UNPREDICTABLE is taken as undefined too: a should-be-zero bit that is one, a
-//!   register list past s31, a double register past d15, SP or PC as the core register of a transfer. Compilers emit
-//!   none of these, and a fault is noticed where a guessed result is not.
+//! - Every case that the manual calls UNPREDICTABLE is undefined too. Examples are a register list past s31, or SP or
+//!   PC as the core register of a transfer. Compilers emit none of these.
 //! - A `VLDM` or `VSTM` is never abandoned or continued in its middle (ICI). On the pessimistic clock an interrupt
-//!   waits for the instruction's end, as it does for the end of lazy stacking. On the optimistic clock neither delays
-//!   an interrupt, see `Core::cut_short`.
-//! - The stall of an instruction that reads the floating-point result of the previous instruction is not tracked for
-//!   each instruction. It is the difference between the least and the most cycles that [`cycles`] returns.
-//! - The exception outputs of the FPU (FPIXC, FPIDC and the others), which a part may wire to an interrupt line, are
-//!   not driven, so that interrupt never becomes pending. The cumulative flags in FPSCR are exact.
+//!   waits for its end, and for the end of lazy stacking. On the optimistic clock an interrupt waits for neither, see
+//!   `Core::cut_short`.
+//! - The stall of an instruction that reads the previous instruction's floating-point result is not tracked. It is the
+//!   difference between the least and the most cycles that [`cycles`] returns.
+//! - The exception outputs of the FPU (FPIXC, FPIDC and others), which a part may wire to an interrupt line, are not
+//!   driven. The cumulative flags in FPSCR are exact.
 
 mod arith;
 mod decode;
@@ -29,11 +28,10 @@ mod tests;
 
 pub(crate) use decode::decode;
 
-/// The bits of FPSCR that FPv4-SP has: N, Z, C, V, AHP, DN, FZ, RMode, IDC and the five of IEEE 754 (A2.5.3). Every
-/// write of FPSCR keeps only these, also a return from an exception.
+/// The bits of FPSCR that FPv4-SP has: N, Z, C, V, AHP, DN, FZ, RMode, IDC and the five of IEEE 754 (A2.5.3).
 pub(crate) const FPSCR_BITS: u32 = 0xF7C0_009F;
 
-/// A decoded instruction. `d`, `n` and `m` number single-precision registers; `t`, `t2` and `base` number core
+/// A decoded instruction. `d`, `n` and `m` number single-precision registers. `t`, `t2` and `base` number core
 /// registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum FpOp {
@@ -123,7 +121,7 @@ pub(crate) enum FpOp {
         d: u8,
         imm8: u8,
     },
-    /// VCMP, or VCMPE if `signals`, for which a quiet NaN is an invalid operation too.
+    /// VCMP, or VCMPE if `signals`. For VCMPE a quiet NaN is an invalid operation too.
     Vcmp {
         d: u8,
         m: u8,
@@ -184,7 +182,7 @@ pub(crate) enum FpOp {
         add: bool,
         imm8: u8,
     },
-    /// VLDM or VPOP. `imm8` is the step of the base in words, which is one more than `words` for the deprecated FLDMX.
+    /// VLDM or VPOP. `imm8` is the step of the base in words, one more than `words` for the deprecated FLDMX.
     Vldm {
         d: u8,
         words: u8,
@@ -193,7 +191,7 @@ pub(crate) enum FpOp {
         write_back: bool,
         imm8: u8,
     },
-    /// VSTM or VPUSH; `imm8` has the meaning that it has in `Vldm`.
+    /// VSTM or VPUSH. `imm8` is the step of the base in words, as in `Vldm`.
     Vstm {
         d: u8,
         words: u8,
@@ -202,7 +200,7 @@ pub(crate) enum FpOp {
         write_back: bool,
         imm8: u8,
     },
-    /// A move from a core register to `s<n>`, which may be one half of a double register.
+    /// A move from a core register to `s<n>`.
     VmovFromCore {
         n: u8,
         t: u8,
@@ -211,7 +209,7 @@ pub(crate) enum FpOp {
         n: u8,
         t: u8,
     },
-    /// A move from two core registers to `s<m>` and `s<m+1>`, which may be a double register.
+    /// A move from two core registers to `s<m>` and `s<m+1>`.
     VmovFromCorePair {
         m: u8,
         t: u8,
@@ -235,9 +233,9 @@ const _: () = assert!(size_of::<FpOp>() <= 8);
 
 /// The least and the most cycles of an instruction, without wait states: TRM table 7-1.
 ///
-/// The most cycles include the extra cycle of an arithmetic instruction or a conversion whose result the next
-/// instruction reads. The least of VDIV and VSQRT is 1, since integer instructions that follow execute while the
-/// division goes on; the table has 14 for them.
+/// The most cycles include the extra cycle of an arithmetic instruction whose result the next instruction reads. The
+/// least of VDIV and VSQRT is 1, although the table has 14, since integer instructions execute while the division goes
+/// on.
 pub(crate) fn cycles(op: FpOp) -> (u8, u8) {
     match op {
         FpOp::Vadd { .. }

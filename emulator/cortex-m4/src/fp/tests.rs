@@ -14,11 +14,9 @@ mod execution;
 
 use super::arith::RMODE_SHIFT;
 
-/// The rounding modes of FPSCR, as its field RMode has them.
 const TO_PLUS: u32 = 1 << RMODE_SHIFT;
 const TO_MINUS: u32 = 2 << RMODE_SHIFT;
 
-/// Some operands of single precision.
 const ONE: u32 = 0x3F80_0000;
 const INFINITY: u32 = 0x7F80_0000;
 const MAXIMUM: u32 = 0x7F7F_FFFF;

@@ -1,5 +1,5 @@
-//! ITM, TPIU, ETM and ROM table as far as ordinary start-up code uses them: identification, locks, and registers that
-//! read back. There is no trace output: stimulus ports are always ready, and the values written to them are lost.
+//! ITM, TPIU, ETM and ROM table, as far as start-up code uses them: identification, locks, and registers that read
+//! back. There is no trace output: stimulus ports are always ready, and their data is lost.
 
 /// The unlock key of CoreSight components, ARM ARM appendix D2.
 const UNLOCK: u32 = 0xC5AC_CE55;
@@ -8,11 +8,8 @@ const UNLOCK: u32 = 0xC5AC_CE55;
 pub(crate) struct CoreSight {
     itm_unlocked: bool,
     etm_unlocked: bool,
-    /// The register ITM_TER.
     itm_enable: u32,
-    /// The register ITM_TPR.
     pub(crate) itm_privilege: u32,
-    /// The register ITM_TCR.
     itm_control: u32,
     /// The TPIU registers CSPSR, ACPR, SPPR and FFCR.
     port_size: u32,
@@ -24,8 +21,8 @@ pub(crate) struct CoreSight {
     etm_identifier: u32,
 }
 
-/// The peripheral and component identification at 0xFD0 to 0xFFC: PIDR4 to 7, PIDR0 to 3, CIDR0 to 3. All of them name
-/// Arm (JEP106 0x3B, continuation 4).
+/// The peripheral and component identification at 0xFD0 to 0xFFC: PIDR4 to 7, PIDR0 to 3, CIDR0 to 3, with Arm's code
+/// (JEP106 0x3B, continuation 4).
 fn identification(offset: u32, part: u32, revision: u32, class: u32) -> Option<u32> {
     Some(match offset {
         0xFD0 => 0x04,
@@ -46,7 +43,7 @@ impl CoreSight {
         Self { port_size: 1, protocol: 1, formatter: 0x102, etm_control: 0x411, ..Self::default() }
     }
 
-    /// Reads any address that DWT, FPB and SCS do not answer. Returns `None` where there is no register.
+    /// Reads an address that DWT, FPB and SCS do not have. Returns `None` where there is no register.
     pub(crate) fn read(&self, address: u32) -> Option<u32> {
         let offset = address & 0xFFF;
         match address >> 12 & 0xFF {
@@ -56,7 +53,7 @@ impl CoreSight {
                 0xE40 => Some(self.itm_privilege),
                 0xE80 => Some(self.itm_control),
                 0xEF8 | 0xFB0 => Some(0),
-                // LSR shows that there is a lock; bit 1 shows that it is locked.
+                // LSR: bit 0 shows that there is a lock, bit 1 that it is locked.
                 0xFB4 => Some(1 | u32::from(!self.itm_unlocked) << 1),
                 _ => identification(offset, 0x001, 3, 0xE),
             },
@@ -100,7 +97,7 @@ impl CoreSight {
         }
     }
 
-    /// Writes any address that DWT, FPB and SCS do not answer. Returns `false` where there is no register.
+    /// Writes an address that DWT, FPB and SCS do not have. Returns `false` where there is no register.
     pub(crate) fn write(&mut self, address: u32, value: u32) -> bool {
         let offset = address & 0xFFF;
         match (address >> 12 & 0xFF, offset) {

@@ -1,6 +1,6 @@
 //! Debug control, ARM ARM C1.6: DHCSR, DCRSR, DCRDR and DEMCR; and debug events, C1.5.
 //!
-//! Left out: C_SNAPSTALL is kept without effect, and MON_STEP steps only after the monitor's own exception return.
+//! Left out: C_SNAPSTALL has no effect, and MON_STEP steps only after the monitor's own exception return.
 
 use super::{Core, Cost, DFSR_HALTED, nvic};
 
@@ -41,7 +41,7 @@ pub(crate) struct Debug {
     retired_seen: u64,
     /// The DFSR bits that say why the core halts before the next instruction, 0 if it does not halt.
     pub(crate) halt_wanted: u32,
-    /// The value of `retired` before the step, while the core steps under a halting debugger or the monitor.
+    /// The value of `retired` before a step, by a halting debugger or the monitor, that is under way.
     pub(crate) stepping: Option<u64>,
 }
 
@@ -64,7 +64,6 @@ impl Debug {
         self.demcr & MON_EN != 0
     }
 
-    /// Whether a vector catch of these kinds halts the core.
     pub(crate) fn catches(&self, kinds: u32) -> bool {
         self.halting() && self.demcr & kinds != 0
     }
@@ -144,7 +143,6 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Halts the core for debug. Time goes on, but the core does not.
     pub(crate) fn halt(&mut self, reason: u32) {
         self.system.scb.dfsr |= reason;
         self.system.debug.halt_wanted = 0;
@@ -174,8 +172,8 @@ impl<C: Cost> Core<C> {
         self.system.settle();
     }
 
-    /// Raises a debug event, which halts the core or makes DebugMonitor pending before the next instruction. The event
-    /// is lost if neither is enabled (ARM ARM C1.5.1).
+    /// Halts the core, or makes DebugMonitor pending, before the next instruction. If neither is enabled, the event is
+    /// lost (ARM ARM C1.5.1).
     pub(crate) fn debug_event(&mut self, reason: u32) {
         if self.system.debug.halting() {
             self.system.debug.halt_wanted |= reason;
@@ -202,7 +200,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Executes a write of DCRSR: moves a value between DCRDR and a register of the halted core, ARM ARM C1.6.3.
+    /// Executes a write of DCRSR: moves a value between DCRDR and a register of the halted core (ARM ARM C1.6.3).
     fn transfer(&mut self, selector: u32) {
         let write = selector & 1 << 16 != 0;
         let value = self.system.debug.dcrdr;

@@ -5,9 +5,9 @@
 //! | CTRL, CYCCNT, PCSR | C1.8.7, C1.8.8 |
 //! | comparators: debug events at a match of data address, data value, PC or cycle | C1.8.3 to C1.8.5 |
 //!
-//! Left out: the profiling counters (CPICNT and the others) keep the values written to them and do not count, and there
-//! are no trace packets. CYCCNT stops while the core is halted, but not in sleep. The comparator functions that make
-//! trace packets or ETM triggers do nothing.
+//! Left out: the profiling counters (CPICNT and others) keep the values written to them and do not count. There are no
+//! trace packets, and the comparator functions for trace packets and ETM triggers do nothing. CYCCNT stops while the
+//! core is halted, but not in sleep.
 
 const CYCCNTENA: u32 = 1;
 const CYCMATCH: u32 = 1 << 7;
@@ -32,22 +32,18 @@ impl Comparator {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Dwt {
     control: u32,
-    /// The cycle at which CYCCNT was 0, modulo 2^32, while CYCCNT counts; otherwise the value that CYCCNT holds.
+    /// While CYCCNT counts, the cycle at which it was 0, modulo 2^32; otherwise its value.
     count: u32,
     counting: bool,
     /// The bit DEMCR.TRCENA, which enables the DWT.
     on: bool,
     paused: bool,
-    /// The counters CPICNT, EXCCNT, SLEEPCNT, LSUCNT and FOLDCNT.
     counters: [u8; 5],
     comparators: [Comparator; 4],
     /// The cycle at which comparator 0 next matches CYCCNT.
     due: u64,
-    /// Whether a comparator or the caller watches data accesses.
     pub(crate) watching: bool,
-    /// Whether a comparator watches data accesses.
     watches: bool,
-    /// Whether the caller watches data accesses, see `Core::set_watchpoint`.
     caller_watches: bool,
 }
 
@@ -60,8 +56,7 @@ impl Dwt {
         if self.counting { (cycle as u32).wrapping_sub(self.count) } else { self.count }
     }
 
-    /// Starts or stops CYCCNT and finds out which accesses are watched. To be called after any change on which these
-    /// depend.
+    /// Computes again whether CYCCNT counts and whether accesses are watched, after a change of the registers.
     fn settle(&mut self, cycle: u64) {
         let now = self.cycle_count(cycle);
         let counting = self.on && self.control & CYCCNTENA != 0 && !self.paused;
@@ -76,12 +71,10 @@ impl Dwt {
         self.watching = self.watches || self.caller_watches;
     }
 
-    /// Whether a comparator watches data accesses.
     pub(crate) fn watches(&self) -> bool {
         self.watches
     }
 
-    /// Sets whether the caller watches data accesses. Firmware cannot see the difference.
     pub(crate) fn set_caller_watches(&mut self, on: bool) {
         self.caller_watches = on;
         self.settle_watching();
@@ -109,7 +102,7 @@ impl Dwt {
     }
 
     pub(crate) fn pause(&mut self, cycle: u64, paused: bool) {
-        // The value of CYCCNT is taken at this cycle before the counter stops, and it continues from there.
+        // CYCCNT keeps its value and continues from it.
         let now = self.cycle_count(cycle);
         self.set_count(now, false, cycle);
         self.paused = paused;
@@ -132,7 +125,6 @@ impl Dwt {
         true
     }
 
-    /// Whether an access matches a comparator that requests a debug event.
     pub(crate) fn watch(&mut self, address: u32, write: bool, width: u32, value: u32) -> bool {
         if !self.on {
             return false;
@@ -152,7 +144,6 @@ impl Dwt {
             let matched = if comparator.function & DATAVMATCH != 0 {
                 self.value_matches(comparator, address, width, value)
             } else {
-                // A wide access matches if any of its bytes does.
                 (0..width).any(|byte| comparator.has(address.wrapping_add(byte)))
             };
             if matched {
@@ -163,8 +154,8 @@ impl Dwt {
         hit
     }
 
-    /// Whether the value of an access matches (DATAVMATCH): the access has the size DATAVSIZE and lies at the addresses
-    /// of the linked comparators (C1.8.5).
+    /// Whether the value of an access matches (DATAVMATCH): the access has the size DATAVSIZE and is at the address of
+    /// a linked comparator (C1.8.5).
     fn value_matches(&self, comparator: Comparator, address: u32, width: u32, value: u32) -> bool {
         let size = 1 << (comparator.function >> 10 & 3).min(2);
         if width != size {
@@ -205,7 +196,6 @@ impl Dwt {
         hit && self.on
     }
 
-    /// Reads the register at an offset from 0xE000_1000. Returns `None` where there is none.
     pub(crate) fn read(&mut self, offset: u32, cycle: u64, pc: u32, debugger: bool) -> Option<u32> {
         Some(match offset {
             0x00 => self.control | COMPARATORS,
@@ -233,7 +223,6 @@ impl Dwt {
         })
     }
 
-    /// Writes the register at an offset from 0xE000_1000. Returns `false` where there is none.
     pub(crate) fn write(&mut self, offset: u32, value: u32, cycle: u64) -> bool {
         match offset {
             0x00 => {

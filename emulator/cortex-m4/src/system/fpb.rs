@@ -1,7 +1,7 @@
 //! The flash patch and breakpoint unit, ARM ARM C1.11.
 //!
 //! Covered: CTRL, REMAP, COMP0 to COMP7, instruction breakpoints. Left out: remapping. A comparator with REPLACE 0 is
-//! reported as unmodelled and does nothing, so the two literal comparators do nothing either.
+//! reported as unmodelled and does nothing, like the two literal comparators.
 
 /// The numbers in CTRL: six instruction and two literal comparators, TRM 8.3.
 const NUMBERS: u32 = 0x260;
@@ -14,7 +14,6 @@ pub(crate) struct Fpb {
 }
 
 impl Fpb {
-    /// The addresses of the instructions at which the FPB has a breakpoint.
     pub(crate) fn breakpoints(&self) -> impl Iterator<Item = u32> + '_ {
         self.comparators[..6].iter().filter(|&&comparator| self.enabled && comparator & 1 != 0).flat_map(
             |&comparator| {
@@ -25,7 +24,6 @@ impl Fpb {
         )
     }
 
-    /// Whether an enabled comparator requests remapping.
     pub(crate) fn remaps(&self) -> bool {
         self.enabled
             && self
@@ -35,7 +33,6 @@ impl Fpb {
                 .any(|(index, &comparator)| comparator & 1 != 0 && (index >= 6 || comparator >> 30 == 0))
     }
 
-    /// Reads the register at an offset from 0xE000_2000.
     pub(crate) fn read(&self, offset: u32) -> Option<u32> {
         Some(match offset {
             0x00 => NUMBERS | u32::from(self.enabled),
@@ -46,11 +43,10 @@ impl Fpb {
         })
     }
 
-    /// Writes the register at an offset from 0xE000_2000. Returns `false` where there is none.
     pub(crate) fn write(&mut self, offset: u32, value: u32) -> bool {
         match offset {
             0x00 => {
-                // The KEY bit must be written as one, or the write is ignored.
+                // A write without the KEY bit is ignored.
                 if value & 2 != 0 {
                     self.enabled = value & 1 != 0;
                 }

@@ -11,8 +11,8 @@
 //! | debug control | C1.6 | `debug` |
 //! | ITM, TPIU, ETM, ROM table: identification only | C1.7, C1.10, D2 | `coresight` |
 //!
-//! An access in this space to an address without a register, or narrower than its register allows, reads zero or
-//! ignores the written value. Such accesses are put on a list that the owner takes with [`Core::take_unmodelled`].
+//! An access to an address without a register, or narrower than its register allows, reads zero or writes nothing.
+//! [`Core::take_unmodelled`] lists such accesses.
 
 mod coresight;
 mod debug;
@@ -49,9 +49,7 @@ pub(crate) struct System {
     pub(crate) mpu: mpu::Mpu,
     fpb: fpb::Fpb,
     coresight: coresight::CoreSight,
-    /// The next cycle at which SysTick or the DWT does something.
     due: u64,
-    /// Whether the set of addresses at which [`Core::hardware_breakpoint`] has to be called changed.
     pub(crate) breakpoints_changed: bool,
     unmodelled: Vec<(u32, u32, u64)>,
     known: BTreeSet<u32>,
@@ -80,8 +78,7 @@ impl System {
         }
     }
 
-    /// Carries out a system reset of everything but the debug components, which only a power-on resets (ARM ARM C1.6.5,
-    /// C1.8, C1.11).
+    /// Carries out a system reset of everything but the debug components (ARM ARM C1.6.5, C1.8, C1.11).
     pub(crate) fn reset(&mut self) {
         let config = self.config;
         self.nvic = nvic::Nvic::new(config.lines, config.priority_bits);
@@ -92,7 +89,6 @@ impl System {
         self.settle();
     }
 
-    /// Carries out a power-on: everything gets its initial state, except the list of unmodelled accesses.
     pub(crate) fn power_on(&mut self) {
         let unmodelled = std::mem::take(&mut self.unmodelled);
         let known = std::mem::take(&mut self.known);
@@ -101,17 +97,14 @@ impl System {
         self.set_watching(watched);
     }
 
-    /// Sets whether data accesses are reported for the caller's watchpoints too.
     pub(crate) fn set_watching(&mut self, on: bool) {
         self.dwt.set_caller_watches(on);
     }
 
-    /// Computes the next due cycle again, after a timer changed.
     fn settle(&mut self) {
         self.due = self.systick.due().min(self.dwt.due());
     }
 
-    /// Records an access that no register answers.
     fn note(&mut self, access: &Access) {
         let address = access.address & !3;
         if access.purpose != Purpose::Debugger && self.known.insert(address) {
@@ -133,7 +126,6 @@ impl<C: Cost> Core<C> {
         self.system.scb.scr & SCR_SLEEPDEEP != 0
     }
 
-    /// Whether AIRCR.SYSRESETREQ was written since the last call.
     pub(crate) fn take_reset_request(&mut self) -> bool {
         std::mem::take(&mut self.system.scb.reset_request)
     }
@@ -166,9 +158,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Reads as the AHB-AP of the debug port does, from an address that is aligned to `width`. It is a real access with
-    /// the side effects of a load, but it bypasses the MPU, and in the core's own space it has a debugger's rights.
-    /// `cycle` is the cycle of the access.
+    /// Reads as the AHB-AP of the debug port does, at the cycle `cycle`. `address` must be aligned to `width`. The
+    /// access has the side effects of a load, but bypasses the MPU. In the core's own space it has a debugger's rights.
     ///
     /// # Errors
     ///
@@ -224,11 +215,10 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Reads from 0xE000_0000 to 0xE00F_FFFF.
     pub(crate) fn system_read<B: Bus>(&mut self, bus: &mut B, access: &Access) -> Result<u32, Fault> {
         let address = access.address & !3;
         let debugger = access.purpose == Purpose::Debugger;
-        // Unprivileged code can read nothing here but the ITM (ARM ARM B3.1.1, C1.7.1).
+        // Unprivileged code can read only the ITM here (ARM ARM B3.1.1, C1.7.1).
         if !access.privileged && !debugger && address >> 12 != 0xE_0000 {
             return Err(Fault::BusData(access.address));
         }
@@ -263,7 +253,6 @@ impl<C: Cost> Core<C> {
         })
     }
 
-    /// Writes to 0xE000_0000 to 0xE00F_FFFF.
     pub(crate) fn system_write<B: Bus>(&mut self, bus: &mut B, access: &Access, value: u32) -> Result<(), Fault> {
         let address = access.address & !3;
         let debugger = access.purpose == Purpose::Debugger;
@@ -272,8 +261,8 @@ impl<C: Cost> Core<C> {
                 && address & 0xFFF < 0x80
                 && self.system.coresight.itm_privilege >> (address >> 5 & 3) & 1 == 0;
             let trigger = address == 0xE000_EF00 && self.system.scb.ccr & CCR_USERSETMPEND != 0;
-            // The ITM ignores writes of unprivileged code to all registers but the stimulus ports that are open to it
-            // (ARM ARM C1.7.1).
+            // Of the ITM's registers, unprivileged code can write only the stimulus ports that are open to it (ARM ARM
+            // C1.7.1).
             if address >> 12 == 0xE_0000 && !stimulus {
                 return Ok(());
             }
@@ -293,8 +282,8 @@ impl<C: Cost> Core<C> {
             let shift = 8 * (access.address & 3);
             let mask = if access.width == Width::Byte { 0xFF } else { 0xFFFF };
             value = (value & mask) << shift;
-            // A narrow write of the fault status register must not copy the other bits, since ones clear them. A narrow
-            // write of a priority keeps the neighbouring priorities.
+            // In CFSR ones clear bits, so a narrow write must not copy the other bits. A narrow write of a priority
+            // keeps its neighbours.
             if address != 0xE000_ED28 && address >> 12 == 0xE_000E {
                 value |= self.scs_read(address & 0xFFF, true).unwrap_or(0) & !(mask << shift);
             }
@@ -326,25 +315,21 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    /// The bit CCR.UNALIGN_TRP.
     #[inline]
     pub(crate) fn traps_unaligned(&self) -> bool {
         self.system.scb.ccr & CCR_UNALIGN_TRP != 0
     }
 
-    /// The bit CCR.DIV_0_TRP.
     #[inline]
     pub(crate) fn traps_zero_division(&self) -> bool {
         self.system.scb.ccr & CCR_DIV_0_TRP != 0
     }
 
-    /// Whether the core is in a debug step, under a halting debugger or the monitor.
     #[cfg(test)]
     pub(crate) fn debug_stepping(&self) -> bool {
         self.system.debug.stepping.is_some()
     }
 
-    /// Whether the MPU allows a data access.
     #[inline]
     pub(crate) fn mpu_data(&mut self, address: u32, write: bool, privileged: bool) -> bool {
         if self.mpu_opens(address, 1, write, privileged) {
@@ -354,21 +339,20 @@ impl<C: Cost> Core<C> {
         self.system.mpu.data(address, write, privileged, priority)
     }
 
-    /// Whether accesses to this memory need no check by the MPU: it is off, or it opens all of the memory to the code.
+    /// Whether the MPU is off or opens all of these bytes, so that accesses need no check.
     #[inline(always)]
     pub(crate) fn mpu_opens(&mut self, address: u32, bytes: u32, write: bool, privileged: bool) -> bool {
         self.system.mpu.opens(address, bytes, write, privileged)
     }
 
-    /// Whether instructions in the page of `1 << bits` bytes that has `address` need no check by the MPU or the default
-    /// memory map.
+    /// Whether the MPU and the default memory map open the whole page of `1 << bits` bytes that has `address` to
+    /// execution.
     #[inline(always)]
     pub(crate) fn mpu_opens_page(&mut self, address: u32, bits: u32) -> bool {
         let privileged = self.is_privileged();
         self.system.mpu.opens_page(address, bits, privileged)
     }
 
-    /// Whether the MPU and the default memory map allow the core to execute at `address`.
     #[inline]
     pub(crate) fn mpu_fetch(&mut self, address: u32) -> bool {
         let (privileged, priority) = (self.is_privileged(), self.execution_priority());
@@ -381,7 +365,6 @@ impl<C: Cost> Core<C> {
         self.system.due
     }
 
-    /// Carries out what is due in SysTick and the DWT up to `self.cycle`.
     #[inline]
     pub(crate) fn system_advance(&mut self) {
         if self.system.due <= self.cycle {
@@ -400,7 +383,7 @@ impl<C: Cost> Core<C> {
         self.system.settle();
     }
 
-    /// Acts on a data access while [`Self::watching`]: a DWT comparator or the caller's watchpoints may match it.
+    /// Compares a data access with the DWT's comparators and the caller's watchpoints.
     pub(crate) fn watch(&mut self, address: u32, write: bool, width: Width, value: u32) {
         if self.system.dwt.watches() {
             if self.system.dwt.watch(address, write, width.bytes(), value) {
@@ -411,14 +394,13 @@ impl<C: Cost> Core<C> {
         self.watch_for_caller(address, write, width);
     }
 
-    /// Whether [`Self::watch`] has to be called for data accesses.
     #[inline]
     pub(crate) fn watching(&self) -> bool {
         self.system.dwt.watching
     }
 
-    /// The addresses of instructions at which [`Self::hardware_breakpoint`] has to be called. The FPB and the DWT set
-    /// these addresses.
+    /// The addresses at which the FPB or the DWT has a breakpoint. [`Self::hardware_breakpoint`] must be called before
+    /// the instruction there.
     pub(crate) fn fpb_breakpoints(&self) -> impl Iterator<Item = u32> {
         let matches = self.system.dwt.pc_matches();
         self.system
@@ -427,14 +409,13 @@ impl<C: Cost> Core<C> {
             .chain(matches.flat_map(|(first, mask)| (first..=first + ((1 << mask) - 1)).step_by(2)))
     }
 
-    /// Whether [`Self::fpb_breakpoints`] changed since the last call.
     #[inline]
     pub(crate) fn take_breakpoints_changed(&mut self) -> bool {
         std::mem::take(&mut self.system.breakpoints_changed)
     }
 
-    /// Handles a next instruction that is at one of [`Self::fpb_breakpoints`]. Returns whether the instruction must not
-    /// be executed now, since the core is halted or continues at another address.
+    /// Handles a breakpoint of the FPB or the DWT at the next instruction. Returns whether the instruction must not be
+    /// executed now.
     pub(crate) fn hardware_breakpoint<B: Bus>(&mut self, bus: &mut B) -> bool {
         let pc = self.r[15];
         if self.system.fpb.breakpoints().any(|address| address == pc) {
@@ -449,8 +430,8 @@ impl<C: Cost> Core<C> {
     }
 }
 
-/// Whether the register at `address` may be accessed by bytes and halfwords, which holds for the ITM stimulus ports,
-/// IPR, SHPR and CFSR (ARM ARM B3.2.1, B3.4.2), but not for STIR.
+/// Whether the register at `address` allows accesses by bytes and halfwords. The ITM stimulus ports, IPR, SHPR and CFSR
+/// do (ARM ARM B3.2.1, B3.4.2); STIR does not.
 fn narrow_allowed(address: u32) -> bool {
     matches!(address, 0xE000_0000..=0xE000_007F | 0xE000_E400..=0xE000_E4EF | 0xE000_ED18..=0xE000_ED2B)
         && address != 0xE000_ED24

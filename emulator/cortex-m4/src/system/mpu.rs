@@ -5,7 +5,7 @@
 //! | TYPE, CTRL, RNR, RBAR, RASR and their three aliases | B3.5.5 to B3.5.10 |
 //! | sizes, subregions, overlap, AP, XN, the background map | B3.5.1 to B3.5.3 |
 //!
-//! Left out: the memory attributes (TEX, S, C, B) are kept and read back, but nothing depends on them.
+//! Left out: the memory attributes (TEX, S, C, B) read back without effect.
 
 const ENABLE: u32 = 1;
 const HFNMIENA: u32 = 1 << 1;
@@ -15,13 +15,11 @@ const PRIVDEFENA: u32 = 1 << 2;
 struct Region {
     /// Bits 31:5 of RBAR.
     base: u32,
-    /// The register RASR.
     attributes: u32,
 }
 
 impl Region {
-    /// The exponent of the size of a region that is on: the region has two to the power of this exponent bytes, ARM ARM
-    /// B3.5.9. `None` if the region is off.
+    /// The binary logarithm of the region's size in bytes (ARM ARM B3.5.9), `None` if the region is off.
     fn size(self) -> Option<u32> {
         let size = (self.attributes >> 1 & 0x1F) + 1;
         (self.attributes & 1 != 0 && size >= 5).then_some(size)
@@ -30,11 +28,10 @@ impl Region {
     /// Whether the region is on and contains `address`, ARM ARM B3.5.3.
     fn has(self, address: u32) -> bool {
         let Some(size) = self.size() else { return false };
-        // The bits of the base below the region's size do not count.
         if u64::from(address ^ self.base) >> size != 0 {
             return false;
         }
-        // Each eighth of a region of 256 bytes or more can be switched off.
+        // Each eighth of a region of 256 bytes or more can be disabled.
         size < 8 || self.attributes >> (8 + ((address >> (size - 3)) & 7)) & 1 == 0
     }
 
@@ -51,25 +48,24 @@ impl Region {
     }
 }
 
-/// A range of addresses that all have the same rights while the MPU applies. The structure has sixteen bytes, so that a
-/// shift finds one in a list.
+/// A range of addresses that all have the same rights while the MPU applies. Its size of sixteen bytes lets a shift
+/// find a span in a list.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(16))]
 struct Span {
     first: u32,
     /// The last address minus the first.
     extent: u32,
-    /// The rights of privileged code. Those of unprivileged code are [`UNPRIVILEGED`] bits higher.
+    /// The rights of privileged code. The rights of unprivileged code are [`UNPRIVILEGED`] bits higher.
     rights: u32,
 }
 
 impl Span {
-    /// Makes a span that contains no address whose highest four bits are `place`.
+    /// Makes a span without any address whose highest four bits are `place`.
     const fn elsewhere(place: u32) -> Self {
         Self { first: (place ^ 8) << 28, extent: 0, rights: 0 }
     }
 
-    /// Whether the span contains all of `bytes` (1 or more) from `address` on.
     #[inline(always)]
     const fn has(&self, address: u32, bytes: u32) -> bool {
         let offset = address.wrapping_sub(self.first);
@@ -83,10 +79,9 @@ pub(crate) struct Mpu {
     number: u32,
     count: u32,
     regions: [Region; 8],
-    /// The spans of all addresses, in rising order. The list is empty if the registers changed since the spans were
-    /// computed.
+    /// The spans of all addresses, in rising order. Empty if they must be computed again.
     spans: Vec<Span>,
-    /// The span that was last looked up, for each value of the highest four bits of the address.
+    /// For each value of the address's highest four bits, the span that was last looked up.
     near: [Span; 16],
 }
 
@@ -95,13 +90,11 @@ const WRITE: u32 = 2;
 const EXECUTE: u32 = 4;
 const UNPRIVILEGED: u32 = 3;
 
-/// The bit of the right to read or write in [`Span::rights`].
 #[inline(always)]
 pub(crate) const fn data_right(write: bool, privileged: bool) -> u32 {
     (if write { WRITE } else { READ }) << if privileged { 0 } else { UNPRIVILEGED }
 }
 
-/// The bit of the right to execute in [`Span::rights`].
 #[inline(always)]
 const fn fetch_right(privileged: bool) -> u32 {
     EXECUTE << if privileged { 0 } else { UNPRIVILEGED }
@@ -124,16 +117,16 @@ impl Mpu {
         }
     }
 
-    /// Drops all spans, after a change of the registers from which they were computed.
+    /// Drops all spans after a change of the registers.
     fn forget(&mut self) {
         self.spans.clear();
         self.near = std::array::from_fn(|place| Span::elsewhere(place as u32));
     }
 
-    /// Computes the spans. Rights can change only at the addresses at which a region, an eighth of a region or an area
-    /// of the default map begins or ends. Between two neighbours of these addresses every address has the same rights.
+    /// Computes the spans. Rights change only where a region, an eighth of a region or an area of the default map
+    /// begins or ends.
     fn work_out(&mut self) {
-        // The default map has eight areas. Each region adds its two ends and seven places between its eighths.
+        // The default map has eight areas. Each region adds its two ends and the seven addresses between its eighths.
         let mut edges = [0_u32; 8 + 8 * 9];
         let mut count = 0;
         let mut add = |edge: u32| {
@@ -145,7 +138,6 @@ impl Mpu {
             let Some(size) = region.size() else { continue };
             let parts = if size > 7 && region.attributes >> 8 & 0xFF != 0 { 8_u64 } else { 1 };
             let first = region.base & !(((1_u64 << size) - 1) as u32);
-            // The end of the address space wraps to 0, which is already an edge.
             (0..=parts).for_each(|part| add(first.wrapping_add(((part << size) / parts) as u32)));
         }
         let edges = &mut edges[..count];
@@ -196,15 +188,14 @@ impl Mpu {
         span
     }
 
-    /// The span of `address`.
     #[inline(always)]
     fn span(&mut self, address: u32) -> Span {
         let near = self.near[(address >> 28) as usize];
         if near.has(address, 1) { near } else { self.approach(address) }
     }
 
-    /// Whether the right `right` (of [`data_right`]) is given at `address`, whatever the priority is. An aligned access
-    /// lies in one span as a whole, since all spans begin and end at multiples of 32.
+    /// Whether `right` (of [`data_right`]) is given at `address`, whatever the priority is. Spans begin and end at
+    /// multiples of 32, so an aligned access is always within one span.
     #[inline(always)]
     pub(crate) fn gives(&mut self, address: u32, right: u32) -> bool {
         let near = &self.near[(address >> 28) as usize];
@@ -212,16 +203,16 @@ impl Mpu {
         rights & right != 0
     }
 
-    /// Whether code may read, or write, all of `bytes` from `address` on, whatever the priority is. The result is false
-    /// if they lie in more than one span.
+    /// Whether code may access all of `bytes` from `address` on, whatever the priority is. Also false if the bytes lie
+    /// in more than one span.
     #[inline(always)]
     pub(crate) fn opens(&mut self, address: u32, bytes: u32, write: bool, privileged: bool) -> bool {
         let span = self.span(address);
         span.rights & data_right(write, privileged) != 0 && span.has(address, bytes)
     }
 
-    /// Whether code may execute all of the page of `1 << bits` bytes that has `address`, and also an instruction that
-    /// extends beyond the page's end, whatever the priority is.
+    /// Whether code may execute all of the page of `1 << bits` bytes that has `address`, whatever the priority is. An
+    /// instruction that extends beyond the page's end is included.
     #[inline(always)]
     pub(crate) fn opens_page(&mut self, address: u32, bits: u32, privileged: bool) -> bool {
         let span = self.span(address);
@@ -232,7 +223,7 @@ impl Mpu {
         self.control & ENABLE != 0
     }
 
-    /// Whether the MPU is on for code of this priority. It is off in NMI and HardFault unless HFNMIENA is set.
+    /// Whether the MPU is on at this execution priority. In NMI and HardFault it is off unless HFNMIENA is set.
     fn applies(&self, priority: i32) -> bool {
         self.enabled() && (priority >= 0 || self.control & HFNMIENA != 0)
     }
@@ -241,7 +232,6 @@ impl Mpu {
         self.regions.iter().rev().copied().find(|region| region.has(address))
     }
 
-    /// Whether data at `address` may be accessed. `priority` is the execution priority.
     pub(crate) fn data(&mut self, address: u32, write: bool, privileged: bool, priority: i32) -> bool {
         // The default memory map always governs the private peripheral bus (B3.5.1).
         !self.applies(priority)
@@ -273,7 +263,6 @@ impl Mpu {
         }
     }
 
-    /// Reads the register at an offset from 0xE000_ED90.
     pub(crate) fn read(&self, offset: u32) -> u32 {
         let region = self.regions[(self.number & 7) as usize];
         match offset {
@@ -286,7 +275,6 @@ impl Mpu {
         }
     }
 
-    /// Writes the register at an offset from 0xE000_ED90.
     pub(crate) fn write(&mut self, offset: u32, value: u32) {
         if self.count == 0 {
             return;
@@ -297,7 +285,7 @@ impl Mpu {
             0x04 => self.control = value & (ENABLE | HFNMIENA | PRIVDEFENA),
             0x08 => self.number = (value & 0xFF) % self.count,
             0x0C | 0x14 | 0x1C | 0x24 => {
-                // With VALID, the write selects the region that it names, and RNR becomes that region's number.
+                // With VALID, the write selects the region that it names, and RNR becomes its number.
                 if value & 1 << 4 != 0 {
                     self.number = (value & 0xF) % self.count;
                 }
@@ -315,14 +303,13 @@ impl Mpu {
 mod tests {
     use super::*;
 
-    /// A random generator, SplitMix64.
     fn next(state: &mut u64) -> u32 {
         *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let word = (*state ^ *state >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         (word ^ word >> 27).wrapping_mul(0x94D0_49BB_1331_11EB) as u32
     }
 
-    /// The test draws regions of all sizes with subregions, close to each other so that they overlap.
+    /// The regions have random sizes and subregions, and are close to each other so that they overlap.
     #[test]
     fn the_spans_say_of_every_address_what_the_regions_say() {
         let mut state = 1;
@@ -347,7 +334,7 @@ mod tests {
             }
             for pair in ends[1..ends.len() - 1].chunks(2) {
                 assert_eq!(pair[0].wrapping_add(1), pair[1], "no address is left out");
-                // Two words across the end of a span do not have the same rights.
+                // The two words are on both sides of a span's end.
                 assert!(!mpu.opens(pair[0], 2, false, true) && !mpu.opens(pair[0], 2, true, false));
             }
         }

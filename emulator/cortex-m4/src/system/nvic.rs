@@ -1,5 +1,4 @@
-//! The state of the nested vectored interrupt controller: which exceptions are pending, enabled and active, and which
-//! is next.
+//! The nested vectored interrupt controller: which exceptions are pending, enabled and active, and which is next.
 //!
 //! | Covered | ARM ARM |
 //! |---|---|
@@ -7,8 +6,7 @@
 //! | priorities, priority grouping, the priority of active exceptions | B1.5.4 |
 //! | level-sensitive lines and pulses | B3.4.1 |
 //!
-//! Left out: a pulse that is shorter than the time between two calls of the core's `look_at_exceptions` is detected
-//! only if the part keeps the line high until then.
+//! Left out: a pulse is detected only if the line is still high at the next call of the core's `look_at_exceptions`.
 
 /// A set of exceptions: exception number n is bit n % 64 of word n / 64. Interrupt line n is exception 16 + n.
 pub(crate) type Set = [u64; 4];
@@ -27,7 +25,7 @@ pub(crate) const SYS_TICK: u16 = 15;
 /// A priority below all others: that of thread mode with no mask, ARM ARM B1.5.4.
 pub(crate) const IDLE_PRIORITY: i16 = 256;
 
-/// The exceptions without an enable bit. MemManage, BusFault and UsageFault have enable bits in SHCSR.
+/// The exceptions without an enable bit.
 const ALWAYS_ENABLED: u64 =
     1 << NMI | 1 << HARD_FAULT | 1 << SV_CALL | 1 << DEBUG_MONITOR | 1 << PEND_SV | 1 << SYS_TICK;
 
@@ -38,13 +36,10 @@ pub(crate) struct Nvic {
     pub(crate) active: Set,
     /// The levels of the inputs when the core last checked them. NMI is bit 2.
     level: Set,
-    /// The implemented lines, as a set of exceptions.
     implemented: Set,
-    /// The priorities, by exception number. Those of reset, NMI and HardFault are fixed and not in this table.
+    /// The priorities by exception number. Reset, NMI and HardFault have fixed priorities, which are not here.
     priority: [u8; 256],
-    /// The implemented bits of a priority.
     pub(crate) priority_mask: u8,
-    /// The field AIRCR.PRIGROUP.
     group: u8,
     /// The bit DHCSR.C_MASKINTS, which holds back interrupts, SysTick and PendSV.
     masked: bool,
@@ -92,7 +87,6 @@ impl Nvic {
         }
     }
 
-    /// The full priority of an exception, including its subpriority.
     pub(crate) fn priority(&self, number: u16) -> i16 {
         match number {
             0 => IDLE_PRIORITY,
@@ -134,8 +128,7 @@ impl Nvic {
         self.refresh();
     }
 
-    /// Computes again which exception is next and which priority is active. To be called after the sets or priorities
-    /// changed.
+    /// Computes `best` and `active_priority` again after a change.
     pub(crate) fn refresh(&mut self) {
         self.refresh_best();
         let mut least = IDLE_PRIORITY;
@@ -236,7 +229,6 @@ impl Nvic {
         self.refresh_best();
     }
 
-    /// Takes an exception: it becomes active and is no longer pending.
     pub(crate) fn activate(&mut self, number: u16) {
         let (word, bit) = bit(number);
         self.pending[word] &= !bit;
@@ -258,12 +250,12 @@ impl Nvic {
         self.active.iter().map(|word| word.count_ones()).sum()
     }
 
-    /// Whether any interrupt (as opposed to a system exception) is pending: ICSR.ISRPENDING.
+    /// ICSR.ISRPENDING: whether any interrupt (not a system exception) is pending.
     pub(crate) fn interrupt_pending(&self) -> bool {
         self.pending[0] >> 16 != 0 || self.pending[1..].iter().any(|&word| word != 0)
     }
 
-    /// The 32 bits of `set` for the lines from 32 * `index` on, as the NVIC's registers show them.
+    /// The 32 bits of `set` for the lines from 32 * `index` on.
     pub(crate) fn register(set: &Set, index: u32) -> u32 {
         let first = 16 + 32 * index;
         let word = (first >> 6) as usize;
@@ -291,7 +283,6 @@ impl Nvic {
         set
     }
 
-    /// Writes ISER or ICER.
     pub(crate) fn write_enable(&mut self, index: u32, value: u32, enable: bool) {
         let named = self.named(index, value);
         for (enabled, bits) in self.enabled.iter_mut().zip(&named) {
@@ -300,7 +291,6 @@ impl Nvic {
         self.refresh_best();
     }
 
-    /// Writes ISPR or ICPR.
     pub(crate) fn write_pending(&mut self, index: u32, value: u32, pend: bool) {
         let named = self.named(index, value);
         for (word, bits) in named.iter().enumerate() {
@@ -315,7 +305,6 @@ impl Nvic {
         self.refresh_best();
     }
 
-    /// Writes STIR.
     pub(crate) fn trigger(&mut self, line: u32) {
         self.write_pending(line >> 5, 1 << (line & 31), true);
     }

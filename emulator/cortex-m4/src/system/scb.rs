@@ -1,7 +1,7 @@
 //! The registers of the system control space, ARM ARM B3.2 to B3.4, and of the FP context, B3.2.21 to B3.2.24.
 //!
-//! Left out: ACTLR is kept and read back without effect. The core never makes an auxiliary fault, so AFSR is zero. The
-//! core is little-endian only.
+//! Left out: ACTLR reads back without effect, and AFSR is zero, since there are no auxiliary faults. The core is
+//! little-endian only.
 
 use super::nvic::{self, Nvic};
 use super::{Core, Cost};
@@ -109,7 +109,7 @@ fn identification(offset: u32) -> Option<u32> {
         0xD68 => 0x2123_2231,
         0xD6C => 0x0111_1131,
         0xD70 => 0x0131_0132,
-        // The registers here are AFR0, MMFR1, MMFR3 and the cache registers of cores that have caches.
+        // AFR0, MMFR1, MMFR3, and the cache registers of other cores.
         0xD4C | 0xD54 | 0xD5C | 0xD74..=0xD84 => 0,
         0xF40 => 0x1011_0021,
         0xF44 => 0x1100_0011,
@@ -131,7 +131,6 @@ const HANDLERS: [(u16, Option<u32>, Option<u32>); 7] = [
 ];
 
 impl<C: Cost> Core<C> {
-    /// Reads the word at an offset from 0xE000_E000. Returns `None` where there is no register.
     pub(super) fn scs_read(&mut self, offset: u32, debugger: bool) -> Option<u32> {
         let system = &mut self.system;
         let index = (offset & 0x7F) / 4;
@@ -168,7 +167,6 @@ impl<C: Cost> Core<C> {
             0xD88 => scb.cpacr,
             0xD90..=0xDB8 => system.mpu.read(offset - 0xD90),
             0xDF0..=0xDFC => return self.debug_registers_read(offset, debugger),
-            // STIR is write-only.
             0xF00 => 0,
             0xF34 => scb.fpccr,
             0xF38 => scb.fpcar,
@@ -177,7 +175,6 @@ impl<C: Cost> Core<C> {
         })
     }
 
-    /// Writes the word at an offset from 0xE000_E000. Returns `false` where there is no register.
     pub(super) fn scs_write(&mut self, offset: u32, value: u32, debugger: bool) -> bool {
         let index = (offset & 0x7F) / 4;
         match offset {
@@ -230,7 +227,6 @@ impl<C: Cost> Core<C> {
             0xF34 => scb.fpccr = value & 0xC000_017B,
             0xF38 => scb.fpcar = value & !7,
             0xF3C => scb.fpdscr = value & 0x07C0_0000,
-            // Read-only registers ignore writes.
             0x004 | 0x300..=0x31C | 0xD3C | 0xD04 | 0xD0C | 0xD24 => {}
             _ => return identification(offset).is_some(),
         }
@@ -241,7 +237,7 @@ impl<C: Cost> Core<C> {
     fn icsr(&self) -> u32 {
         let nvic = &self.system.nvic;
         let pending = |number| u32::from(nvic::contains(&nvic.pending, number));
-        // ICSR does not show an exception that BASEPRI or FAULTMASK holds back, but shows one that PRIMASK holds back.
+        // ICSR shows an exception that PRIMASK holds back, but not one that BASEPRI or FAULTMASK holds back.
         let vector = if nvic.best_priority < self.mask_priority(false) { u32::from(nvic.best) } else { 0 };
         pending(nvic::NMI) << 31
             | pending(nvic::PEND_SV) << 28

@@ -5,11 +5,11 @@
 //! | CSR, RVR, CVR, CALIB | B3.3.3 to B3.3.6 |
 //! | both clocks, the exact cycle of each wrap | B3.3.1 |
 //!
-//! SysTick counts on while the core sleeps: its clock is FCLK, which the core's sleep does not stop (TRM 4.1, "power
-//! management"). A part that stops FCLK in deep sleep stops the core's cycle count at the same time. SysTick stands
-//! still while the core is halted for debug (B3.3.1).
+//! SysTick counts on while the core sleeps, since it counts FCLK, which sleep does not stop (TRM 4.1, "power
+//! management"). A part that stops FCLK in deep sleep also stops the core's cycle count. SysTick stands still while the
+//! core is halted for debug (B3.3.1).
 //!
-//! The counter is not stepped. Its value is computed from the cycle at which the value was last known.
+//! The value is computed from the cycle at which it was last known.
 
 const ENABLE: u32 = 1;
 const TICKINT: u32 = 1 << 1;
@@ -17,16 +17,13 @@ const CLKSOURCE: u32 = 1 << 2;
 
 #[derive(Clone, Debug)]
 pub(crate) struct SysTick {
-    /// Bits 2:0 of CSR.
     control: u32,
     reload: u32,
     /// The value of CVR at the cycle `at`.
     value: u32,
     at: u64,
-    /// The bit CSR.COUNTFLAG.
     counted: bool,
     paused: bool,
-    /// The core cycles in one tick of the reference clock, 0 if there is none.
     reference: u32,
     calibration: u32,
 }
@@ -41,8 +38,7 @@ impl SysTick {
         if self.control & CLKSOURCE != 0 || self.reference == 0 { 1 } else { u64::from(self.reference) }
     }
 
-    /// Moves `at` to the last tick at or before `cycle`. The reference clock runs freely, so its ticks are at multiples
-    /// of its period.
+    /// Moves `at` to the last tick at or before `cycle`. Ticks of the reference clock are at multiples of its period.
     fn align(&mut self, cycle: u64) {
         self.at = cycle - cycle % self.step();
     }
@@ -51,7 +47,7 @@ impl SysTick {
         self.control & ENABLE != 0 && !self.paused
     }
 
-    /// Counts up to `cycle`. Returns whether the counter reached zero with its exception enabled.
+    /// Counts up to `cycle`. Returns whether the counter reached zero with TICKINT set.
     pub(crate) fn advance(&mut self, cycle: u64) -> bool {
         if !self.counting() || cycle <= self.at {
             return false;
@@ -66,7 +62,7 @@ impl SysTick {
             self.value -= ticks as u32;
             return false;
         }
-        // A counter that was cleared reloads with its next tick. It reaches zero only when it counts down from one.
+        // A cleared counter first reloads. Only a count from one to zero raises the exception.
         let mut reached = self.value != 0;
         ticks -= u64::from(self.value);
         self.value = 0;
@@ -92,8 +88,7 @@ impl SysTick {
         }
     }
 
-    /// Stops the counter when the core halts for debug (`paused`), or resumes it. The caller has advanced the counter
-    /// to `cycle`.
+    /// Stops the counter while the core is halted for debug. The caller has advanced the counter to `cycle`.
     pub(crate) fn pause(&mut self, cycle: u64, paused: bool) {
         if self.paused && !paused {
             self.align(cycle);
@@ -101,8 +96,8 @@ impl SysTick {
         self.paused = paused;
     }
 
-    /// Reads the register at offset 0x0, 0x4, 0x8 or 0xC. The caller has advanced the counter. A debugger's read clears
-    /// nothing.
+    /// Reads the register at offset 0x0, 0x4, 0x8 or 0xC. The caller has advanced the counter. A debugger's read does
+    /// not clear COUNTFLAG.
     pub(crate) fn read(&mut self, offset: u32, debugger: bool) -> u32 {
         match offset {
             0x0 => {

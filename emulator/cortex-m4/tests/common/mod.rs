@@ -1,43 +1,33 @@
-//! A test part that consists of memory and one device: flash at 0, RAM at 0x2000_0000, and a device that logs its
-//! accesses.
+//! A test part: flash at 0, RAM at 0x2000_0000, and a device that logs its accesses.
 #![allow(dead_code, reason = "each test program uses a part of it")]
 
 use std::collections::BTreeSet;
 
 use cortex_m4::{Access, Bound, Bus, BusError, Config, Core, Cost, Exit, Fast, Register, Signals, Width};
 
-/// The address of the device.
 pub(crate) const DEVICE: u32 = 0x4000_0000;
-/// The first address of RAM.
 pub(crate) const RAM: u32 = 0x2000_0000;
-/// The first address of a test's code.
 pub(crate) const CODE: u32 = 0x100;
 
-/// The bus of a test: flash, RAM and a device that logs.
 #[derive(Clone, Debug)]
 pub(crate) struct Board {
     pub(crate) flash: Vec<u8>,
     pub(crate) ram: Vec<u8>,
-    /// The accesses to the device: address, bytes and cycle of each read; address, bytes, value and cycle of each
-    /// write. A read returns `answer`.
+    /// Each read of the device (address, bytes, cycle), and each write (address, bytes, value, cycle).
     pub(crate) reads: Vec<(u32, u32, u64)>,
     pub(crate) writes: Vec<(u32, u32, u32, u64)>,
     pub(crate) answer: u32,
-    /// Whether accesses to the device are logged.
     pub(crate) logs: bool,
     pub(crate) signals: Signals,
     pub(crate) due: u64,
     pub(crate) advanced: Vec<u64>,
-    /// The wait states of each access.
     pub(crate) waits: u32,
     pub(crate) fetches: Vec<u32>,
     pub(crate) bit_banding: bool,
-    /// Whether pages of RAM can be watched for writes. The next fields are the watched pages, and the number of watches
-    /// that a write has ended.
+    /// Whether the board can watch pages of RAM for writes.
     pub(crate) watches: bool,
     pub(crate) watched: BTreeSet<u32>,
     pub(crate) rewritten: u64,
-    /// The device address at which an access asks the core to stop.
     pub(crate) stop_at: Option<u32>,
 }
 
@@ -206,7 +196,6 @@ impl Bus for Board {
     }
 }
 
-/// The configuration of a core without MPU, with 16 interrupt lines.
 pub(crate) const CONFIG: Config = Config {
     lines: 16,
     priority_bits: 4,
@@ -216,7 +205,6 @@ pub(crate) const CONFIG: Config = Config {
     mpu_regions: 8,
 };
 
-/// A core and its board.
 #[derive(Clone, Debug)]
 pub(crate) struct Rig<C: Cost> {
     pub(crate) core: Core<C>,
@@ -224,7 +212,7 @@ pub(crate) struct Rig<C: Cost> {
 }
 
 impl Rig<Fast> {
-    /// Makes a core that is reset and about to execute `code`, on the fast clock.
+    /// Makes a core after reset, on the fast clock, with `code` next.
     pub(crate) fn new(code: &[u16]) -> Self {
         Self::with_clock(code)
     }
@@ -247,7 +235,7 @@ impl<C: Cost> Rig<C> {
         self
     }
 
-    /// The flags N, Z, C and V as digits of a binary number, as in the highest four bits of the xPSR.
+    /// The flags N, Z, C and V as a binary number.
     pub(crate) fn nzcv(&self) -> u32 {
         self.core.register(Register::Xpsr) >> 28
     }
@@ -258,7 +246,6 @@ impl<C: Cost> Rig<C> {
         self
     }
 
-    /// Executes `count` instructions.
     pub(crate) fn steps(&mut self, count: usize) -> &mut Self {
         for _ in 0..count {
             assert_eq!(self.core.step(&mut self.board), Exit::Until);

@@ -4,13 +4,10 @@ use emulator_node::{Board, Firmware, Input, Node};
 use emulator_part::{Pad, Pin};
 use stm32f429::{Oscillators, Stm32f429, pin};
 
-/// The pin whose wire leaves the board.
 pub(crate) const OUT: Pin = pin('D', 14);
-/// The pin that the outside drives.
 #[allow(dead_code, reason = "every test binary uses its own part of it")]
 pub(crate) const IN: Pin = pin('A', 3);
 
-/// The test board.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Player {
     level: bool,
@@ -18,13 +15,11 @@ pub(crate) struct Player {
 }
 
 impl Player {
-    /// Makes the board with this firmware.
     pub(crate) fn with(firmware: &Firmware) -> Node<Player> {
         Node::new(Stm32f429::new(Oscillators::default()), Self::default(), firmware).unwrap()
     }
 
     #[allow(dead_code, reason = "every test binary uses its own part of it")]
-    /// Takes the levels of the wire out since the last call, each with its instant (ns).
     pub(crate) fn take_edges(&mut self) -> Vec<(u64, bool)> {
         std::mem::take(&mut self.edges)
     }

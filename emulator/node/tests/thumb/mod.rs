@@ -1,13 +1,12 @@
-//! A minimal Thumb assembler, with which a test writes its firmware: each method appends one instruction or a few.
+//! A minimal Thumb assembler for test firmware. Each method appends one or a few instructions.
 #![allow(dead_code, reason = "every test binary uses its own part of it")]
 
 use emulator_node::Firmware;
 
-/// The address of the vector table and the initial stack pointer of every test firmware, on an STM32F4.
+/// The address of the vector table of test firmware, and its initial stack pointer, on an STM32F4.
 pub(crate) const FLASH: u32 = 0x0800_0000;
 pub(crate) const STACK: u32 = 0x2000_4000;
 
-/// A condition of a branch.
 #[derive(Clone, Copy)]
 pub(crate) enum If {
     Equal = 0,
@@ -16,7 +15,6 @@ pub(crate) enum If {
     CarryClear = 3,
 }
 
-/// A piece of code at an address.
 pub(crate) struct Thumb {
     base: u32,
     code: Vec<u16>,
@@ -27,7 +25,6 @@ impl Thumb {
         Self { base, code: Vec::new() }
     }
 
-    /// The address of the next instruction.
     pub(crate) fn here(&self) -> u32 {
         self.base + 2 * u32::try_from(self.code.len()).unwrap()
     }
@@ -37,7 +34,6 @@ impl Thumb {
         self
     }
 
-    /// Appends `rd` = `value`, by MOVW and MOVT.
     pub(crate) fn mov(&mut self, rd: u16, value: u32) -> &mut Self {
         for (opcode, half) in [(0xF240_u16, value as u16), (0xF2C0, (value >> 16) as u16)] {
             let (imm4, i, imm3, imm8) = (half >> 12, half >> 11 & 1, half >> 8 & 7, half & 0xFF);
@@ -46,7 +42,7 @@ impl Thumb {
         self
     }
 
-    /// Appends code that sets the word at `address` to `value`. It uses r0 and r1.
+    /// Sets the word at `address` to `value`. It uses r0 and r1.
     pub(crate) fn store(&mut self, address: u32, value: u32) -> &mut Self {
         self.mov(0, address).mov(1, value).str(1, 0, 0)
     }
@@ -59,12 +55,12 @@ impl Thumb {
         self.raw(&[0x6800 | (offset / 4) << 6 | rn << 3 | rt])
     }
 
-    /// Appends code that adds 1 to the word at `address`. It uses r0 and r1.
+    /// Adds 1 to the word at `address`. It uses r0 and r1.
     pub(crate) fn count(&mut self, address: u32) -> &mut Self {
         self.mov(0, address).ldr(1, 0, 0).raw(&[0x3101]).str(1, 0, 0)
     }
 
-    /// Appends code that copies bit `bit` (from 0) of `rn` into the carry flag. It destroys `rn`.
+    /// Copies bit `bit` (from 0) of `rn` into the carry flag. It destroys `rn`.
     pub(crate) fn test(&mut self, rn: u16, bit: u16) -> &mut Self {
         self.raw(&[0x0800 | (bit + 1) << 6 | rn << 3 | rn])
     }
@@ -79,7 +75,7 @@ impl Thumb {
         self.raw(&[0xD000 | (condition as u16) << 8 | offset as u16 & 0xFF])
     }
 
-    /// Appends a loop that reads the word at `address` until bit `bit` is set. It uses r0 and r1.
+    /// Loops until bit `bit` of the word at `address` is set. It uses r0 and r1.
     pub(crate) fn wait_for(&mut self, address: u32, bit: u16) -> &mut Self {
         self.mov(0, address);
         let again = self.here();
@@ -90,13 +86,13 @@ impl Thumb {
         self.raw(&[0xBF30])
     }
 
-    /// Appends code that sleeps for ever, except for interrupts.
+    /// Sleeps for ever, except for interrupts.
     pub(crate) fn idle(&mut self) -> &mut Self {
         let again = self.here();
         self.wfi().branch(again)
     }
 
-    /// Appends a return from a function or an interrupt, once all stores have reached their peripherals.
+    /// Returns from a function or an interrupt, once all stores have reached their peripherals.
     pub(crate) fn ret(&mut self) -> &mut Self {
         self.raw(&[0xF3BF, 0x8F4F, 0x4770])
     }
@@ -110,7 +106,7 @@ impl Thumb {
     }
 }
 
-/// Makes an image with `main` at reset and `handlers` at their interrupts. Its vector table is at `base`.
+/// Makes an image with `main` at reset, `handlers` at their interrupts, and its vector table at `base`.
 pub(crate) fn firmware_at(base: u32, name: &str, main: &Thumb, handlers: &[(u32, &Thumb)]) -> Firmware {
     let mut table = vec![0_u32; 16 + 96];
     table[0] = STACK;
@@ -124,7 +120,6 @@ pub(crate) fn firmware_at(base: u32, name: &str, main: &Thumb, handlers: &[(u32,
     Firmware::raw(name, segments)
 }
 
-/// Makes an image as [`firmware_at`] does, for an STM32F4.
 pub(crate) fn firmware(name: &str, main: &Thumb, handlers: &[(u32, &Thumb)]) -> Firmware {
     firmware_at(FLASH, name, main, handlers)
 }
@@ -142,17 +137,16 @@ pub(crate) const EXTI: u32 = 0x4001_3C00;
 const NVIC_ISER: u32 = 0xE000_E100;
 
 impl Thumb {
-    /// Appends code that enables an interrupt at the core.
     pub(crate) fn enable(&mut self, interrupt: u32) -> &mut Self {
         self.store(NVIC_ISER + 4 * (interrupt / 32), 1 << (interrupt % 32))
     }
 
-    /// Appends code that sets up TIM2's update interrupt, every `ticks` cycles of its clock.
+    /// Sets up TIM2's update interrupt, every `ticks` cycles of its clock.
     pub(crate) fn tim2_every(&mut self, ticks: u32) -> &mut Self {
         self.store(RCC + 0x40, 1).store(TIM2 + 0x2C, ticks - 1).store(TIM2 + 0x0C, 1).enable(28).store(TIM2, 1)
     }
 
-    /// Appends code that sets up EXTI3 on a rising edge of PA3.
+    /// Sets up EXTI3 on a rising edge of PA3.
     pub(crate) fn exti3_on_pa3(&mut self) -> &mut Self {
         self.store(RCC + 0x30, 1 | 1 << 3) // GPIOA, GPIOD
             .store(RCC + 0x44, 1 << 14) // SYSCFG

@@ -2,7 +2,6 @@
 
 use super::{Register, ro, rw, wo};
 
-/// The registers of SAADC.
 pub(crate) static SAADC: &[Register] = &[
     wo("TASKS_START", 0x000, 0),
     wo("TASKS_SAMPLE", 0x004, 0),
@@ -75,7 +74,6 @@ pub(crate) static SAADC: &[Register] = &[
     ro("RESULT.AMOUNT", 0x634, 0),
 ];
 
-/// The registers of TEMP.
 pub(crate) static TEMP: &[Register] = &[
     wo("TASKS_START", 0x000, 0),
     wo("TASKS_STOP", 0x004, 0),
@@ -102,7 +100,6 @@ pub(crate) static TEMP: &[Register] = &[
     rw("T4", 0x570, 0x50),
 ];
 
-/// The registers of COMP and LPCOMP, which share a block.
 pub(crate) static COMP_LPCOMP: &[Register] = &[
     wo("TASKS_START", 0x000, 0),
     wo("TASKS_STOP", 0x004, 0),
@@ -126,7 +123,6 @@ pub(crate) static COMP_LPCOMP: &[Register] = &[
     rw("HYST", 0x538, 0),
 ];
 
-/// The registers of PDM.
 pub(crate) static PDM: &[Register] = &[
     wo("TASKS_START", 0x000, 0),
     wo("TASKS_STOP", 0x004, 0),

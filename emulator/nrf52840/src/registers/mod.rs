@@ -1,8 +1,8 @@
 //! The register tables: name, offset, direction and reset value of every register of the part.
 //!
-//! The tables were generated from Nordic's device description (`nrf52840.svd`, as `nrf52840-pac` 0.12 carries it).
-//! Instances that share a block share a table. If only the second of two such instances has a register, the register's
-//! name has that instance's name as prefix.
+//! The tables were generated from Nordic's device description (`nrf52840.svd`, as `nrf52840-pac` 0.12 has it).
+//! Instances that share a block share a table. A register that only the second of them has is prefixed with that
+//! instance's name.
 //!
 //! | module | registers of |
 //! |---|---|
@@ -27,7 +27,6 @@ pub(crate) use system::{CLOCK_POWER, EGU, GPIO, GPIOTE, MWU, NVMC_ACL, PPI};
 pub(crate) use time::{PWM, QDEC, RTC, TIMER, TIMER_WIDE, WDT};
 pub(crate) use usb::USBD;
 
-/// One register of a block.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Register {
     pub(crate) name: &'static str,
@@ -44,7 +43,7 @@ const fn ro(name: &'static str, offset: u32, reset: u32) -> Register {
     Register { name, offset, reset, writable: false }
 }
 
-/// Makes a task register, which is written to start something and reads as 0 (PS 6.1).
+/// Makes a task register, which reads as 0 (PS 6.1).
 const fn wo(name: &'static str, offset: u32, reset: u32) -> Register {
     rw(name, offset, reset)
 }

@@ -1,8 +1,7 @@
-//! Registers of the wireless peripherals and of their ciphers: RADIO, NFCT, RNG, ECB, CCM and AAR.
+//! Registers of RADIO, NFCT, RNG, ECB, CCM and AAR.
 
 use super::{Register, ro, rw, wo};
 
-/// The registers of RADIO.
 pub(crate) static RADIO: &[Register] = &[
     wo("TASKS_TXEN", 0x000, 0),
     wo("TASKS_RXEN", 0x004, 0),
@@ -94,7 +93,6 @@ pub(crate) static RADIO: &[Register] = &[
     rw("POWER", 0xffc, 1),
 ];
 
-/// The registers of NFCT.
 pub(crate) static NFCT: &[Register] = &[
     wo("TASKS_ACTIVATE", 0x000, 0),
     wo("TASKS_DISABLE", 0x004, 0),
@@ -144,7 +142,6 @@ pub(crate) static NFCT: &[Register] = &[
     rw("SELRES", 0x5a4, 0),
 ];
 
-/// The registers of RNG.
 pub(crate) static RNG: &[Register] = &[
     wo("TASKS_START", 0x000, 0),
     wo("TASKS_STOP", 0x004, 0),
@@ -156,7 +153,6 @@ pub(crate) static RNG: &[Register] = &[
     ro("VALUE", 0x508, 0),
 ];
 
-/// The registers of ECB.
 pub(crate) static ECB: &[Register] = &[
     wo("TASKS_STARTECB", 0x000, 0),
     wo("TASKS_STOPECB", 0x004, 0),
@@ -167,7 +163,6 @@ pub(crate) static ECB: &[Register] = &[
     rw("ECBDATAPTR", 0x504, 0),
 ];
 
-/// The registers of CCM and AAR, which share a block.
 pub(crate) static CCM_AAR: &[Register] = &[
     wo("TASKS_KSGEN", 0x000, 0),
     wo("TASKS_CRYPT", 0x004, 0),

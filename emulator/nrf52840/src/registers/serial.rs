@@ -1,4 +1,4 @@
-//! Registers of the serial interfaces: UARTE and UART, the shared SPI and two-wire blocks, SPIM3, I2S, QSPI.
+//! Registers of UARTE and UART, the shared SPI and two-wire blocks, SPIM3, I2S, QSPI.
 
 use super::{Register, ro, rw, wo};
 
@@ -43,8 +43,8 @@ pub(crate) static UART: &[Register] = &[
     rw("CONFIG", 0x56c, 0),
 ];
 
-/// The registers of SPIM, and those that only SPIS, SPI, TWIM, TWIS or TWI has. All these share one block, and ENABLE
-/// selects one of them.
+/// The registers of the shared blocks: of SPIM, and those that only SPIS, SPI, TWIM, TWIS or TWI has. ENABLE selects
+/// one of these.
 pub(crate) static SERIAL: &[Register] = &[
     wo("TWIM.TASKS_STARTRX", 0x000, 0),
     wo("TWIM.TASKS_STARTTX", 0x008, 0),
@@ -110,7 +110,6 @@ pub(crate) static SERIAL: &[Register] = &[
     rw("ORC", 0x5c0, 0),
 ];
 
-/// The registers of SPIM3.
 pub(crate) static SPIM3: &[Register] = &[
     wo("TASKS_START", 0x010, 0),
     wo("TASKS_STOP", 0x014, 0),
@@ -148,7 +147,6 @@ pub(crate) static SPIM3: &[Register] = &[
     rw("ORC", 0x5c0, 0),
 ];
 
-/// The registers of I2S.
 pub(crate) static I2S: &[Register] = &[
     wo("TASKS_START", 0x000, 0),
     wo("TASKS_STOP", 0x004, 0),
@@ -179,7 +177,6 @@ pub(crate) static I2S: &[Register] = &[
     rw("PSEL.SDOUT", 0x570, 0xffffffff),
 ];
 
-/// The registers of QSPI.
 pub(crate) static QSPI: &[Register] = &[
     wo("TASKS_ACTIVATE", 0x000, 0),
     wo("TASKS_READSTART", 0x004, 0),

@@ -1,9 +1,7 @@
-//! Registers of clocks, supply, memory, interconnect and pins: CLOCK and POWER, NVMC and ACL, MWU, PPI, EGU, GPIO,
-//! GPIOTE.
+//! Registers of CLOCK and POWER, NVMC and ACL, MWU, PPI, EGU, GPIO, GPIOTE.
 
 use super::{Register, ro, rw, wo};
 
-/// The registers of CLOCK and POWER, which share a block.
 pub(crate) static CLOCK_POWER: &[Register] = &[
     wo("TASKS_HFCLKSTART", 0x000, 0),
     wo("TASKS_HFCLKSTOP", 0x004, 0),
@@ -79,7 +77,6 @@ pub(crate) static CLOCK_POWER: &[Register] = &[
     wo("RAM.POWERCLR", 0x988, 0xffff),
 ];
 
-/// The registers of GPIOTE.
 pub(crate) static GPIOTE: &[Register] = &[
     wo("TASKS_OUT[0]", 0x000, 0),
     wo("TASKS_OUT[1]", 0x004, 0),
@@ -126,7 +123,6 @@ pub(crate) static GPIOTE: &[Register] = &[
     rw("CONFIG[7]", 0x52c, 0),
 ];
 
-/// The registers of EGU.
 pub(crate) static EGU: &[Register] = &[
     wo("TASKS_TRIGGER[0]", 0x000, 0),
     wo("TASKS_TRIGGER[1]", 0x004, 0),
@@ -165,7 +161,6 @@ pub(crate) static EGU: &[Register] = &[
     rw("INTENCLR", 0x308, 0),
 ];
 
-/// The registers of NVMC and ACL, which share a block.
 pub(crate) static NVMC_ACL: &[Register] = &[
     ro("READY", 0x400, 1),
     ro("READYNEXT", 0x408, 0),
@@ -213,7 +208,6 @@ pub(crate) static NVMC_ACL: &[Register] = &[
     rw("ACL.ACL[7].UNUSED0", 0x87c, 0),
 ];
 
-/// The registers of PPI.
 pub(crate) static PPI: &[Register] = &[
     wo("TASKS_CHG[0].EN", 0x000, 0),
     wo("TASKS_CHG[0].DIS", 0x004, 0),
@@ -310,7 +304,6 @@ pub(crate) static PPI: &[Register] = &[
     rw("FORK[31].TEP", 0x98c, 0),
 ];
 
-/// The registers of MWU.
 pub(crate) static MWU: &[Register] = &[
     rw("EVENTS_REGION[0].WA", 0x100, 0),
     rw("EVENTS_REGION[0].RA", 0x104, 0),
@@ -353,7 +346,6 @@ pub(crate) static MWU: &[Register] = &[
     rw("PREGION.SUBS", 0x6d8, 0),
 ];
 
-/// The registers of P0 and P1, which share a block.
 pub(crate) static GPIO: &[Register] = &[
     rw("P0.OUT", 0x504, 0),
     rw("P0.OUTSET", 0x508, 0),

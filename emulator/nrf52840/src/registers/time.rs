@@ -1,8 +1,8 @@
-//! Registers of the peripherals that count: TIMER, RTC, WDT, PWM, QDEC.
+//! Registers of TIMER, RTC, WDT, PWM, QDEC.
 
 use super::{Register, ro, rw, wo};
 
-/// The registers of TIMER0 to TIMER2, which have four compare registers.
+/// TIMER0 to TIMER2 have four compare registers.
 pub(crate) static TIMER: &[Register] = &[
     wo("TASKS_START", 0x000, 0),
     wo("TASKS_STOP", 0x004, 0),
@@ -29,7 +29,7 @@ pub(crate) static TIMER: &[Register] = &[
     rw("CC[3]", 0x54c, 0),
 ];
 
-/// The registers of TIMER3 and TIMER4, which have six compare registers.
+/// TIMER3 and TIMER4 have six compare registers.
 pub(crate) static TIMER_WIDE: &[Register] = &[
     wo("TASKS_START", 0x000, 0),
     wo("TASKS_STOP", 0x004, 0),
@@ -62,7 +62,6 @@ pub(crate) static TIMER_WIDE: &[Register] = &[
     rw("CC[5]", 0x554, 0),
 ];
 
-/// The registers of RTC.
 pub(crate) static RTC: &[Register] = &[
     wo("TASKS_START", 0x000, 0),
     wo("TASKS_STOP", 0x004, 0),
@@ -87,7 +86,6 @@ pub(crate) static RTC: &[Register] = &[
     rw("CC[3]", 0x54c, 0),
 ];
 
-/// The registers of WDT.
 pub(crate) static WDT: &[Register] = &[
     wo("TASKS_START", 0x000, 0),
     rw("EVENTS_TIMEOUT", 0x100, 0),
@@ -108,7 +106,6 @@ pub(crate) static WDT: &[Register] = &[
     wo("RR[7]", 0x61c, 0),
 ];
 
-/// The registers of QDEC.
 pub(crate) static QDEC: &[Register] = &[
     wo("TASKS_START", 0x000, 0),
     wo("TASKS_STOP", 0x004, 0),
@@ -139,7 +136,6 @@ pub(crate) static QDEC: &[Register] = &[
     ro("ACCDBLREAD", 0x548, 0),
 ];
 
-/// The registers of PWM.
 pub(crate) static PWM: &[Register] = &[
     wo("TASKS_STOP", 0x004, 0),
     wo("TASKS_SEQSTART[0]", 0x008, 0),

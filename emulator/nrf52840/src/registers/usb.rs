@@ -2,7 +2,6 @@
 
 use super::{Register, ro, rw, wo};
 
-/// The registers of USBD.
 pub(crate) static USBD: &[Register] = &[
     wo("TASKS_STARTEPIN[0]", 0x004, 0),
     wo("TASKS_STARTEPIN[1]", 0x008, 0),

@@ -1,7 +1,7 @@
-//! The shared serial blocks, with SPIM and SPIS: SPIM0–3 and SPIS0–2 (PS 6.25, 6.26).
+//! The shared serial blocks: SPIM0–3, SPIS0–2 and their relatives (PS 6.25, 6.26).
 //!
-//! SPIM, SPIS, TWIM, TWIS and the legacy peripherals of one number *n* are one block with one set of registers. ENABLE
-//! selects one of them.
+//! SPIM, SPIS, TWIM, TWIS and the legacy peripherals with the same number are one block with one set of registers.
+//! ENABLE selects one of them.
 //!
 //! | module | covers | PS |
 //! |---|---|---|
@@ -11,8 +11,8 @@
 //! | `twim`, `twis` | TWIM, TWIS | 6.31, 6.32 |
 //!
 //! "To ensure correct behavior", the PS demands SCK, MOSI and CSN of SPIM as outputs and MISO as an input (6.25, *Pin
-//! configuration*), and all four pins of SPIS as inputs (6.26). Here an output of SPIM that GPIO does not configure as
-//! an output carries nothing, and an input whose buffer is disconnected reads 0. Both are findings.
+//! configuration*), and all pins of SPIS as inputs (6.26). Here another pin in place of an output carries nothing, and
+//! an input without its buffer reads 0. Both are findings.
 //!
 //! | left out | why |
 //! |---|---|
@@ -34,7 +34,6 @@ use emulator_part::{Cycle, I2cAnswer, I2cEvent, SpiMode};
 use twim::TwoWire;
 use twis::Target;
 
-/// The numbers of the events.
 const STOPPED: u32 = 1;
 const ENDRX: u32 = 4;
 const SPIM_END: u32 = 6;
@@ -43,17 +42,15 @@ const STARTED: u32 = 19;
 const SPIS_END: u32 = 1;
 const ACQUIRED: u32 = 10;
 
-/// The bits of the shortcuts.
 const END_START: u32 = 17;
 const END_ACQUIRE: u32 = 2;
 
-/// Values of ENABLE.
 const SPIM: u32 = 7;
 const SPIS: u32 = 2;
 const TWIM: u32 = 6;
 const TWIS: u32 = 9;
 
-/// MAXCNT is 16 bits wide in every instance of the part.
+/// MAXCNT has 16 bits in every instance of this part.
 const MAXCNT_MASK: u32 = 0xFFFF;
 
 /// The holder of the semaphore, as SEMSTAT shows it.
@@ -65,7 +62,6 @@ enum Semaphore {
     CpuPending = 3,
 }
 
-/// One EasyDMA channel.
 #[derive(Debug, Default, Clone, Copy)]
 pub(crate) struct Channel {
     ptr: u32,
@@ -88,7 +84,7 @@ impl Channel {
         }
     }
 
-    /// Takes the buffer for a transfer. With LIST, the pointer moves on to the next buffer.
+    /// Takes the buffer for a transfer. With LIST the pointer moves on to the next buffer.
     pub(crate) fn take(&mut self) -> Buffer {
         let buffer = Buffer { at: self.ptr, len: self.maxcnt, done: 0 };
         if self.list & 0b111 == 1 {
@@ -98,7 +94,6 @@ impl Channel {
     }
 }
 
-/// A buffer that a transfer works through.
 #[derive(Debug, Default, Clone, Copy)]
 pub(crate) struct Buffer {
     at: u32,
@@ -107,14 +102,13 @@ pub(crate) struct Buffer {
 }
 
 impl Buffer {
-    /// The address of the next byte, if there is one.
     #[inline]
     pub(crate) fn next(&self) -> Option<u32> {
         (self.done < self.len).then(|| self.at.wrapping_add(self.done))
     }
 }
 
-/// Stores `byte` in the buffer `rx`. Returns `false` past the buffer's end.
+/// Stores `byte` in `rx`. Returns `false` past the buffer's end.
 #[inline]
 fn receive(rx: &mut Buffer, byte: u8, cx: &mut Cx<'_>) -> bool {
     let Some(address) = rx.next() else {
@@ -125,13 +119,12 @@ fn receive(rx: &mut Buffer, byte: u8, cx: &mut Cx<'_>) -> bool {
     true
 }
 
-/// Reads the next byte of `tx`. Returns `None` where EasyDMA reads nothing.
+/// Reads the next byte of `tx`. Returns `None` if EasyDMA reads nothing.
 #[inline]
 fn fetch(tx: &Buffer, cx: &mut Cx<'_>) -> Option<u8> {
     tx.next().and_then(|address| cx.dma_read(address))
 }
 
-/// The pins of a controller's lines.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Wires {
     pub(crate) sck: Option<Pin>,
@@ -140,7 +133,7 @@ pub(crate) struct Wires {
     pub(crate) mode: SpiMode,
 }
 
-/// The mode with CONFIG's polarity and phase: CPHA is in bit 1, CPOL in bit 2.
+/// The SPI mode from CONFIG's CPHA (bit 1) and CPOL (bit 2).
 #[inline]
 pub(crate) const fn mode(config: u32) -> SpiMode {
     match config >> 1 & 3 {
@@ -151,26 +144,24 @@ pub(crate) const fn mode(config: u32) -> SpiMode {
     }
 }
 
-/// A transfer of the SPI controller.
 #[derive(Debug, Clone, Copy)]
 struct Transfer {
     tx: Buffer,
     rx: Buffer,
-    /// The byte that is being exchanged. The next field is the tick of its last edge.
+    /// The byte that is being exchanged.
     byte: u8,
     ends: u64,
     stopping: bool,
 }
 
-/// A transaction of the SPI target.
 #[derive(Debug, Clone, Copy)]
 struct Transaction {
     granted: bool,
     tx: Buffer,
     rx: Buffer,
-    /// The byte that EasyDMA has ready to be sent next.
+    /// The byte that is sent next.
     ready: Option<u8>,
-    /// The cycle at which CSN fell. The next field is the cycle at which the last byte ended.
+    /// The cycle at which CSN fell.
     since: Cycle,
     last: Option<Cycle>,
     /// The last byte that the target received, and the last that it sent, for a controller in another mode.
@@ -178,12 +169,11 @@ struct Transaction {
     said: u8,
 }
 
-/// One serial block.
 #[derive(Clone, Debug)]
 pub(crate) struct Serial {
     block: Block,
-    /// Whether the block also has an SPIS and is limited to 8 MHz, as SPIM0–2 are. SPIM3 has its own block and reaches
-    /// 32 MHz.
+    /// Whether the block also has an SPIS and reaches 8 MHz only, as SPIM0–2 do. SPIM3 has its own block and reaches 32
+    /// MHz.
     shared: bool,
     enable: u32,
     psel: [u32; 4],
@@ -194,7 +184,6 @@ pub(crate) struct Serial {
     def: u32,
     orc: u32,
     csnpol: u32,
-    /// The registers IFTIMING.RXDELAY, IFTIMING.CSNDUR, PSELDCX, DCXCNT and STALLSTAT.
     plain: [u32; 5],
     transfer: Option<Transfer>,
     suspended: bool,
@@ -259,7 +248,7 @@ impl Instance for Serial {
                 None if self.enable == SPIM => self.block.raise(STOPPED, cx),
                 None => {}
             },
-            // The suspension lasts until RESUME, even between transfers.
+            // The suspension lasts until RESUME, also between transfers.
             0x01C => self.suspended = self.enable == SPIM,
             0x020 => {
                 if self.suspended {
@@ -316,7 +305,7 @@ impl Instance for Serial {
             cx.misuse("pins or mode written during a transfer, at offset", offset);
         }
         match offset {
-            // Stalls never happen, and SEMSTAT is read-only.
+            // There are no stalls, and SEMSTAT is read-only.
             0x400 => {}
             0x440 => self.status &= !value,
             0x500 => {
@@ -335,11 +324,11 @@ impl Instance for Serial {
                     self.suspended = false;
                     self.two_wire.stop();
                     self.target.stop();
-                    // When an SPIS is enabled, the CPU holds its semaphore (SEMSTAT's reset value).
+                    // An enabled SPIS begins with the semaphore at the CPU (SEMSTAT's reset value).
                     self.semaphore = Semaphore::Cpu;
                     if let Some(pin) = Pin::selected(self.psel[3]).filter(|_| !self.shared) {
-                        // While SPIM3 is enabled, its chip select is inactive between transfers. Disabling SPIM3
-                        // returns the pin to GPIO.
+                        // SPIM3's chip select is inactive between transfers, and returns to GPIO when SPIM3 is
+                        // disabled.
                         let level = (enable == SPIM).then_some(self.csnpol & 1 == 0);
                         self.drive_select(pin, level, cx);
                     }
@@ -379,7 +368,6 @@ impl Instance for Serial {
         if self.enable == TWIM { self.two_wire.next() } else { self.next }
     }
 
-    /// Handles the last edge of the byte under way.
     fn due(&mut self, cx: &mut Cx<'_>) {
         if self.enable == TWIM {
             self.two_wire.due(cx);
@@ -406,23 +394,20 @@ impl Serial {
         self.two_wire.task(offset, self.frequency, &mut self.block, rx, tx, cx);
     }
 
-    /// Whether the block is a TWIS on these pins.
     pub(crate) fn is_target_on(&self, scl: Pin, sda: Pin) -> bool {
         self.enable == TWIS && self.two_wire_pins() == [Some(scl), Some(sda)]
     }
 
-    /// Handles an action of a controller on the bus of a TWIS. Returns `None` while the TWIS holds SCL low.
+    /// Handles an action of a controller on a TWIS's bus. Returns `None` while the TWIS holds SCL low.
     pub(crate) fn target_heard(&mut self, event: I2cEvent, cx: &mut Cx<'_>) -> Option<I2cAnswer> {
         let channels = [&mut self.rxd, &mut self.txd];
         self.target.heard(event, self.orc as u8, &mut self.block, channels, cx)
     }
 
-    /// The pins of a TWIM or TWIS: PSEL.SCL and PSEL.SDA.
     pub(crate) fn two_wire_pins(&self) -> [Option<Pin>; 2] {
         [Pin::selected(self.psel[0]), Pin::selected(self.psel[1])]
     }
 
-    /// Takes the bus's answer to an action of a TWIM.
     pub(crate) fn two_wire_answer(&mut self, answer: I2cAnswer, cx: &mut Cx<'_>) {
         let (rx, tx) = (&mut self.rxd, &mut self.txd);
         self.two_wire.answer(answer, &mut self.block, rx, tx, cx);

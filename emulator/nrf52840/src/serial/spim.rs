@@ -12,7 +12,7 @@
 
 use super::*;
 
-/// The time from START to the first edge of SCK, in PCLK16M ticks: 1 µs.
+/// The PCLK16M ticks from START to the first edge of SCK: 1 µs.
 const START_LATENCY: u64 = 16;
 
 impl Serial {
@@ -21,7 +21,7 @@ impl Serial {
         Wires { sck: pin(0), mosi: pin(1), miso: pin(2), mode: mode(self.config) }
     }
 
-    /// The PCLK16M ticks of one byte, or `None` if FREQUENCY has no valid value.
+    /// The PCLK16M ticks of a byte; `None` if FREQUENCY is invalid.
     pub(super) fn byte_ticks(&self) -> Option<u64> {
         Some(match self.frequency {
             0x0200_0000 => 1024,
@@ -37,7 +37,7 @@ impl Serial {
         })
     }
 
-    /// Converts a byte to or from the bit order of the wire, with the first bit as the most significant.
+    /// Converts between a byte and its bit order on the wire, first bit highest.
     pub(super) fn on_the_wire(&self, byte: u8) -> u8 {
         if self.config & 1 == 0 { byte } else { byte.reverse_bits() }
     }
@@ -73,7 +73,6 @@ impl Serial {
         self.next_byte(cx);
     }
 
-    /// Drives the chip select pin of SPIM3, if it has one.
     fn chip_select(&mut self, active: bool, cx: &mut Cx<'_>) {
         if let Some(pin) = Pin::selected(self.psel[3]) {
             let level = active == (self.csnpol & 1 != 0);
@@ -89,7 +88,7 @@ impl Serial {
         cx.act(Act::Hold { pin, level });
     }
 
-    /// Begins the next byte at the end of the previous one, or ends the transfer.
+    /// Begins the next byte, or ends the transfer.
     pub(super) fn next_byte(&mut self, cx: &mut Cx<'_>) {
         self.next = None;
         let Some(transfer) = &mut self.transfer else {
@@ -111,15 +110,14 @@ impl Serial {
         };
     }
 
-    /// Ends a transfer that is complete or was stopped. ENDRX and ENDTX come even if it was stopped early (PS 6.25).
+    /// Ends a transfer. ENDRX and ENDTX come even if it was stopped early (PS 6.25).
     fn end(&mut self, stopped: bool, cx: &mut Cx<'_>) {
         let Some(transfer) = self.transfer.take() else {
             return;
         };
         (self.rxd.amount, self.txd.amount) = (transfer.rx.done, transfer.tx.done);
         for (buffer, event) in [(transfer.tx, ENDTX), (transfer.rx, ENDRX)] {
-            // A buffer that became full has raised its event with its last byte. Any other buffer raises its event
-            // here.
+            // A full buffer raised its event at its last byte. Any other buffer raises its event now.
             if buffer.done < buffer.len || buffer.len == 0 {
                 self.block.raise(event, cx);
             }
@@ -139,7 +137,7 @@ impl Serial {
         }
     }
 
-    /// Completes the byte under way, for which `miso` came back.
+    /// Completes the present byte, for which `miso` came back.
     pub(crate) fn exchanged(&mut self, miso: u8, cx: &mut Cx<'_>) {
         let byte = self.on_the_wire(miso);
         let ticks = self.byte_ticks().unwrap_or(0);

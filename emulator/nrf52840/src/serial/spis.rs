@@ -13,24 +13,22 @@
 //! transaction is complete when CSN rises. The PS does not say whether silicon misses a CSN that is low for less than
 //! about 0.1 µs. Here every edge counts, which is the worse case for the processor.
 //!
-//! The PS does not say what happens if a controller clocks an SPIS in another mode than the SPIS's; the following is
-//! assumed. If both sample on the same edge (modes 0 and 3, 1 and 2), data from the controller arrives correctly, and
-//! data from the SPIS comes one bit late, because at the first edge nothing is shifted out yet. If they sample on
-//! opposite edges, both come one bit late. The bit before the first is 0.
+//! The PS does not say what happens if the controller uses another SPI mode than the SPIS. Assumed: if both sample on
+//! the same edge (modes 0 and 3, 1 and 2), the SPIS receives correctly, and its own data comes one bit late, since
+//! nothing is shifted out at the first edge. If they sample on opposite edges, the data of both comes one bit late. The
+//! bit before the first is 0.
 
 use super::*;
 use crate::memory::Memory;
 
-/// The least time from CSN to the first edge of SCK, in cycles (tSPIS,SUCSN). The next constant is the shortest byte, 8
-/// bits at 8 MHz.
+/// The least number of cycles from CSN to the first edge of SCK (tSPIS,SUCSN).
 const CSN_SETUP: u64 = cycles(1_000);
 const SHORTEST_BYTE: u64 = cycles(1_000);
-/// The number of cycles by which a limit may be missed without a finding, since clocks have their crystals' errors and
-/// instants are rounded to a cycle.
+/// The cycles by which a limit may be missed without a finding. Clocks have errors, and instants are rounded to a
+/// cycle.
 const SLACK: u64 = cycles(100);
 
-/// Whether data comes one bit late between two ends in their modes: the data that the target receives, and the data
-/// that it sends.
+/// Whether data comes one bit late between two ends in these modes: what the target receives, and what it sends.
 const fn late(one: SpiMode, other: SpiMode) -> (bool, bool) {
     use SpiMode::{Mode0, Mode1, Mode2, Mode3};
     match (one, other) {
@@ -41,7 +39,6 @@ const fn late(one: SpiMode, other: SpiMode) -> (bool, bool) {
 }
 
 impl Serial {
-    /// The chip select pin of this block, if it is an SPIS.
     pub(crate) fn csn(&self) -> Option<Pin> {
         (self.enable == SPIS).then(|| Pin::selected(self.psel[3])).flatten()
     }
@@ -50,8 +47,7 @@ impl Serial {
         self.transaction.is_some()
     }
 
-    /// The number of bytes that may be clocked before the SPIS raises an event. ENDRX comes with the last byte that
-    /// fits RXD.
+    /// The number of bytes that may be clocked before the SPIS raises an event. ENDRX comes with the last byte of RXD.
     pub(crate) fn quiet(&self) -> usize {
         match &self.transaction {
             Some(transaction) if transaction.granted && transaction.rx.next().is_some() => {
@@ -61,7 +57,7 @@ impl Serial {
         }
     }
 
-    /// The bytes that a transaction would read if it began now, up to the buffer's end.
+    /// The bytes, up to the buffer's end, that a transaction would read if it began now.
     pub(crate) fn offers(&self, memory: &Memory) -> Vec<u8> {
         memory.slice(self.txd.ptr, self.txd.maxcnt as usize).unwrap_or_default().to_vec()
     }
@@ -71,14 +67,14 @@ impl Serial {
         cx.act(Act::Spis { id, event });
     }
 
-    /// The pins SCK, MOSI, MISO and CSN of an SPIS. The selectors of an SPIS have another order than those of an SPIM:
-    /// SCK, MISO, MOSI, CSN (PS 6.25.6 and 6.26.6, *Registers*).
+    /// The pins SCK, MOSI, MISO and CSN of an SPIS. Its PSEL registers have another order than an SPIM's: SCK, MISO,
+    /// MOSI, CSN (PS 6.25.6 and 6.26.6, *Registers*).
     fn spis_pins(&self) -> [Option<Pin>; 4] {
         let [sck, miso, mosi, csn] = self.psel.map(Pin::selected);
         [sck, mosi, miso, csn]
     }
 
-    /// Handles an edge of CSN: its fall arbitrates the semaphore, and its rise ends the transaction.
+    /// Handles an edge of CSN. Its fall arbitrates the semaphore, and its rise ends the transaction.
     pub(crate) fn csn_moved(&mut self, level: bool, cx: &mut Cx<'_>) {
         if level {
             self.finish(cx);
@@ -124,8 +120,8 @@ impl Serial {
         }
     }
 
-    /// Clocks one byte from the controller at the far end of `wires`, which is in the mode `controller`. Returns the
-    /// byte on the controller's MISO; `None` if this block does not drive MISO.
+    /// Clocks one byte from the controller on `wires`, which is in the mode `controller`. Returns the byte on MISO;
+    /// `None` if this block does not drive it.
     pub(crate) fn clock(&mut self, wires: &SpisWires, mosi: u8, controller: SpiMode, cx: &mut Cx<'_>) -> Option<u8> {
         let [sck, mosi_pin, miso, _] = self.spis_pins();
         let is = |pin: Option<Pin>, wire| pin.is_some_and(|pin| pin.named() == wire);
@@ -157,7 +153,7 @@ impl Serial {
         drives.then_some(miso)
     }
 
-    /// Exchanges one byte, in the bit order of the wire.
+    /// Exchanges one byte, in its order on the wire.
     fn exchange(&mut self, mosi: u8, cx: &mut Cx<'_>) -> u8 {
         let heard = self.on_the_wire(mosi);
         let Some(transaction) = &mut self.transaction else {
@@ -182,7 +178,7 @@ impl Serial {
                 transaction.tx.done += 1;
                 byte
             }
-            // The byte lies past the end of TXD, or where EasyDMA does not reach.
+            // The byte is past the end of TXD, or where EasyDMA does not reach.
             (left, _) => {
                 transaction.tx.done += u32::from(left.is_some());
                 if left.is_none() {
@@ -202,7 +198,6 @@ impl Serial {
         self.on_the_wire(said)
     }
 
-    /// Ends a transaction as CSN rises.
     fn finish(&mut self, cx: &mut Cx<'_>) {
         let Some(transaction) = self.transaction.take() else {
             return;
@@ -247,13 +242,13 @@ impl Serial {
                     self.say(SpisEvent::Ready, cx);
                 }
             }
-            // A release of the semaphore cancels an acquire that is still pending.
+            // Releasing the semaphore cancels a pending acquire.
             Semaphore::CpuPending => self.semaphore = Semaphore::Spis,
             Semaphore::Free | Semaphore::Spis => {}
         }
     }
 
-    /// Reports a write to a register that the SPIS uses in transfers, unless the CPU holds the semaphore.
+    /// Reports a write to a register of transfers while the CPU does not hold the semaphore.
     pub(super) fn guard(&self, offset: u32, cx: &mut Cx<'_>) {
         if self.enable == SPIS && !matches!(self.semaphore, Semaphore::Cpu) {
             cx.misuse("a buffer register written without the semaphore, at offset", offset);

@@ -1,4 +1,4 @@
-//! TWIM: the two-wire controller of the shared serial blocks, TWIM0 and TWIM1 (PS 6.31).
+//! TWIM: the two-wire controllers TWIM0 and TWIM1 (PS 6.31).
 //!
 //! | covered | PS |
 //! |---|---|
@@ -7,8 +7,7 @@
 //! | EasyDMA with MAXCNT, AMOUNT and LIST; ANACK and DNACK | 6.31 |
 //! | each byte on the bus at its own end, with clock stretching by the bus | 6.31 |
 //!
-//! The PS demands SCL and SDA as inputs with drive S0D1 (6.31, *Pin configuration*). The pull-ups of these lines are
-//! outside the part.
+//! The PS demands SCL and SDA as inputs with drive S0D1 (6.31, *Pin configuration*). The pull-ups are outside the part.
 //!
 //! | left out | why |
 //! |---|---|
@@ -16,7 +15,7 @@
 //! | LASTRX_SUSPEND | a finding when it is set |
 //! | arbitration with another controller | a TWIM does not support it |
 //!
-//! A byte takes nine bits of FREQUENCY, and a start and a stop take one bit each (assumed).
+//! Assumed: a byte takes nine bits of FREQUENCY, and a start and a stop one bit each.
 use super::{Buffer, Channel};
 use crate::clocks::CYCLES_PER_TICK;
 use crate::instance::{Act, Block, Cx, address_of};
@@ -40,20 +39,19 @@ const LASTRX_STOP: u32 = 12;
 const ANACK: u32 = 1 << 1;
 const DNACK: u32 = 1 << 2;
 
-/// The action that is under way on the bus.
+/// The present action on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     Idle,
-    /// A transfer begins with its address; `true` means a read.
+    /// The address, `true` for a read.
     Address(bool),
     Write,
     Read,
     Stop,
-    /// A transfer ended without a stop, so the TWIM holds SCL.
+    /// A transfer ended without a stop. The TWIM holds SCL.
     Held,
 }
 
-/// The state of a serial block as a TWIM.
 #[derive(Clone, Debug)]
 pub(crate) struct TwoWire {
     address: u32,
@@ -64,7 +62,6 @@ pub(crate) struct TwoWire {
     due: Option<Cycle>,
     suspended: bool,
     stopping: bool,
-    /// The cycles of one bit.
     bit: u64,
 }
 
@@ -85,7 +82,6 @@ impl Default for TwoWire {
 }
 
 impl TwoWire {
-    /// Stops everything, since the block was disabled.
     pub(crate) fn stop(&mut self) {
         (self.step, self.due, self.suspended, self.stopping) = (Step::Idle, None, false, false);
     }
@@ -121,7 +117,7 @@ impl TwoWire {
     ) {
         match offset {
             0x000 | 0x008 => {
-                // FREQUENCY has values for 100, 250 and 400 kbit/s.
+                // 100, 250 and 400 kbit/s.
                 let ticks = match frequency {
                     0x0198_0000 => 160,
                     0x0400_0000 => 64,
@@ -189,7 +185,7 @@ impl TwoWire {
         cx.act(Act::TwoWire { id, event });
     }
 
-    /// Handles the bus's answer to the action under way.
+    /// Handles the bus's answer to the present action.
     pub(crate) fn answer(
         &mut self,
         answer: I2cAnswer,

@@ -1,4 +1,4 @@
-//! TWIS: the two-wire target of the shared serial blocks, TWIS0 and TWIS1 (PS 6.32).
+//! TWIS: the two-wire targets TWIS0 and TWIS1 (PS 6.32).
 //!
 //! | covered | PS |
 //! |---|---|
@@ -8,8 +8,8 @@
 //! | EasyDMA with MAXCNT, AMOUNT and LIST; ORC past TXD with OVERREAD, a NACK past RXD with OVERFLOW and DNACK | 6.32 |
 //! | a stop, and a repeated start | 6.32 |
 //!
-//! The PS demands SCL and SDA as inputs with drive S0D1 (6.32, *Pin configuration*). Here a block whose input buffer is
-//! disconnected does not react to the bus.
+//! The PS demands SCL and SDA as inputs with drive S0D1 (6.32, *Pin configuration*). Here a target whose input buffer
+//! is disconnected does not react to the bus.
 //!
 //! | left out | why |
 //! |---|---|
@@ -28,22 +28,19 @@ const READ: u32 = 26;
 const WRITE_SUSPEND: u32 = 13;
 const READ_SUSPEND: u32 = 14;
 
-/// Bits of ERRORSRC.
 const OVERFLOW: u32 = 1;
 const DNACK: u32 = 1 << 2;
 const OVERREAD: u32 = 1 << 3;
 
-/// The state of the target between two actions of the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Idle,
-    /// The target was addressed for a write (`false`) or a read, and has no buffer yet.
+    /// The target was addressed for a write (`false`) or a read. It has no buffer yet.
     Waiting(bool),
     Receiving,
     Sending,
 }
 
-/// The state of a serial block as a TWIS.
 #[derive(Clone, Debug)]
 pub(crate) struct Target {
     addresses: [u32; 2],
@@ -74,7 +71,6 @@ impl Default for Target {
 }
 
 impl Target {
-    /// Stops everything, since the block was disabled.
     pub(crate) fn stop(&mut self) {
         (self.rx_prepared, self.tx_prepared, self.suspended, self.state) = (false, false, false, State::Idle);
     }
@@ -115,7 +111,7 @@ impl Target {
         self.begin(block, rx, tx, cx);
     }
 
-    /// Begins the transfer with the prepared buffer and releases SCL.
+    /// Begins the transfer with the prepared buffer, and releases SCL.
     fn begin(&mut self, block: &mut Block, rx: &mut Channel, tx: &mut Channel, cx: &mut Cx<'_>) {
         match self.state {
             State::Waiting(false) if self.rx_prepared && !self.suspended => {
@@ -132,7 +128,6 @@ impl Target {
         }
     }
 
-    /// Ends a transfer and sets its AMOUNT.
     fn end(&mut self, rx: &mut Channel, tx: &mut Channel) {
         match self.state {
             State::Receiving => rx.amount = self.buffer.done,
@@ -142,7 +137,7 @@ impl Target {
         self.state = State::Idle;
     }
 
-    /// Handles an action of the controller on the bus. Returns `None` while SCL is held low.
+    /// Handles an action of the controller. Returns `None` while SCL is held low.
     pub(crate) fn heard(
         &mut self,
         event: I2cEvent,
@@ -199,7 +194,7 @@ impl Target {
                     answer(true, orc)
                 }
             },
-            // The action contradicts the direction of the transfer, so nobody drives SDA.
+            // The action is against the transfer's direction, so nobody drives SDA.
             (I2cEvent::Write(_) | I2cEvent::Read(_), State::Receiving | State::Sending) => answer(false, 0xFF),
         }
     }

@@ -1,11 +1,10 @@
-//! The core's reads and writes: memory, registers, tasks, events (PS 4.2, 6.1), and the cost of an access.
+//! The core's reads and writes of memory, registers, tasks and events (PS 4.2, 6.1), and their cost.
 
 use super::*;
 
 /// The ID of the only SPIM that is faster than 8 MHz.
 const SPIM3: u32 = 0x2F;
 
-/// The text of a finding about a block that is not modelled.
 const NOT_MODELLED: &str = "is not modelled, first used at offset";
 
 impl Soc {
@@ -83,7 +82,6 @@ impl Soc {
         Ok(())
     }
 
-    /// Takes over the cycle of an access and the address of its instruction.
     #[inline]
     fn take_up<O: Outside>(&mut self, access: &Access, outside: &mut O) {
         if access.purpose == Purpose::Debugger {
@@ -153,7 +151,6 @@ impl Soc {
         Some(value)
     }
 
-    /// Carries out a write to an existing register.
     fn write_register(&mut self, id: Id, offset: u32, value: u32) {
         if id == GPIO {
             let Self { gpio, out, now, .. } = self;
@@ -188,16 +185,15 @@ impl Soc {
         }
     }
 
-    /// The least number of cycles between two accesses of EasyDMA. Peripherals that use it move at most 8 Mbit/s in
-    /// each direction (PS 6.25, 6.26; only SPIM3 reaches 32 Mbit/s): a byte in each direction in 64 cycles.
+    /// The least cycles between two accesses of EasyDMA. Peripherals move at most 8 Mbit/s in each direction (PS 6.25,
+    /// 6.26), which is a byte in each direction in 64 cycles. Only SPIM3 reaches 32 Mbit/s.
     fn dma_interval(&self) -> Cycle {
         if self.moving >> SPIM3 & 1 == 1 { 1 } else { 32 / Cycle::from(self.moving.count_ones().max(1)) }
     }
 
-    /// The most wait states that an access may have.
     pub(crate) fn worst_wait_states(&mut self, access: &Access) -> u32 {
-        // The processor has the highest priority on the AHB multilayer. It has to wait only for an access to the same
-        // slave that EasyDMA has already begun (PS 4.7).
+        // The processor has the highest priority on the AHB multilayer. It waits only for an access of EasyDMA to the
+        // same slave that has already begun (PS 4.7).
         let contention = u32::from(
             self.moving != 0
                 && self.memory.may_meet_dma(access.address)

@@ -1,13 +1,11 @@
-//! Time, and the queue of effects: events, tasks, pads, conversions, each carried out in order (PS 6.1, 6.16).
+//! Time, and the queue of effects: events, tasks, pads, conversions (PS 6.1, 6.16).
 
 use super::*;
 
-/// The maximum number of acts that one access or one instant may set off. A larger number must come from an endless
-/// loop.
+/// The maximum number of acts that one access or one instant may set off. More come from an endless loop.
 const LOOP_LIMIT: u32 = 100_000;
 
 impl Soc {
-    /// Carries out everything that is due up to and at `to`, in order.
     pub(crate) fn advance<O: Outside>(&mut self, to: Cycle, outside: &mut O) {
         while self.next <= to {
             self.now = self.now.max(self.next);
@@ -18,13 +16,12 @@ impl Soc {
         self.now = self.now.max(to);
     }
 
-    /// Carries out everything that is due by now, in the order of the IDs.
     fn fire<O: Outside>(&mut self, outside: &mut O) {
-        // In System OFF only LPCOMP still works.
+        // Only LPCOMP works in System OFF.
         let there = if self.off { 1 << COMP } else { u64::MAX };
         let mut later = u64::MAX;
         loop {
-            // An instance that another one has called since then may have become due as well.
+            // An instance that another one has called may be due as well.
             let left = (self.scheduled | self.touched) & later & there;
             if left == 0 {
                 return;
@@ -38,14 +35,12 @@ impl Soc {
             let due = instance!(parts, id, instance => instance.next().is_some_and(|at| at <= *now));
             if due == Some(true) {
                 call!(self, id, instance, cx => instance.due(cx));
-                // The acts are carried out before the next instance is called: two instances that are due at one
-                // instant happen one after the other.
+                // The acts come before the next instance, so that two instances due at one instant follow each other.
                 self.drain(outside);
             }
         }
     }
 
-    /// Carries out all queued acts, and takes over the resulting state.
     pub(crate) fn carry<O: Outside>(&mut self, outside: &mut O) {
         self.drain(outside);
         self.look_at_touched();
@@ -55,7 +50,6 @@ impl Soc {
         }
     }
 
-    /// Carries out all queued acts in order.
     #[inline]
     fn drain<O: Outside>(&mut self, outside: &mut O) {
         let mut turns = 0;
@@ -70,8 +64,7 @@ impl Soc {
         }
     }
 
-    /// Takes over the interrupt lines and the next cycles of the instances that were called since the last time. The
-    /// lines and cycles of other instances cannot have changed.
+    /// Takes over the interrupt lines and next cycles of the instances that were called since the last time.
     pub(super) fn look_at_touched(&mut self) {
         if self.touched == 0 {
             return;
@@ -203,7 +196,7 @@ impl Soc {
         }
     }
 
-    /// Requests a restart of the part. Until the restart nothing more happens in the part.
+    /// Requests a restart, until which nothing more happens in the part.
     fn request(&mut self, cause: Reset) {
         self.restarting = Some(cause);
         self.halted = true;

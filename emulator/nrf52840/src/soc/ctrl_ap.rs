@@ -12,55 +12,50 @@
 //! | any answer but zeros of a locked part's AHB-AP | none is documented; to tools, AP 0 is no memory AP |
 //! | an ERASEALL that is interrupted | a watchdog reset in it (anomaly 176) leaves everything as it was, and locked |
 //!
-//! A soft reset, by AIRCR or by CTRL-AP's RESET, does not reset the debug components (PS 5.3.7.8, *Reset behavior*). So
-//! the AHB-AP stays open or locked as it was. Nordic's answers say the same (devzone.nordicsemi.com, "nRF52840 locked
-//! with APPROTECT"): there must be no *hard* reset between ERASEALL and the first image. Tools find that a locked
-//! part's AHB-AP is no memory AP (ferrous-systems/embedded-trainings-2020, issue 188).
+//! A soft reset, by AIRCR or CTRL-AP's RESET, does not reset the debug components (PS 5.3.7.8, *Reset behavior*). The
+//! AHB-AP then stays open or locked. Nordic says the same (devzone.nordicsemi.com, "nRF52840 locked with APPROTECT"):
+//! there must be no *hard* reset between ERASEALL and the first image. To tools, a locked part's AHB-AP is no memory AP
+//! (ferrous-systems/embedded-trainings-2020, issue 188).
 use emulator_part::{Cycle, NEVER, Reset};
 
 use super::Soc;
 use crate::clocks::cycles;
 use crate::memory::{FLASH_BYTES, PAGE, UICR_BASE};
 
-/// The address of UICR.APPROTECT.
 const UICR_APPROTECT: u32 = UICR_BASE + 0x208;
-/// The value that opens the hardware's half of the protection: HwDisabled. Parts before build code Fxx need the erased
-/// value.
+/// HwDisabled, which opens the hardware's half of the protection. Parts before build code Fxx need the erased value.
 const HW_DISABLED: u8 = 0x5A;
 const ERASED: u8 = 0xFF;
 
-/// The cycles of ERASEALL: the specification's maximum for everything (PS 4.3), which the NVMC takes too.
+/// The cycles of ERASEALL: the specification's maximum (PS 4.3), as in the NVMC.
 const ERASE_ALL: u64 = cycles(169_000_000);
 
-/// The identification of CTRL-AP: Nordic's JEP106 number 0x144 in bank 2, no class (PS 4.8.1).
+/// The IDR of CTRL-AP: Nordic's JEP106 number 0x144 in bank 2, no class (PS 4.8.1).
 const IDR: u32 = 0x0288_0000;
 
-/// What a write to CTRL-AP requests of the caller, which owns the part and its core.
+/// What a write to CTRL-AP requests of the owner of part and core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CtrlRequest {
     /// The write requests nothing.
     Nothing,
     /// A soft reset begins, and holds the part until it is released.
     HoldReset,
-    /// The soft reset ends, so the part starts.
+    /// The soft reset ends, and the part starts.
     ReleaseReset,
 }
 
-/// The state of access port protection and CTRL-AP.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Access {
-    /// Whether UICR.APPROTECT was open when it was last read, at a reset.
+    /// Whether UICR.APPROTECT was open when the part last read it, at a reset.
     hardware_open: bool,
-    /// Whether the port stays open, whatever the registers say, until UICR is read again.
+    /// Whether the port stays open until UICR is read again, whatever the registers say.
     stays_open: bool,
-    /// Whether CTRL-AP's RESET holds the part in reset.
     reset_held: bool,
-    /// The cycle until which ERASEALL lasts.
     erases_until: Option<Cycle>,
 }
 
 impl Soc {
-    /// Reads UICR.APPROTECT, at a reset that resets the debug components.
+    /// Reads UICR.APPROTECT, at a reset of the debug components.
     fn take_up_protection(&mut self) {
         let value = self.memory.slice(UICR_APPROTECT, 1).map_or(ERASED, |bytes| bytes[0]);
         let hardened = self.settings.build_code[2] >= b'F';
@@ -68,7 +63,7 @@ impl Soc {
         self.access.stays_open = self.access.hardware_open && !hardened;
     }
 
-    /// Handles a restart for `cause`, before the registers are reset.
+    /// Handles a restart, before the registers are reset.
     pub(crate) fn protection_restarts(&mut self, cause: Reset) {
         self.abandon_erase();
         match cause {
@@ -77,7 +72,6 @@ impl Soc {
         }
     }
 
-    /// Whether a debugger can use the AHB-AP.
     pub(crate) fn access_port_open(&self) -> bool {
         self.access.stays_open || self.access.hardware_open && self.debug_port_enabled()
     }
@@ -86,7 +80,7 @@ impl Soc {
         self.access.erases_until = None;
     }
 
-    /// Completes ERASEALL if its time has come.
+    /// Completes ERASEALL if its time is over.
     pub(crate) fn ctrl_ap_advance(&mut self, now: Cycle) {
         if self.access.erases_until.is_none_or(|until| now < until) {
             return;
@@ -119,7 +113,6 @@ impl Soc {
             }
             0x04 if on && self.access.erases_until.is_none() => {
                 self.access.erases_until = Some(now + ERASE_ALL);
-                // The core cannot read memory that is being erased.
                 self.signals.stall_until(NEVER);
                 CtrlRequest::Nothing
             }

@@ -1,4 +1,4 @@
-//! The instances of the modelled blocks, and the call of an instance by its ID.
+//! The instances of the modelled blocks.
 
 use super::*;
 use crate::analog::{Comparator, Saadc};
@@ -17,7 +17,7 @@ use crate::timer::Timer;
 use crate::uarte::Uarte;
 use crate::wdt::Wdt;
 
-/// All instances except GPIO, which all pins go through.
+/// All instances except GPIO.
 #[derive(Clone, Debug)]
 pub(super) struct Parts {
     pub(super) clock_power: ClockPower,
@@ -65,8 +65,8 @@ impl Parts {
     }
 }
 
-/// Evaluates `$call` for the instance with the ID `$id`, with that instance's own type. Gives `None` for an ID that is
-/// not modelled.
+/// Evaluates `$call` for the instance with the ID `$id`, in that instance's own type. Gives `None` for an ID without a
+/// model.
 macro_rules! instance {
     ($parts:expr, $id:expr, $instance:ident => $call:expr) => {{
         macro_rules! on {
@@ -107,7 +107,6 @@ macro_rules! instance {
     }};
 }
 
-/// Calls an instance with its context.
 macro_rules! call {
     ($soc:expr, $id:expr, $instance:ident, $cx:ident => $call:expr) => {{
         let Soc { parts, clocks, out, now, touched, memory, gpio, .. } = &mut *$soc;
@@ -117,7 +116,6 @@ macro_rules! call {
     }};
 }
 
-/// The IDs that [`Parts`] holds.
 pub(super) const INSTANCES: u64 = {
     let mut set = 0;
     let mut n = 0;
@@ -130,7 +128,6 @@ pub(super) const INSTANCES: u64 = {
     set
 };
 
-/// The set bits of `set`, lowest first.
 #[inline]
 pub(super) fn ids(mut set: u64) -> impl Iterator<Item = Id> {
     std::iter::from_fn(move || {
@@ -142,13 +139,10 @@ pub(super) fn ids(mut set: u64) -> impl Iterator<Item = Id> {
     })
 }
 
-/// The serial blocks that may be an SPIS.
 pub(super) const SPIS_IDS: [Id; 3] = [0x03, 0x04, 0x23];
 
-/// The UARTEs.
 pub(super) const UARTE_IDS: [Id; 2] = [0x02, 0x28];
 
-/// The number of a serial block.
 #[inline]
 pub(super) fn serial_number(id: Id) -> usize {
     match id {

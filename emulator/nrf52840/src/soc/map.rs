@@ -1,4 +1,4 @@
-//! The block at each address, and the registers that each block has (PS 4.2, *Instantiation*).
+//! The block at each address, and each block's registers (PS 4.2, *Instantiation*).
 
 use super::*;
 use crate::registers as r;
@@ -11,7 +11,6 @@ pub(super) const SAADC: Id = 0x07;
 pub(super) const WDT: Id = 0x10;
 pub(super) const CLOCK_POWER: Id = 0x00;
 
-/// The description of one block.
 #[derive(Debug)]
 pub(super) struct BlockSpec {
     pub(super) id: Id,
@@ -24,7 +23,6 @@ const fn at(id: Id, name: &'static str, registers: &'static [Register], modelled
     BlockSpec { id, name, registers, modelled }
 }
 
-/// All blocks, by address (PS 4.2, *Instantiation*).
 pub(super) static BLOCKS: [BlockSpec; 44] = [
     at(0x00, "CLOCK/POWER", r::CLOCK_POWER, true),
     at(0x01, "RADIO", r::RADIO, false),
@@ -72,14 +70,12 @@ pub(super) static BLOCKS: [BlockSpec; 44] = [
     at(GPIO, "GPIO", r::GPIO, true),
 ];
 
-/// The addresses of the CryptoCell, which is not modelled.
 const CRYPTOCELL: std::ops::Range<u32> = 0x5002_A000..0x5002_C000;
 
-/// The addresses of registers that the workarounds of anomalies 166, 171 and 187 of USBD write, and that no table
-/// lists.
+/// Registers that the workarounds of USBD's anomalies 166, 171 and 187 write. No table lists them.
 const USBD_TEST: std::ops::Range<u32> = 0x4006_E000..0x4006_F000;
 
-/// Finds a block without an ID that is not modelled at all.
+/// Finds a block that has neither an ID nor a model.
 pub(super) fn unmodelled_at(address: u32) -> Option<(&'static str, u32)> {
     match address {
         _ if CRYPTOCELL.contains(&address) => Some(("CRYPTOCELL", address - CRYPTOCELL.start)),
@@ -99,7 +95,6 @@ static PLACES: [u8; 64] = {
     places
 };
 
-/// The name of each ID.
 static NAMES: [&str; 64] = {
     let mut names = ["?"; 64];
     let mut n = 0;
@@ -110,7 +105,7 @@ static NAMES: [&str; 64] = {
     names
 };
 
-/// For each block, one bit for each word that holds a register, and one bit for each word that is writable.
+/// For each block, the words that hold a register and the words that are writable, one bit each.
 pub(super) static REGISTERS: [[[u64; 16]; 2]; BLOCKS.len()] = {
     let mut maps = [[[0; 16]; 2]; BLOCKS.len()];
     let mut block = 0;
@@ -130,7 +125,6 @@ pub(super) static REGISTERS: [[[u64; 16]; 2]; BLOCKS.len()] = {
     maps
 };
 
-/// The block of a peripheral ID.
 #[inline]
 pub(super) fn spec(id: Id) -> Option<(usize, &'static BlockSpec)> {
     let n = usize::from(PLACES[id]);
@@ -142,7 +136,6 @@ pub(super) fn name_of(id: Id) -> &'static str {
     NAMES[id & 63]
 }
 
-/// The block that contains an address.
 #[inline]
 pub(super) fn block_at(address: u32) -> Option<(Id, usize, &'static BlockSpec)> {
     let id = match address {
@@ -153,7 +146,7 @@ pub(super) fn block_at(address: u32) -> Option<(Id, usize, &'static BlockSpec)> 
     spec(id).map(|(n, block)| (id, n, block))
 }
 
-/// The name for findings of a register that is not modelled, in a block that is.
+/// The name of a register without a model in a block with one.
 pub(super) fn register_name(block: &BlockSpec, offset: u32) -> &'static str {
     block.registers.iter().find(|register| register.offset == offset).map_or("?", |register| register.name)
 }

@@ -1,4 +1,4 @@
-//! The interconnect: it finds blocks by address, and carries the effects of one block to another.
+//! The interconnect: it finds blocks by address and delivers the effects of one block to others.
 //!
 //! | module | covered | PS |
 //! |---|---|---|
@@ -14,9 +14,9 @@
 //! | the one PCLK16M cycle that a PPI channel takes | nothing needs such a resolution; the order of effects is kept |
 //! | loss of a RAM section's contents by RAM\[n\].POWER while the part is on | these registers only store values |
 //!
-//! Every effect is an [`Act`] in one queue, which is carried out in order. If an event triggers, through PPI, the task
-//! that raises the event again, the part repeats the two for ever, once per clock cycle. Here such a loop is cut after
-//! a number of turns, which is a finding.
+//! Every effect is an [`Act`] in one queue. An event may trigger, through PPI, the task that raises the event again.
+//! The part repeats the two for ever, once per clock cycle. Here the loop is cut after a number of turns, which is a
+//! finding.
 
 #[macro_use]
 mod instances;
@@ -47,19 +47,16 @@ use emulator_part::{
 use instances::*;
 use map::*;
 
-/// The number of interrupt lines of the NVIC.
 pub(crate) const INTERRUPT_LINES: u16 = 48;
 
-/// The name of the cause that ended System OFF, if it was not a pin's DETECT.
+/// The cause of a wake-up from System OFF by LPCOMP.
 const BY_LPCOMP: &str = "LPCOMP";
 
-/// Everything inside the part except the core.
 #[derive(Clone, Debug)]
 pub(crate) struct Soc {
     pub(crate) settings: Settings,
     pub(crate) memory: Memory,
     clocks: Clocks,
-    /// Whether LFCLK is synthesised from HFCLK.
     lf_synthesised: bool,
     pub(crate) gpio: Gpio,
     parts: Parts,
@@ -67,17 +64,14 @@ pub(crate) struct Soc {
     /// The latest cycle at which anything happened in the part.
     pub(crate) now: Cycle,
     pub(crate) signals: Signals,
-    /// The instances that were called since their interrupt lines and next cycles were last taken over.
+    /// The instances that were called and whose interrupt line and next cycle must be taken over.
     touched: u64,
-    /// The instances that have an event due. The next field is the cycle of each instance's next event, [`NEVER`] if
-    /// there is none.
+    /// The instances that have an event due.
     scheduled: u64,
     nexts: [Cycle; 64],
-    /// The earliest cycle at which any instance has an event due.
+    /// The earliest cycle at which an event is due.
     pub(crate) next: Cycle,
-    /// The instances for which EasyDMA moves data now.
     pub(crate) moving: u64,
-    /// The cycle at which the core last had to wait for EasyDMA.
     met_dma: Cycle,
     pub(crate) spis_events: Vec<(Cycle, usize, SpisEvent)>,
     /// For each [`SpisEvent::Ready`], the data that a transaction would read.
@@ -85,11 +79,9 @@ pub(crate) struct Soc {
     pub(crate) watchdog_resets: Vec<WatchdogReset>,
     pub(crate) spis_wires: Option<SpisWires>,
     restarting: Option<Reset>,
-    /// Whether nothing happens in the part because it waits for its restart. The next field is whether it is in System
-    /// OFF.
+    /// Whether the part waits for its restart, and nothing happens in it.
     halted: bool,
     off: bool,
-    /// Whether the supply holds the part in reset.
     held: bool,
     pub(crate) access: ctrl_ap::Access,
 }

@@ -1,5 +1,4 @@
-//! Everything that enters and leaves by the pins: levels, bytes of SPIM and SPIS, the controller of a TWIS, UART
-//! frames.
+//! Everything that crosses the pins: levels, bytes of SPIM and SPIS, the controller of a TWIS, UART frames.
 
 use super::*;
 
@@ -11,24 +10,22 @@ impl Soc {
         call(&mut parts.gpiote, &mut cx);
     }
 
-    /// Makes the outside drive a pin, or stop driving it.
     pub(crate) fn drive<O: Outside>(&mut self, at: Cycle, pin: Pin, level: Option<bool>, outside: &mut O) {
         self.come(at, outside);
-        // The core's last access may be a few cycles after the edge, in an instruction that began before the edge. The
-        // effects of the edge in hardware nevertheless happen at the edge.
+        // The core's last access may be a few cycles after the edge, in an instruction that began before it. The
+        // hardware's effects happen at the edge.
         let reached = std::mem::replace(&mut self.now, at);
         self.gpio.outside(pin, level, at, &mut self.out);
         self.carry(outside);
         self.now = self.now.max(reached);
     }
 
-    /// Prepares for an event from outside at `at`.
     pub(super) fn come<O: Outside>(&mut self, at: Cycle, outside: &mut O) {
         self.advance(at, outside);
         self.out.pc = None;
     }
 
-    /// Tells the instances that use the pin of a new level. In System OFF only SENSE still works.
+    /// Tells a new level to the instances that use the pin. In System OFF only SENSE works.
     pub(super) fn level(&mut self, pin: Pin, level: bool) {
         if self.halted {
             return;
@@ -54,7 +51,7 @@ impl Soc {
         }
     }
 
-    /// Exchanges a byte between a controller and the device that is wired to its pins.
+    /// Exchanges a byte between a controller and the device at its pins.
     pub(super) fn exchange<O: Outside>(&mut self, id: Id, mosi: u8, begins: Cycle, outside: &mut O) {
         let number = serial_number(id);
         let wires = self.parts.serial[number].wires();
@@ -75,7 +72,7 @@ impl Soc {
         let miso = match wires.miso {
             Some(pin) if self.gpio.is_connected(pin) => match answer {
                 Some(bits) if !self.gpio.is_output(pin) => bits as u8,
-                // Nothing drives MISO, so it reads as its pad's level.
+                // MISO is not driven and reads as its pad's level.
                 _ => 0xFF * u8::from(self.gpio.level(pin)),
             },
             _ => 0,
@@ -105,8 +102,7 @@ impl Soc {
         self.drive(at, csn, Some(false), outside);
     }
 
-    /// Handles a byte that an SPI controller clocked and that ended at `at`. The caller carries out the effects of the
-    /// byte.
+    /// Handles a byte that an SPI controller clocked up to `at`. The caller carries out the effects.
     fn spis_byte(&mut self, at: Cycle, mosi: u8, mode: SpiMode) -> Option<u8> {
         let wires = self.spis_wires?;
         let selected = |number: &usize| {
@@ -128,8 +124,7 @@ impl Soc {
         miso
     }
 
-    /// Exchanges several bytes. The first ended at `first`, and each further byte `time` 2⁻¹⁶ cycles after the previous
-    /// one.
+    /// Exchanges several bytes. The first ended at `first`, and each further byte `time` 2⁻¹⁶ cycles later.
     pub(crate) fn spis_exchange<O: Outside>(
         &mut self,
         first: Cycle,

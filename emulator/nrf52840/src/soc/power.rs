@@ -2,11 +2,11 @@
 
 use super::*;
 
-/// The contents of RAM that was not retained through System OFF.
+/// What RAM holds that was not retained through System OFF.
 const LOST: u8 = 0xA5;
 
 impl Soc {
-    /// Changes the source of a clock. Instances that count on that clock move their next events.
+    /// Changes the source of a clock. Instances on that clock move their next events.
     pub(super) fn switch(&mut self, source: Source) {
         let Settings { hfxo_ppb, hfint_ppb, lfxo_ppb, lfrc_ppb, .. } = self.settings;
         match source {
@@ -57,9 +57,9 @@ impl Soc {
         self.carry(outside);
     }
 
-    /// Changes the supply. A brown-out reset comes below 1.57 V, and the part restarts above 1.62 V (PS 5.3.8, V_BOR in
-    /// System ON; the model reacts as late as that allows). The power-fail comparator reacts too. Below 1.7 V, where
-    /// the part is not specified, the model works as it does above.
+    /// Changes the supply. A brown-out reset comes below 1.57 V, and a restart above 1.62 V, as late as PS 5.3.8 allows
+    /// (V_BOR in System ON). Below 1.7 V, where the part is not specified, the model works as above. The power-fail
+    /// comparator reacts too.
     pub(crate) fn supply<O: Outside>(&mut self, at: Cycle, microvolts: u32, outside: &mut O) -> Supplied {
         let before = self.held;
         self.held = microvolts < if before { 1_620_000 } else { 1_570_000 };
@@ -81,7 +81,6 @@ impl Soc {
         std::mem::take(&mut self.parts.clock_power.warned)
     }
 
-    /// Tells the part that a debugger halted the core or resumed it.
     pub(crate) fn halts<O: Outside>(&mut self, at: Cycle, halted: bool, outside: &mut O) {
         self.come(at, outside);
         let Soc { parts, clocks, out, now, touched, memory, gpio, .. } = self;
@@ -91,8 +90,8 @@ impl Soc {
         self.carry(outside);
     }
 
-    /// Restarts the part (PS 5.3, *Reset behavior*). The outside goes on driving its pins, and state that the cause
-    /// does not reset is kept.
+    /// Restarts the part (PS 5.3, *Reset behavior*). State that the cause does not reset is kept, and the outside goes
+    /// on driving its pins.
     pub(crate) fn restart<O: Outside>(&mut self, at: Cycle, cause: Reset, outside: &mut O) {
         self.now = self.now.max(at);
         self.out.pc = None;
@@ -108,7 +107,7 @@ impl Soc {
             Reset::Wakeup(BY_LPCOMP) => Some(1 << 17),
             Reset::Wakeup(_) => Some(1 << 16),
         };
-        // Software, lock-up and wake-up resets keep the retained registers. The first two also keep the watchdog.
+        // Software, lock-up and wake-up keep the retained registers. Software and lock-up also keep the watchdog.
         let keeps_watchdog = matches!(cause, Reset::Software | Reset::Lockup);
         let wakes = matches!(cause, Reset::Wakeup(_));
         if let Some(reason) = reason {
@@ -136,7 +135,7 @@ impl Soc {
         self.signals.announce();
         let Self { gpio, out, now, .. } = self;
         if wakes {
-            // GPIO keeps its configuration through System OFF and through the reset that ends it.
+            // GPIO keeps its configuration through System OFF and the reset after it.
             gpio.let_go(*now, out);
         } else {
             gpio.restart(*now, out);
@@ -151,8 +150,8 @@ impl Soc {
         self.carry(outside);
     }
 
-    /// Overwrites RAM that System OFF did not retain. RAM0 to RAM7 have two sections of 4 KiB each, and RAM8 has six of
-    /// 32 KiB (PS 4.2, *RAM*; 5.3, RAM\[n\].POWER).
+    /// Overwrites RAM that System OFF did not retain. RAM0 to RAM7 have two sections of 4 KiB each, RAM8 six of 32 KiB
+    /// (PS 4.2, *RAM*; 5.3, RAM\[n\].POWER).
     fn lose_ram(&mut self) {
         let sections = (0..16).map(|n| (n / 2, n % 2, n * 0x1000, 0x1000));
         let large = (0..6).map(|n| (8, n, 0x1_0000 + n * 0x8000, 0x8000));
@@ -176,7 +175,6 @@ impl Soc {
         self.parts.clock_power.reset_reason
     }
 
-    /// Whether the software's half of the access port protection is open.
     pub(crate) fn debug_port_enabled(&self) -> bool {
         self.parts.clock_power.debug_port_enabled()
     }

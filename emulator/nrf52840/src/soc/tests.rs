@@ -1,12 +1,12 @@
-//! A test of every register against its table.
+//! Compares every register with its table.
 
 use super::*;
 use emulator_part::Open;
 
 #[test]
 fn every_register_modelled_reads_its_reset_value_first() {
-    // Some registers belong to an instance that is not modelled. The reset value of other registers cannot be read by a
-    // core: while the core runs, HFCLK runs, and flash is ready.
+    // Registers of instances without a model, and registers whose reset value no core can read: while the core runs,
+    // HFCLK runs and flash is ready.
     const OTHERS: [&str; 9] = ["HFCLKSTAT", "READYNEXT", "SPI.", "TWI.", "TWIS.", "ACL.", "IHIT", "IMISS", "UNUSED"];
     let mut soc = Soc::new(Settings::default());
     let (mut checked, mut others) = (0, vec![]);
@@ -28,7 +28,7 @@ fn every_register_modelled_reads_its_reset_value_first() {
     }
     assert!(others.is_empty(), "{others:#?}");
     assert!(checked > 800, "{checked} registers");
-    // The device description gives RTC0 a fourth compare register, which in the part only RTC1 and RTC2 have.
+    // In the device description RTC0 has a fourth compare register. In the part only RTC1 and RTC2 have it.
     let unmodelled: Vec<_> = soc.out.findings.iter().map(|found| (found.place, &*found.text)).collect();
     assert_eq!(unmodelled, [("RTC0", "CC[3] 0x54c")]);
 }

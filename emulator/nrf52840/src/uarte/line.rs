@@ -1,8 +1,8 @@
-//! The wire to a receiver: the frames on it as levels over time.
+//! The frames on the wire to a receiver, as levels over time.
 
 use super::*;
 
-/// The level of bit `k` of a frame: the start bit, the data, the parity, then the stop bit and what follows it.
+/// The level of bit `k`: start bit, data, parity, stop bit and what follows.
 fn level_of(frame: &UartFrame, k: u64) -> bool {
     let bits = u64::from(frame.bits);
     let ones = (u32::from(frame.data) & ((1 << frame.bits) - 1)).count_ones();
@@ -16,7 +16,6 @@ fn level_of(frame: &UartFrame, k: u64) -> bool {
 }
 
 impl Line {
-    /// The level at `at`.
     pub(super) fn level(&self, at: Cycle, period: u64) -> bool {
         self.frames.iter().rev().find(|(begins, _)| *begins <= at).is_none_or(|(begins, frame)| {
             let ps = (at - begins).saturating_mul(period) >> 16;
@@ -24,7 +23,6 @@ impl Line {
         })
     }
 
-    /// The first falling edge at or after `from`.
     pub(super) fn falling_edge(&self, from: Cycle, period: u64) -> Option<Cycle> {
         for (begins, frame) in &self.frames {
             let mut high = true;
@@ -40,7 +38,6 @@ impl Line {
         None
     }
 
-    /// Removes the frames that ended before `now`.
     pub(super) fn forget(&mut self, now: Cycle) {
         while self.frames.front().is_some_and(|(begins, frame)| begins + frame.ns() * 64 / 1000 + 64 < now) {
             self.frames.pop_front();

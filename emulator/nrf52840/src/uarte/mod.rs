@@ -12,14 +12,13 @@
 //! | FRAMING, PARITY and BREAK, from the levels at the receiver's own sample instants | 6.34 |
 //! | the legacy UART: RXD, TXD, RXDRDY, TXDRDY, ERROR, SUSPEND | 6.33 |
 //!
-//! The receiver waits for a falling edge and samples each bit in its middle by its own BAUDRATE, including the stop
-//! bit. Then it waits for the next falling edge. A frame of another rate is therefore received as the bits at these
-//! instants. The PS does not say how often a bit is sampled, so one sample is assumed. It is also assumed that a byte
-//! with a framing or parity error is received all the same.
+//! The receiver waits for a falling edge, samples each bit in its middle by its own BAUDRATE up to the stop bit, and
+//! then waits for the next falling edge. A frame of another rate is received as the bits at these instants. The PS does
+//! not say how often a bit is sampled; one sample is assumed. Also assumed: a byte with a framing or parity error is
+//! received.
 //!
-//! The PS demands RXD and CTS as inputs, TXD and RTS as outputs (6.34, *Pin configuration*). Here a TXD that GPIO does
-//! not configure as an output sends nothing, which is a finding. An RXD whose input buffer is disconnected receives
-//! nothing.
+//! The PS demands RXD and CTS as inputs, TXD and RTS as outputs (6.34, *Pin configuration*). Here a TXD that is no
+//! output sends nothing, which is a finding. An RXD without its input buffer receives nothing.
 //!
 //! | left out | why |
 //! |---|---|
@@ -49,7 +48,6 @@ const TXSTOPPED: u32 = 22;
 const ENDRX_STARTRX: u32 = 5;
 const ENDRX_STOPRX: u32 = 6;
 
-/// Bits of ERRORSRC.
 const OVERRUN: u32 = 1;
 const PARITY: u32 = 1 << 1;
 const FRAMING: u32 = 1 << 2;
@@ -57,16 +55,15 @@ const BREAK: u32 = 1 << 3;
 
 const ENABLED: u32 = 8;
 const LEGACY: u32 = 4;
-/// The number of bytes that the receiver can hold without a buffer.
+/// The bytes that the receiver holds without a buffer.
 const FIFO: usize = 6;
-/// The free room of the FIFO, in bytes, at which RTS goes high: with flow control, RTS is low only while the FIFO has
-/// more free room than this (PS 6.34).
+/// The free room of the FIFO, in bytes, at which RTS goes high. RTS is low only while more is free (PS 6.34).
 const ROOM: usize = 4;
-/// The number of byte times from STOPRX to RXTO, in which the far end may finish the byte that it has begun.
+/// The byte times from STOPRX to RXTO, in which the far end may finish its byte.
 const RX_TIMEOUT_BYTES: u64 = 4;
-/// The longest bit that can be received, in picoseconds: one second.
+/// The longest bit that can be received, one second, in picoseconds.
 const LONGEST_BIT_PS: u64 = 1_000_000_000_000;
-/// The picoseconds of a cycle of an exact core clock.
+/// The picoseconds of a core cycle without error.
 const CYCLE_PS: u64 = 15_625;
 
 #[derive(Debug, Default, Clone, Copy)]
@@ -76,18 +73,16 @@ struct Buffer {
     done: u32,
 }
 
-/// The frames that arrive on RXD.
 #[derive(Debug, Default, Clone)]
 struct Line {
     frames: VecDeque<(Cycle, UartFrame)>,
 }
 
-/// The length of a cycle in units of 2⁻¹⁶ ps.
+/// The length of a core cycle in units of 2⁻¹⁶ ps.
 fn period(clocks: &Clocks) -> u64 {
     (CYCLE_PS << 16) * 1_000_000_000 / 1_000_000_000_u64.wrapping_add_signed(clocks.hf_ppb)
 }
 
-/// One UARTE instance.
 #[derive(Clone, Debug)]
 pub(crate) struct Uarte {
     block: Block,
@@ -96,20 +91,17 @@ pub(crate) struct Uarte {
     baudrate: u32,
     config: u32,
     errorsrc: u32,
-    /// The registers PTR, MAXCNT and AMOUNT of RXD and TXD.
     rxd: [u32; 3],
     txd: [u32; 3],
     tx: Option<Buffer>,
-    /// The byte that is being sent. The next fields are the tick from which bytes are counted, their number since then,
-    /// and whether the transmitter has to stop.
+    /// The byte that is being sent.
     byte: u8,
     tx_from: u64,
     tx_sent: u64,
     tx_stopping: bool,
     tx_next: Option<Cycle>,
-    /// Whether CTS delays the next byte.
     tx_held: bool,
-    /// The pins that the peripheral drives, RTS and TXD, with their levels between frames.
+    /// The pins RTS and TXD, if driven, with their levels between frames.
     driven: [Option<(Pin, bool)>; 2],
     rx: Option<Buffer>,
     rx_on: bool,
@@ -117,10 +109,9 @@ pub(crate) struct Uarte {
     rx_timeout: Option<Cycle>,
     fifo: VecDeque<u8>,
     line: Line,
-    /// The cycle of the start edge of the byte that is being received, and the cycle at which its stop bit is sampled.
+    /// The cycles of the present byte's start edge and of its stop bit's sample.
     receiving: Option<(Cycle, Cycle)>,
-    /// State of the legacy UART: whether its transmitter is on. The next field is the byte that waits for the end of
-    /// the one being sent.
+    /// Whether the legacy UART's transmitter is on.
     legacy_tx: bool,
     legacy_waiting: Option<u8>,
 }
@@ -162,14 +153,13 @@ impl Uarte {
         self.config >> 1 & 0b111 == 0b111
     }
 
-    /// The PCLK16M ticks of `bytes` bytes. BAUDRATE is the rate in units of 2^-32 of PCLK16M.
+    /// The PCLK16M ticks of `bytes` bytes. BAUDRATE is in units of 2^-32 of PCLK16M.
     fn ticks(&self, bytes: u64) -> u64 {
         let stop = 1 + u64::from(self.config >> 4 & 1);
         let bits = bytes * (9 + u64::from(self.has_parity()) + stop);
         (bits << 32) / u64::from(self.baudrate.max(1))
     }
 
-    /// The cycles of `halves` half bits.
     fn half_bits(&self, halves: u64) -> u64 {
         (halves << 31) * CYCLES_PER_TICK / u64::from(self.baudrate.max(1))
     }
@@ -321,7 +311,7 @@ impl Instance for Uarte {
         if self.rx_timeout.take_if(|at| *at <= now).is_some() {
             self.rx_on = false;
             if self.rx.is_some() {
-                // A shortcut must not restart a receiver that was stopped.
+                // A shortcut must not restart a stopped receiver.
                 self.finish_rx(cx);
             }
             self.block.raise(RXTO, cx);

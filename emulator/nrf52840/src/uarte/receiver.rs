@@ -1,9 +1,9 @@
-//! The receiver: sampling, the FIFO that bridges two buffers, errors; and the levels of RTS and TXD (PS 6.33, 6.34).
+//! The receiver: sampling, FIFO, errors; and the levels of RTS and TXD (PS 6.33, 6.34).
 
 use super::*;
 
 impl Uarte {
-    /// Drives RTS, which is active low, by the room that the receiver has, and TXD, which rests high.
+    /// Drives RTS (active low) by the receiver's free room, and TXD, which is high between frames.
     pub(super) fn drive_pins(&mut self, cx: &mut Cx<'_>) {
         let enabled = matches!(self.enable, ENABLED | LEGACY);
         let controls = enabled && self.config & 1 != 0;
@@ -44,7 +44,7 @@ impl Uarte {
         }
     }
 
-    /// Moves bytes from the FIFO into the buffer, until the FIFO is empty or the buffer is full.
+    /// Moves bytes from the FIFO into the buffer.
     pub(super) fn drain(&mut self, cx: &mut Cx<'_>) {
         while let Some(rx) = &mut self.rx {
             if rx.done >= rx.len {
@@ -68,7 +68,6 @@ impl Uarte {
         }
     }
 
-    /// Completes the buffer and returns it.
     pub(super) fn finish_rx(&mut self, cx: &mut Cx<'_>) -> Option<Buffer> {
         let rx = self.rx.take()?;
         self.rxd[2] = rx.done;
@@ -76,12 +75,10 @@ impl Uarte {
         Some(rx)
     }
 
-    /// Whether RXD is `pin` and the receiver is enabled.
     pub(crate) fn listens_to(&self, pin: Pin) -> bool {
         matches!(self.enable, ENABLED | LEGACY) && Pin::selected(self.psel[3]) == Some(pin)
     }
 
-    /// Receives a frame that arrives on RXD.
     pub(crate) fn receive(&mut self, begins: Cycle, mut frame: UartFrame, cx: &mut Cx<'_>) {
         frame.bit_ps = frame.bit_ps.clamp(1, LONGEST_BIT_PS);
         let connected = Pin::selected(self.psel[3]).is_some_and(|pin| cx.pins.is_connected(pin));
@@ -93,7 +90,7 @@ impl Uarte {
         self.sample(cx);
     }
 
-    /// Begins to receive at the next falling edge, if nothing is being received.
+    /// Begins to receive at the next falling edge, if no byte is being received.
     fn wait_for_edge(&mut self, from: Cycle, cx: &Cx<'_>) {
         if self.receiving.is_none() {
             let bits = 9 + u64::from(self.has_parity());
@@ -102,7 +99,6 @@ impl Uarte {
         }
     }
 
-    /// Receives every byte whose stop bit has been sampled.
     pub(super) fn sample(&mut self, cx: &mut Cx<'_>) {
         while let Some((start, stop)) = self.receiving.take_if(|(_, stop)| *stop <= cx.now) {
             let period = period(cx.clocks);
@@ -139,7 +135,7 @@ impl Uarte {
         }
         self.fifo.push_back(byte);
         if self.enable == LEGACY {
-            // RXDRDY means that RXD has a byte, so the event comes again for the next byte once this byte was read.
+            // RXDRDY means that RXD has a byte. It comes again when this byte was read and another one follows.
             if self.fifo.len() == 1 {
                 self.block.raise(RXDRDY, cx);
             }

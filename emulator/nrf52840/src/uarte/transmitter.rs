@@ -24,7 +24,7 @@ impl Uarte {
         controls.then(|| Pin::selected(self.psel[2])).flatten()
     }
 
-    /// Handles a change of CTS: if CTS has delayed a byte, the byte begins now.
+    /// Handles a change of CTS: a byte that CTS delayed begins now.
     pub(crate) fn clear_to_send_moved(&mut self, level: bool, cx: &mut Cx<'_>) {
         self.block.raise(if level { NCTS } else { CTS }, cx);
         if !level && self.tx_held {
@@ -33,7 +33,6 @@ impl Uarte {
         }
     }
 
-    /// Completes the byte under way.
     pub(super) fn sent(&mut self, cx: &mut Cx<'_>) {
         let bit_ps = (62_500 << 32) / u64::from(self.baudrate.max(1));
         let frame = UartFrame {

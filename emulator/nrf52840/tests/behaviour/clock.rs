@@ -1,4 +1,4 @@
-//! Tests of CLOCK, POWER, and what all blocks have in common.
+//! Tests of CLOCK, POWER, and registers of all blocks.
 use crate::rig::*;
 use cortex_m4::Width;
 use emulator_part::{FindingKind, Part, Reset};

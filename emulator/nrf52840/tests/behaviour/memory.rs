@@ -62,7 +62,6 @@ fn uicr_is_programmed_like_flash_and_everything_erased_at_once() {
     rig.assert_clean();
 }
 
-/// Returns the first `n` numbers, and the cycle at which the last one came.
 fn numbers(seed: u64, n: usize) -> (Vec<u32>, u64) {
     let mut rig = Rig::with(Settings { seed, ..Settings::default() });
     rig.write(RNG, 1);

@@ -76,7 +76,7 @@ fn a_pwm_plays_a_sequence_from_ram_on_its_pin() {
     rig.write(PWM0 + 0x08, 1);
     rig.run_to(10 * US);
     let edges: Vec<_> = rig.world.pins.iter().map(|&(at, _, pad)| (at, pad.level())).collect();
-    // A period has 16 counts of 4 cycles. The pin is high from 16 to 64, then from 64 to 64 + 24.
+    // A period has 16 counts of 4 cycles. The pin is high from cycle 16 to 64, and then from 64 to 64 + 24.
     assert_eq!(edges, [(16, true), (88, false)]);
     assert_eq!((rig.read(PWM0 + 0x110), rig.read(PWM0 + 0x104)), (1, 1), "SEQEND, STOPPED");
     assert_eq!(rig.deadline(), u64::MAX);
@@ -133,7 +133,7 @@ fn a_block_is_encrypted_in_ram() {
     rig.assert_clean();
 }
 
-/// Makes a part with TWIM0 at 400 kbit/s on P0.26 and P0.27.
+/// A part with TWIM0 at 400 kbit/s on P0.26 and P0.27.
 fn with_twim() -> Rig {
     let mut rig = Rig::new();
     rig.write_all(&[
@@ -229,7 +229,6 @@ fn wait_states_depend_on_the_cache_and_on_who_else_moves_data() {
     assert_eq!(waits(&mut rig, 0, Bound::Worst), 2);
     assert_eq!((waits(&mut rig, 0, Bound::Best), waits(&mut rig, RAM, Bound::Worst)), (0, 0));
     rig.write_all(&[(NVMC + 0x540, 1), (SPIM0 + 0x500, 7), (SPIM0 + 0x548, 4), (SPIM0 + 0x10, 1)]);
-    // EasyDMA has not accessed that RAM yet.
     assert_eq!((waits(&mut rig, 0, Bound::Worst), waits(&mut rig, RAM, Bound::Worst)), (3, 0));
     assert_eq!(waits(&mut rig, RAM, Bound::Best), 0);
 }
@@ -264,8 +263,7 @@ fn a_watchdog_that_pauses_in_sleep_counts_only_while_awake() {
 
 #[test]
 fn a_comparators_hysteresis_is_half_above_and_half_below_its_threshold() {
-    // The values in each row are ENABLE, MODE, REFSEL and half the hysteresis around 1.5 V. LPCOMP compares with half
-    // of 3 V, and COMP with AIN3.
+    // ENABLE, MODE, REFSEL and half the hysteresis around 1.5 V. LPCOMP compares with half of 3 V, COMP with AIN3.
     for (enable, mode, select, half) in [(1, 0, 3, 25_000), (2, 1 << 8, 5, 15_000)] {
         let mut rig = Rig::new();
         let (input, reference) = (Pin::new(0, 4), Pin::new(0, 5));
@@ -283,7 +281,7 @@ fn a_comparators_hysteresis_is_half_above_and_half_below_its_threshold() {
     }
 }
 
-/// The sample packet is the first packet of an encrypted connection (Bluetooth Core Specification, volume 6, part C,
+/// The first packet of an encrypted connection in the sample data (Bluetooth Core Specification, volume 6, part C,
 /// 1.2).
 #[test]
 fn the_sample_packet_of_the_bluetooth_specification_is_encrypted_and_decrypted() {

@@ -1,5 +1,5 @@
-//! The test bench: the part, with the test in the role of the core. The test writes and reads registers as firmware
-//! would, and lets time pass from one due event of the models to the next. Time is in cycles, 64 to a microsecond.
+//! A test bench in which the test acts as the core: it accesses registers as firmware would, and lets time pass. Time
+//! is in cycles, 64 to a microsecond.
 use cortex_m4::{Access, Purpose, Width};
 use emulator_part::{
     Cycle, Finding, FindingKind, I2cAnswer, I2cEvent, Outside, Pad, Part, Pin, Reset, SpiFrame, SpiMode, UartFrame,
@@ -30,14 +30,13 @@ pub(crate) const SPIM3: u32 = 0x4002_F000;
 pub(crate) const P0: u32 = 0x5000_0000;
 pub(crate) const P1: u32 = 0x5000_0300;
 pub(crate) const RAM: u32 = 0x2000_0000;
-/// The addresses of the buffer that EasyDMA sends, and of the buffer into which it receives.
+/// The buffers from which EasyDMA sends and into which it receives.
 pub(crate) const TX: u32 = RAM + 0x100;
 pub(crate) const RX: u32 = RAM + 0x200;
 
 pub(crate) const US: Cycle = 64;
 pub(crate) const MS: Cycle = 64_000;
 
-/// An event at the outside chip, recorded with its cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Seen {
     Select(Cycle),
@@ -45,8 +44,8 @@ pub(crate) enum Seen {
     Deselect(Cycle),
 }
 
-/// The outside of the part: a chip on SCK, MOSI, MISO and CS that answers each byte with the complement of the previous
-/// byte (0xA5 first), and a record of the part's effects.
+/// The outside: it records the part's effects, and a chip on SCK, MOSI, MISO and CS answers each byte with the
+/// complement of the previous byte (0xA5 first).
 #[derive(Clone, Debug, Default)]
 pub(crate) struct World {
     pub(crate) chip: Option<SpiMode>,
@@ -57,7 +56,6 @@ pub(crate) struct World {
     pub(crate) frames: Vec<SpiFrame>,
     pub(crate) sent: Vec<(Cycle, Pin, UartFrame)>,
     pub(crate) bus: Vec<(Cycle, I2cEvent)>,
-    /// The address of a two-wire peripheral on the bus, if there is one.
     pub(crate) address: Option<u8>,
     pub(crate) microvolts: BTreeMap<Pin, i32>,
 }
@@ -127,7 +125,6 @@ impl Rig {
         Access { address, width, purpose: Purpose::Data, privileged: true, cycle: self.now, pc: 0x1000 }
     }
 
-    /// Restarts the part if it has requested that.
     fn after(&mut self) {
         if let Some(cause) = self.part.take_reset() {
             self.restarts += 1;
@@ -139,7 +136,7 @@ impl Rig {
         assert!(self.try_write(address, Width::Word, value), "{address:#x}");
     }
 
-    /// Writes, and returns whether the bus carried the write out.
+    /// Writes. Returns whether the bus carried the write out.
     pub(crate) fn try_write(&mut self, address: u32, width: Width, value: u32) -> bool {
         let done = self.part.write(&self.access(address, width), value, &mut self.world).is_ok();
         self.after();
@@ -162,12 +159,11 @@ impl Rig {
         }
     }
 
-    /// The next cycle at which an event is due in the models.
     pub(crate) fn deadline(&mut self) -> Cycle {
         self.part.due()
     }
 
-    /// Lets time pass until `at`, and advances the models at each due event.
+    /// Lets time pass until `at`, and advances the models at each event.
     pub(crate) fn run_to(&mut self, at: Cycle) {
         assert!(at >= self.now, "time goes forward");
         loop {
@@ -187,7 +183,7 @@ impl Rig {
         self.run_to(self.now + cycles);
     }
 
-    /// Lets time pass until the register at `address` reads anything but 0, and returns the cycle at which it does.
+    /// Lets time pass until the register at `address` is not 0. Returns that cycle.
     pub(crate) fn run_until_set(&mut self, address: u32, limit: Cycle) -> Cycle {
         while self.read(address) == 0 {
             let deadline = self.deadline();
@@ -219,12 +215,10 @@ impl Rig {
         self.part.spis_clock(self.now, byte, SpiMode::Mode0, &mut self.world)
     }
 
-    /// Resets the part for `cause`.
     pub(crate) fn reset(&mut self, cause: Reset) {
         self.part.reset(self.now, cause, &mut self.world);
     }
 
-    /// The number of restarts that the part requested.
     pub(crate) fn restarts(&self) -> u32 {
         self.restarts
     }
@@ -249,13 +243,11 @@ impl Rig {
         self.part.findings().iter().filter(|found| found.kind == kind).cloned().collect()
     }
 
-    /// Asserts that there are no findings.
     pub(crate) fn assert_clean(&self) {
         assert!(self.part.findings().is_empty(), "{:#?}", self.part.findings());
     }
 }
 
-/// The number of a pin in PSEL registers.
 pub(crate) fn psel(port: u32, n: u32) -> u32 {
     port << 5 | n
 }
@@ -268,17 +260,15 @@ pub(crate) const CSN: Pin = Pin::new(1, 4);
 pub(crate) const WIRES: SpisWires =
     SpisWires { sck: Pin::new(1, 1), mosi: Pin::new(1, 3), miso: Pin::new(1, 2), csn: CSN };
 
-/// Values of PIN_CNF for an output, an input, and an input with a pull-up.
+/// PIN_CNF for an output, an input, and an input with a pull-up.
 pub(crate) const OUTPUT: u32 = 1 | 1 << 1;
 pub(crate) const INPUT: u32 = 0;
 pub(crate) const PULLED_UP: u32 = 3 << 2;
 
-/// The address of PIN_CNF of P1.`n`.
 pub(crate) const fn p1_cnf(n: u32) -> u32 {
     P1 + 0x700 + 4 * n
 }
 
-/// The address of PIN_CNF of P0.`n`.
 pub(crate) const fn p0_cnf(n: u32) -> u32 {
     P0 + 0x700 + 4 * n
 }

@@ -4,7 +4,7 @@ use cortex_m4::Signals;
 use emulator_part::{Clock, FindingKind, Part, Reset};
 use nrf52840::Settings;
 
-/// The register writes for a TIMER of 32 bits at 16 MHz with CC[0] = `cc`.
+/// Sets up a TIMER of 32 bits at 16 MHz with CC[0] = `cc`.
 fn timer(base: u32, cc: u32) -> [(u32, u32); 3] {
     [(base + 0x508, 3), (base + 0x510, 0), (base + 0x540, cc)]
 }
@@ -78,7 +78,7 @@ fn a_compare_due_with_a_task_or_write_is_not_lost() {
             let mut rig = Rig::new();
             rig.write_all(&timer(TIMER0, 320));
             rig.write_all(&[(PPI + 0x510, TIMER0 + 0x140), (PPI + 0x514, EGU0), (PPI + 0x504, 1), (TIMER0, 1)]);
-            // The core's write comes first: the models have not been advanced to their due event yet.
+            // The core's write comes before the models are advanced to their event.
             rig.now = 20 * US + late;
             rig.write(address, value);
             assert_eq!(rig.read(TIMER0 + 0x140), 1, "{what}, {late} cycles late");
@@ -94,8 +94,8 @@ fn a_compare_due_with_a_task_or_write_is_not_lost() {
 #[test]
 fn a_compare_due_with_a_capture_through_ppi_is_not_lost() {
     let mut rig = Rig::new();
-    // Both timers reach their compare values at the same instant. The event of the first captures the second, which the
-    // model handles after the first.
+    // Both timers reach their compare values at one instant. The first one's event captures the second, which the model
+    // handles later.
     rig.write_all(&timer(TIMER0, 320));
     rig.write_all(&timer(TIMER1, 320));
     rig.write_all(&[(PPI + 0x510, TIMER0 + 0x140), (PPI + 0x514, TIMER1 + 0x44), (PPI + 0x504, 1)]);
@@ -246,13 +246,12 @@ fn a_channel_to_a_task_of_the_radio_is_reported() {
     assert!(found[0].text.ends_with("0x40001000"), "{found:?}");
 }
 
-/// Starts LFCLK from the RC oscillator and waits until it runs.
 fn start_lfclk(rig: &mut Rig) {
     rig.write(POWER + 0x08, 1);
     rig.run_until_set(POWER + 0x104, 10 * MS);
 }
 
-/// The cycle of LFCLK tick `n` after LFCLK started at 600 µs.
+/// The cycle of LFCLK tick `n`; LFCLK started at 600 µs.
 fn lf_tick(n: u64) -> u64 {
     600 * US + (n * 64_000_000).div_ceil(32_768)
 }
@@ -295,7 +294,6 @@ fn an_rtc_counts_nothing_without_lfclk() {
     assert_eq!(rig.findings(FindingKind::Misuse).len(), 1);
 }
 
-/// Starts a watchdog of 100 LFCLK ticks that needs both RR[0] and RR[1].
 fn start_watchdog(rig: &mut Rig) {
     start_lfclk(rig);
     rig.write_all(&[(WDT + 0x504, 99), (WDT + 0x508, 0b11), (WDT + 0x50C, 1), (WDT, 1)]);
@@ -344,7 +342,7 @@ fn the_timeout_interrupt_comes_two_ticks_before_the_reset() {
     rig.write(WDT + 0x304, 1);
     assert_eq!(rig.run_until_set(WDT + 0x100, 10 * MS), lf_tick(100));
     assert!(rig.line(16));
-    // The reloads at this point come too late.
+    // These reloads come too late.
     rig.write_all(&[(WDT + 0x600, 0x6E52_4635), (WDT + 0x604, 0x6E52_4635)]);
     rig.run_to(10 * MS);
     assert_eq!(rig.part.watchdog_resets()[0].at, lf_tick(102));

@@ -2,7 +2,7 @@
 use crate::rig::*;
 use emulator_part::{I2cEvent, Pin};
 
-/// Makes a part with TWIS0 at 0x1A and 0x1B on P0.14 and P0.16, with 2 bytes of buffer in each direction.
+/// A part with TWIS0 at 0x1A and 0x1B on P0.14 and P0.16, with 2 bytes of buffer in each direction.
 fn with_target() -> Rig {
     let mut rig = Rig::new();
     rig.write_all(&[(p0_cnf(14), INPUT), (p0_cnf(16), INPUT), (SPIM0 + 0x508, 14), (SPIM0 + 0x50C, 16)]);
@@ -13,7 +13,7 @@ fn with_target() -> Rig {
     rig
 }
 
-/// Returns the TWIS's answer: whether it acknowledges, and the byte; `None` while it holds SCL.
+/// The TWIS's acknowledge and byte; `None` while it holds SCL.
 fn bus(rig: &mut Rig, event: I2cEvent) -> Option<(bool, u8)> {
     rig.run_for(90 * US);
     let answer = rig.part.two_wire(rig.now, Pin::new(0, 14), Pin::new(0, 16), event, &mut rig.world);
@@ -36,7 +36,7 @@ fn an_addressed_target_holds_scl_until_it_has_a_buffer() {
     assert_eq!(rig.read(SPIM0 + 0x124), 0);
     assert_eq!(bus(&mut rig, Write(0x33)), NOBODY, "RXD is full");
     assert_eq!((rig.read(SPIM0 + 0x124), rig.read(SPIM0 + 0x4D0)), (1, 0b101), "ERROR: OVERFLOW, DNACK");
-    // The controller sends a repeated start. READ_SUSPEND is set in SHORTS.
+    // A repeated start. SHORTS has READ_SUSPEND.
     rig.write(SPIM0 + 0x4D0, 0b101);
     rig.write_all(&[(SPIM0 + 0x200, 1 << 14), (SPIM0 + 0x34, 1)]);
     assert_eq!(bus(&mut rig, Start(0x1A << 1 | 1)), YES);

@@ -1,9 +1,9 @@
-//! Tests of UARTE with a far end, and of the legacy UART.
+//! Tests of UARTE and of the legacy UART.
 use crate::rig::*;
 use emulator_part::{FindingKind, Part, Pin, UartFrame, UartParity};
 use nrf52840::Settings;
 
-/// Makes a part with UARTE0 at 1 Mbit/s, which is 10 us a byte, on P0.06 and P0.08.
+/// A part with UARTE0 at 1 Mbit/s (10 us a byte) on P0.06 and P0.08.
 fn with_uart() -> Rig {
     let mut rig = Rig::new();
     rig.write_all(&[(P0 + 0x508, 1 << 6), (p0_cnf(6), OUTPUT), (p0_cnf(8), INPUT)]);
@@ -65,15 +65,15 @@ fn a_uart_reports_the_errors_that_the_bits_show() {
     let frame = |data, baud| UartFrame::eight_n_one(data, baud);
     let even = UartFrame { parity: UartParity::Even, ..frame(0x07, 1_000_000) };
     let odd = UartFrame { parity: UartParity::Odd, ..frame(0x07, 1_000_000) };
-    // Each case has CONFIG, the frame that arrives, the byte that is received, and ERRORSRC.
+    // CONFIG, the frame that arrives, the byte that is received, and ERRORSRC.
     let cases = [
         (0, frame(0x55, 1_000_000), 0x55, 0),
         (0, frame(0x55, 1_030_000), 0x55, 0),
         (0xE, even, 0x07, 0),
         (0xE, odd, 0x07, 1 << 1),
-        // The frame has a parity bit where the receiver expects a stop bit.
+        // A parity bit comes where the receiver expects a stop bit.
         (0, UartFrame { parity: UartParity::Even, ..frame(0x03, 1_000_000) }, 0x03, 1 << 2),
-        // At half the rate each bit is sampled twice, including the start bit.
+        // At half the rate each bit is sampled twice.
         (0, frame(0x0F, 500_000), 0b1111_1110, 0),
         (0, frame(0x00, 500_000), 0, 1 << 2 | 1 << 3),
     ];
@@ -159,7 +159,7 @@ fn cts_holds_bytes_back_and_rts_reports_room() {
     let sent: Vec<_> = rig.world.sent.iter().map(|(at, _, frame)| (*at - MS, frame.data as u8)).collect();
     assert_eq!(sent, [(10 * US, b'h'), (20 * US, b'i')]);
     assert_eq!((rig.read(UARTE0 + 0x100), rig.read(UARTE0 + 0x104)), (1, 1), "CTS, NCTS");
-    // Three bytes arrive for a buffer of one byte. With two bytes in the FIFO there is room for no more than four.
+    // The buffer has one byte. With two more bytes in the FIFO there is room for four.
     rig.write_all(&[(UARTE0 + 0x534, RX), (UARTE0 + 0x538, 1), (UARTE0, 1)]);
     assert!(!rig.part.pin(rts));
     for (byte, ready) in [(b'a', true), (b'b', true), (b'c', false), (b'd', false)] {

@@ -21,7 +21,7 @@ impl Converter {
     }
 
     fn sampling_cycles(&self, channel: u8) -> u64 {
-        // Channels past 18 do not exist and have no sampling time field.
+        // Channels past 18 do not exist.
         if channel > 18 {
             return 3;
         }

@@ -7,11 +7,11 @@
 //! | `EOC` of a conversion or of the sequence, `OVR`, DMA requests with `DDS`, analogue watchdog | 13.8, 13.3.7 |
 //! | Temperature sensor, VREFINT and VBAT at 25 °C and 3.3 V, the values of the factory's calibration | 13.10, 13.11 |
 //!
-//! `converter` models one converter, and this module the registers that the three share.
+//! `converter` models one converter, and this module the common registers.
 //!
 //! **Left out, each a finding when it is used:** the injected group, the multi-ADC modes, triggers by falling edges.
-//! The model does not check the stabilisation time after `ADON`. The voltage of a channel is read at the end of its
-//! sampling time, without noise.
+//! The stabilisation time after `ADON` is not checked. The voltage of a channel is read at the end of its sampling
+//! time, without noise.
 
 mod converter;
 #[cfg(test)]
@@ -43,14 +43,13 @@ const AWDEN: u32 = 1 << 23;
 const VBATE: u32 = 1 << 22;
 const TSVREFE: u32 = 1 << 23;
 
-/// The reference and supply voltage of the analogue part, in microvolts.
+/// The analogue reference and supply voltage, in microvolts.
 const VDDA_UV: i64 = 3_300_000;
 /// The voltage of the internal reference, in microvolts (data sheet: 1.21 V).
 const VREFINT_UV: i64 = 1_210_000;
 /// The voltage of the temperature sensor at 25 °C, in microvolts (data sheet: 0.76 V and 2.5 mV/°C).
 const SENSOR_UV: i64 = 760_000;
 
-/// The twelve-bit result to which a voltage converts.
 const fn raw(microvolts: i64) -> u16 {
     let code = (microvolts * 4095 + VDDA_UV / 2) / VDDA_UV;
     if code < 0 {
@@ -66,18 +65,14 @@ const fn raw(microvolts: i64) -> u16 {
 /// (110 °C).
 pub(crate) const CALIBRATION: [u16; 3] = [raw(VREFINT_UV), raw(SENSOR_UV + 5 * 2_500), raw(SENSOR_UV + 85 * 2_500)];
 
-/// A conversion that is running.
 #[derive(Clone, Copy, Debug)]
 struct Conversion {
-    /// The number of the conversion in the sequence.
     place: u8,
     channel: u8,
     ends: Cycle,
-    /// The cycle at which the sampling time ends.
     sampled_at: Cycle,
 }
 
-/// One ADC.
 #[derive(Clone, Debug, Default)]
 struct Converter {
     sr: u32,
@@ -91,14 +86,13 @@ struct Converter {
     jsqr: u32,
     data: u32,
     running: Option<Conversion>,
-    /// The number of the conversion in the sequence with which the next trigger begins (discontinuous mode).
+    /// In discontinuous mode, the number of the conversion with which the next trigger begins.
     next_place: u8,
     request: bool,
     /// Whether the DMA has made its last transfer (DDS = 0).
     dma_ended: bool,
 }
 
-/// All three ADCs and their common registers.
 #[derive(Clone, Debug)]
 pub(crate) struct Adc {
     converters: [Converter; 3],
@@ -106,7 +100,6 @@ pub(crate) struct Adc {
     due: Cycle,
 }
 
-/// The pin of a channel of ADC`index + 1`.
 fn pin(index: usize, channel: u8) -> Option<Pin> {
     const A: u8 = 0;
     const B: u8 = 1;
@@ -115,7 +108,7 @@ fn pin(index: usize, channel: u8) -> Option<Pin> {
     Some(match (channel, index) {
         (0..=3, _) => Pin::new(A, channel),
         (10..=13, _) => Pin::new(C, channel - 10),
-        // Channels 4 to 9, 14 and 15 of ADC3 are on PF6 to PF10, PF3, PF4 and PF5.
+        // ADC3 has channels 4 to 9, 14 and 15 on PF6 to PF10, PF3, PF4 and PF5.
         (4..=8, 2) => Pin::new(F, channel + 2),
         (9, 2) => Pin::new(F, 3),
         (14..=15, 2) => Pin::new(F, channel - 10),
@@ -126,7 +119,7 @@ fn pin(index: usize, channel: u8) -> Option<Pin> {
     })
 }
 
-/// Whether `trigger` is the trigger that EXTSEL selects (RM0090 table 68).
+/// Whether EXTSEL selects `trigger` (RM0090 table 68).
 fn is_selected(trigger: Trigger, select: u32) -> bool {
     let (timer, channel) = match select {
         0..=2 => (1, select as u8 + 1),
@@ -148,12 +141,10 @@ fn is_selected(trigger: Trigger, select: u32) -> bool {
 }
 
 impl Adc {
-    /// Makes the ADCs as they are after a reset.
     pub(crate) fn new() -> Self {
         Self { converters: std::array::from_fn(|_| Converter::new()), ccr: 0, due: NEVER }
     }
 
-    /// The core cycles of one ADC clock cycle.
     fn clock(&self, cx: &Cx) -> u64 {
         u64::from(cx.clocks.pclk2) * (2 + 2 * u64::from(self.ccr >> 16 & 3))
     }
@@ -170,7 +161,7 @@ impl Adc {
             (18, 0) if self.ccr & TSVREFE != 0 => SENSOR_UV,
             (16..=18, _) => 0,
             (channel, _) => match pin(index, channel) {
-                // While its channels are on, the DAC drives PA4 and PA5.
+                // The DAC drives PA4 and PA5 while its channels are on.
                 Some(Pin { port: 0, number: number @ (4 | 5) }) if cx.pads.dac[usize::from(number - 4)].is_some() => {
                     i64::from(cx.pads.dac[usize::from(number - 4)].unwrap_or(0))
                 }

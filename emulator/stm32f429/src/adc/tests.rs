@@ -1,4 +1,4 @@
-//! Tests of conversions, sequences and triggers against the manual.
+//! Tests of conversions, sequences and triggers.
 
 use super::*;
 use crate::rig::Rig;
@@ -14,7 +14,7 @@ fn a_conversion_takes_its_sampling_time_and_a_cycle_for_each_bit() {
     rig.write(0x10, 1);
     rig.write(CR2, ADON);
     rig.write(CR2, ADON | SWSTART);
-    // A conversion takes 15 + 12 cycles of PCLK2 / 2.
+    // 15 + 12 cycles of PCLK2 / 2.
     rig.run(53);
     assert_eq!(rig.read(0), STRT);
     rig.run(54);
@@ -78,7 +78,7 @@ fn the_internal_reference_reads_what_the_factory_measured() {
 #[test]
 fn a_timer_starts_a_conversion_where_it_is_selected() {
     let mut rig = Rig::new(Adc::new());
-    // EXTSEL 8 selects TIM3_TRGO; the trigger is its rising edge.
+    // EXTSEL 8 selects a rising edge of TIM3_TRGO.
     rig.write(CR2, ADON | 8 << 24 | 1 << 28);
     rig.call(|adc, cx| adc.trigger(Trigger::Trgo(2), cx));
     rig.run(100);

@@ -1,9 +1,9 @@
-//! A CAN message on the bus and in memory: its bits including stuff bits, and the receive FIFOs (RM0090 32.7.3).
+//! CAN messages: stuff bits, and the receive FIFOs (RM0090 32.7.3).
 
 use super::*;
 
 impl Mailbox {
-    /// The number of bits from start of frame to the end of the CRC, including stuff bits.
+    /// The number of bits of a frame up to the end of the CRC, including stuff bits.
     pub(super) fn stuffed_bits(&self) -> u64 {
         let mut frame = (0_u128, 0_u32);
         let mut push = |value: u32, width: u32| {
@@ -41,14 +41,14 @@ impl Mailbox {
             run = if bit == last { run + 1 } else { 1 };
             last = bit;
             if run == 5 {
-                // The stuff bit is the complement of the run of equal bits before it, and begins the next run.
+                // A stuff bit is the complement of the run before it, and begins the next run.
                 (run, last, stuffed) = (1, 1 - bit, stuffed + 1);
             }
         }
         u64::from(count) + stuffed
     }
 
-    /// The values of a message with which a filter of 32 bits and one of 16 bits compare.
+    /// The values that a 32-bit filter and a 16-bit filter compare with.
     pub(super) fn compared(&self) -> (u32, u32) {
         let wide = self.identifier & !TXRQ;
         let narrow = wide >> 21 << 5 | (wide & RTR) << 3 | (wide & IDE) << 1 | (wide >> 18 & 7);

@@ -8,10 +8,9 @@
 //! | Both receive FIFOs with overrun and lock | 32.7.3 |
 //! | Interrupts of transmission and of both FIFOs | 32.8 |
 //!
-//! **Left out.** There is no bus: outside loopback a frame is never sent, which is a finding. Errors do not occur, and
-//! the status interrupt never comes. The controller leaves initialization mode at once where RX is high, not after
-//! eleven bits. A received frame is available at the end of its end-of-frame field, not one bit before. Time stamps
-//! (`TTCM`) are 0.
+//! **Left out.** There is no bus: outside loopback a frame is never sent, which is a finding. Errors and the status
+//! interrupt never come. The controller leaves initialization mode as soon as RX is high, not after eleven bits. A
+//! received frame is available at the end of its end-of-frame field, not one bit before. Time stamps (`TTCM`) are 0.
 
 mod message;
 #[cfg(test)]
@@ -44,8 +43,8 @@ const FULL: u32 = 1 << 3;
 const FOVR: u32 = 1 << 4;
 const RFOM: u32 = 1 << 5;
 
-/// The number of bits in a frame's tail, which are never stuffed: the delimiter of the CRC, acknowledge with its
-/// delimiter, and end of frame.
+/// The bits of a frame that are never stuffed: the delimiter of the CRC, acknowledge with its delimiter, and end of
+/// frame.
 const TAIL_BITS: u64 = 10;
 /// The number of bits between two frames.
 const INTERMISSION_BITS: u64 = 3;
@@ -58,7 +57,6 @@ struct Mailbox {
     data: [u32; 2],
 }
 
-/// A receive FIFO.
 #[derive(Clone, Debug, Default)]
 struct Fifo {
     messages: [Mailbox; 3],
@@ -66,14 +64,12 @@ struct Fifo {
     flags: u32,
 }
 
-/// The CAN controller.
 #[derive(Clone, Debug)]
 pub(crate) struct Can {
     mcr: u32,
     /// The bits INAK and SLAK.
     in_init: bool,
     asleep: bool,
-    /// The flags of TSR, one byte for each mailbox.
     tsr: u32,
     ier: u32,
     btr: u32,
@@ -81,13 +77,11 @@ pub(crate) struct Can {
     /// The order in which transmission of the mailboxes was requested.
     order: [u64; 3],
     requests: u64,
-    /// The mailbox that is being sent, with the cycle at which its frame ends. The next field is the cycle from which
-    /// the bus is free.
+    /// The mailbox that is being sent, with the cycle at which its frame ends.
     sending: Option<(usize, Cycle)>,
     free_at: Cycle,
     fifos: [Fifo; 2],
     fmr: u32,
-    /// The filter registers FM1R, FS1R, FFA1R and FA1R.
     list: u32,
     wide: u32,
     to_fifo: u32,
@@ -97,7 +91,6 @@ pub(crate) struct Can {
 }
 
 impl Can {
-    /// Makes the controller as it is after a reset.
     pub(crate) fn new() -> Self {
         Self {
             mcr: 0x0001_0000 | SLEEP,
@@ -122,19 +115,17 @@ impl Can {
         }
     }
 
-    /// The core cycles of one bit.
     fn bit(&self, cx: &Cx) -> u64 {
         let quanta = 3 + (self.btr >> 16 & 0xF) + (self.btr >> 20 & 7);
         u64::from(quanta * ((self.btr & 0x3FF) + 1)) * u64::from(cx.clocks.pclk1)
     }
 
-    /// Whether the controller reads a recessive bus. Loopback disregards the pin (32.5.2), and a pin that is not
-    /// connected counts as high.
+    /// Whether RX is recessive. In loopback the pin does not count (32.5.2). A pin that is not connected is high.
     fn hears_recessive(&self, cx: &Cx) -> bool {
         self.btr & LBKM != 0 || cx.pads.input(Signal::Can(1, CanPin::Rx)).unwrap_or(true)
     }
 
-    /// Changes the mode as software requested (32.4). The controller first finishes a frame that it is sending.
+    /// Changes the mode as software requested (32.4), after the frame that is being sent.
     fn follow_requests(&mut self, cx: &Cx) {
         if self.sending.is_some() {
             return;
@@ -150,7 +141,6 @@ impl Can {
         }
     }
 
-    /// Sends the next mailbox, if one waits and nothing is being sent.
     fn send(&mut self, cx: &mut Cx) {
         self.due = self.sending.map_or(NEVER, |(_, ends)| ends);
         if self.sending.is_some() || self.in_init || self.asleep {
@@ -160,8 +150,8 @@ impl Can {
         let next = if self.mcr & TXFP != 0 {
             waits.min_by_key(|&nth| self.order[nth])
         } else {
-            // The lower identifier wins the arbitration. A standard identifier wins over an extended one that begins
-            // with the same bits.
+            // The lower identifier has the higher priority, and a standard one precedes an extended one with the same
+            // first bits.
             waits.min_by_key(|&nth| {
                 let identifier = self.mailboxes[nth].identifier;
                 let tail = if identifier & IDE != 0 { 1 << 18 | identifier >> 3 & 0x3_FFFF } else { 0 };
@@ -178,7 +168,7 @@ impl Can {
         self.due = ends;
     }
 
-    /// The FIFO and the number of the filter that accepts `message`, 32.7.4.
+    /// The FIFO and the number of the filter that accepts `message` (32.7.4).
     fn accept(&self, message: &Mailbox) -> Option<(usize, u32)> {
         if self.fmr & 1 != 0 {
             return None;
@@ -224,7 +214,7 @@ impl Can {
     fn transmit_status(&self) -> u32 {
         let empty = |nth: usize| self.mailboxes[nth].identifier & TXRQ == 0;
         let empties = (0..3).map(|nth| u32::from(empty(nth)) << (26 + nth)).sum::<u32>();
-        // CODE is the next empty mailbox or, if none is empty, the one that would be sent last.
+        // CODE is the next empty mailbox. If none is empty, it is the mailbox that would be sent last.
         let code = (0..3)
             .find(|&nth| empty(nth))
             .unwrap_or_else(|| (0..3).max_by_key(|&nth| (self.mailboxes[nth].identifier >> 3, nth)).unwrap_or(0));

@@ -1,4 +1,4 @@
-//! Tests of frames in loopback: their length, filters and order.
+//! Tests of frames in loopback.
 
 use super::*;
 use crate::rig::Rig;
@@ -24,7 +24,7 @@ fn a_frame_comes_back_after_its_bits_with_the_stuffed_ones() {
     rig.write(0x14, 3);
     rig.write(0x184, 1);
     rig.write(0x188, 0x55);
-    // The frame has 19 bits of identifier and control, 8 of data, 15 of CRC, and its stuff bits.
+    // 19 bits of identifier and control, 8 of data, 15 of CRC, and stuff bits.
     rig.write(0x180, 0x2AA << 21 | TXRQ);
     assert_eq!(rig.read(8) >> 26, 6);
     let bits = rig.instance.mailboxes[0].stuffed_bits();
@@ -44,7 +44,7 @@ fn a_frame_comes_back_after_its_bits_with_the_stuffed_ones() {
 
 #[test]
 fn a_frame_of_zeros_is_stuffed_after_every_five_bits() {
-    // The frame has 34 zeros: SOF, identifier, RTR, IDE, r0, length 0 (19 bits) and a CRC of 15 zeros.
+    // 34 zeros: SOF, identifier, RTR, IDE, r0, length 0 (19 bits) and a CRC of 15 zeros.
     let frame = Mailbox::default();
     assert_eq!(frame.stuffed_bits(), 34 + 6);
 }
@@ -52,7 +52,7 @@ fn a_frame_of_zeros_is_stuffed_after_every_five_bits() {
 #[test]
 fn the_lowest_identifier_is_sent_first_and_the_filters_choose() {
     let mut rig = rig();
-    // Bank 0 becomes a list of two standard identifiers for FIFO 1.
+    // Bank 0 is a list of two standard identifiers for FIFO 1.
     rig.write(0x200, 0x0E01);
     rig.write(0x204, 1);
     rig.write(0x214, 1);

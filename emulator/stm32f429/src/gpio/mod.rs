@@ -8,13 +8,13 @@
 //! | Reset state | JTAG and SWD pins as in 8.3.2 |
 //! | Alternate functions | The whole of DS9405's table for the peripherals that are modelled |
 //!
-//! `registers` handles the accesses to registers, and this module the effect of the registers on the pads.
+//! `registers` handles accesses to registers, and this module the pads.
 //!
-//! The input of a peripheral reads the pad of the pin in alternate mode whose selected function is that input. Where no
-//! pin is connected, each peripheral's module documents what the peripheral sees.
+//! An input of a peripheral reads the pad of the pin in alternate mode with that function. If no pin has it, the
+//! peripheral's module documents what the peripheral reads.
 //!
-//! **Left out.** `OSPEEDR` keeps the written value and has no effect. The delay of two clocks between a pad and `IDR`
-//! does not exist here. A pin whose function belongs to a peripheral that is not modelled floats, and makes a finding.
+//! **Left out.** `OSPEEDR` has no effect. There is no delay between a pad and `IDR` (two clocks on silicon). A pin with
+//! a function of a peripheral without a model floats and makes a finding.
 
 mod registers;
 
@@ -24,13 +24,12 @@ use emulator_part::{Cycle, FindingKind, Pad, Pin};
 use crate::alternate::{EXISTS, NONE, SIGNAL, SIGNAL_OF};
 use crate::cx::{Effects, Note, Pads, SIGNALS, Signal, TimPin};
 
-/// The number of ports, A to K.
 pub(crate) const PORTS: usize = 11;
 
 const NAMES: [&str; PORTS] =
     ["GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF", "GPIOG", "GPIOH", "GPIOI", "GPIOJ", "GPIOK"];
 
-/// The pins that the 144-pin package has (DS9405, pin definitions, LQFP144): all of A to G, and PH0 and PH1.
+/// The pins of the 144-pin package (DS9405, pin definitions, LQFP144): all of A to G, and PH0 and PH1.
 const BONDED: [u16; PORTS] = [0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF, 0x0003, 0, 0, 0];
 
 #[derive(Clone, Debug)]
@@ -41,28 +40,25 @@ struct Port {
     pupdr: u32,
     odr: u16,
     afr: [u32; 2],
-    /// The state of LCKR: the pins of the lock sequence. The next fields are the number of its steps so far, and
-    /// whether it is complete.
+    /// The pins in the lock sequence of LCKR.
     lock: u16,
     lock_step: u8,
     locked: bool,
 
-    /// The index of the signal to which each pin is connected.
     signal: [u8; 16],
-    /// Masks that follow from the configuration: the pins that ODR drives. The next fields are the pins in analog mode,
-    /// the open drains, and the pulls.
+    /// The pins that ODR drives. This mask and those below follow from the configuration.
     output: u16,
     analog: u16,
     open_drain: u16,
     pull_up: u16,
     pull_down: u16,
-    /// The pins that a peripheral drives. The next field is their levels.
+    /// The pins that a peripheral drives.
     driven_by_signal: u16,
     signal_level: u16,
-    /// The pins that the outside drives. The next field is their levels.
+    /// The pins that the outside drives.
     outside: u16,
     outside_level: u16,
-    /// The pads that the port drives. The next fields are the pads that it pulls, and the levels of both.
+    /// The pads that the port drives.
     driven: u16,
     pulled: u16,
     level: u16,
@@ -109,7 +105,7 @@ impl Port {
         self.afr[pin / 8] >> (4 * (pin % 8)) & 0xF
     }
 
-    /// The levels on the pins. Driving wins over pulling, and the part wins over the outside.
+    /// The levels on the pins. Driving wins over pulling, and the part over the outside.
     fn levels(&self) -> u16 {
         self.driven & self.level
             | !self.driven & (self.outside & self.outside_level | !self.outside & self.pulled & self.level)
@@ -127,22 +123,19 @@ impl Port {
     }
 }
 
-/// All ports.
 #[derive(Clone, Debug)]
 pub(crate) struct Gpio {
     ports: [Port; PORTS],
-    /// What its peripheral drives onto each signal: bit 1 says whether the peripheral drives, bit 0 is the level.
+    /// For each signal, whether its peripheral drives it (bit 1) and the level (bit 0).
     signals: [u8; SIGNALS],
     pub(crate) pads: Pads,
-    /// The pins whose [`Pad`] changed. The part takes them and reports them.
+    /// The pins whose [`Pad`] changed, until the part reports them.
     pub(crate) changed: Vec<(Pin, Pad)>,
     /// The pins whose level changed, as port and mask.
     pub(crate) levels_changed: Vec<(u8, u16)>,
-    /// The signals whose input level changed.
     pub(crate) inputs: Vec<(Signal, bool)>,
 }
 
-/// Merges a narrow write at `offset` into `register`.
 pub(crate) fn merge(register: u32, offset: u32, width: Width, value: u32) -> u32 {
     let shift = 8 * (offset & 3);
     let mask = match width {
@@ -153,7 +146,6 @@ pub(crate) fn merge(register: u32, offset: u32, width: Width, value: u32) -> u32
     register & !(mask << shift) | (value & mask) << shift
 }
 
-/// Extracts the bytes that a read at `offset` of `register` returns.
 pub(crate) fn lane(register: u32, offset: u32, width: Width) -> u32 {
     let value = register >> (8 * (offset & 3));
     match width {
@@ -163,7 +155,7 @@ pub(crate) fn lane(register: u32, offset: u32, width: Width) -> u32 {
     }
 }
 
-/// Makes a mask of the pins whose two-bit field in `register` equals `value`.
+/// The mask of pins whose two-bit field in `register` equals `value`.
 fn fields(register: u32, value: u32) -> u16 {
     let mut mask = 0;
     for pin in 0..16 {
@@ -188,7 +180,7 @@ impl Gpio {
         gpio
     }
 
-    /// Carries out a system reset of the registers. The outside goes on driving its pins.
+    /// Carries out a system reset. The outside goes on driving its pins.
     pub(crate) fn reset(&mut self) {
         self.signals = [0; SIGNALS];
         for port in 0..PORTS {
@@ -196,7 +188,6 @@ impl Gpio {
         }
     }
 
-    /// Resets one port for RCC.
     pub(crate) fn reset_port(&mut self, port: usize) {
         let old = &self.ports[port];
         let fresh = Port {
@@ -212,14 +203,14 @@ impl Gpio {
         self.configure(port);
     }
 
-    /// Computes the connections and masks again after a change of the configuration.
+    /// Computes connections and masks again after a change of the configuration.
     fn configure(&mut self, port: usize) {
         let p = &mut self.ports[port];
         p.output = fields(p.moder, 1);
         p.analog = fields(p.moder, 3);
         p.open_drain = p.otyper as u16;
         self.pads.open_drain[port] = p.open_drain;
-        // Pulls are off in analog mode, 8.3.12. The reserved value 11 is neither pull.
+        // Pulls are off in analog mode (8.3.12). The reserved value 11 is no pull.
         p.pull_up = fields(p.pupdr, 1) & !p.analog;
         p.pull_down = fields(p.pupdr, 2) & !p.analog;
         let (mut touched, mut count) = ([NONE; 32], 0);
@@ -240,7 +231,6 @@ impl Gpio {
         self.drive_port(port);
     }
 
-    /// Computes the pins of `signal` again.
     fn connect(&mut self, signal: u8) {
         let mut pins = [None; 2];
         let mut count = 0;
@@ -262,7 +252,6 @@ impl Gpio {
         }
     }
 
-    /// Computes which of the port's pins peripherals drive.
     fn drive_port(&mut self, port: usize) {
         let p = &mut self.ports[port];
         (p.driven_by_signal, p.signal_level) = (0, 0);
@@ -275,7 +264,6 @@ impl Gpio {
         }
     }
 
-    /// Makes a peripheral drive `signal`, or stop driving it.
     pub(crate) fn signal(&mut self, signal: Signal, level: Option<bool>, now: Cycle, out: &mut Effects) {
         let state = level.map_or(0, |level| 2 | u8::from(level));
         if std::mem::replace(&mut self.signals[signal.index()], state) == state {
@@ -290,7 +278,6 @@ impl Gpio {
         }
     }
 
-    /// Stops driving all signals of a peripheral that was reset.
     pub(crate) fn release(&mut self, range: std::ops::Range<usize>, now: Cycle, out: &mut Effects) {
         for index in range {
             if self.signals[index] != 0
@@ -301,7 +288,6 @@ impl Gpio {
         }
     }
 
-    /// Makes the outside drive `pin`, or stop driving it.
     pub(crate) fn drive(&mut self, pin: Pin, level: Option<bool>, now: Cycle, out: &mut Effects) {
         let Some(p) = self.ports.get_mut(usize::from(pin.port)) else { return };
         let bit = 1_u16 << (pin.number & 15);
@@ -316,13 +302,12 @@ impl Gpio {
         self.settle(usize::from(pin.port), now, None, out);
     }
 
-    /// Computes what the port's pads do and the levels on them, after any change.
+    /// Computes the port's pads and their levels after any change.
     #[inline]
     pub(crate) fn settle(&mut self, port: usize, now: Cycle, pc: Option<u32>, out: &mut Effects) {
         let p = &mut self.ports[port];
         let active = p.output | p.driven_by_signal;
         let wanted = p.output & p.odr | p.driven_by_signal & p.signal_level;
-        // An open drain that is high does not drive.
         let driven = active & !(p.open_drain & wanted);
         let pulled = (p.pull_up | p.pull_down) & !driven;
         let level = driven & wanted | pulled & p.pull_up;
@@ -386,7 +371,7 @@ impl Gpio {
                 find(FindingKind::Misuse, "the package does not bring this pin out:", pin);
             }
             let function = p.function(pin);
-            // A pin has AF0 while a driver has set its mode but not yet its function, so this is no finding.
+            // A driver may set the mode before the function, so AF0 is no finding.
             if mode != 2 || function == 0 || SIGNAL_OF[port][pin][function as usize] != NONE {
                 continue;
             }
@@ -398,24 +383,20 @@ impl Gpio {
         }
     }
 
-    /// The level on `pin`.
     pub(crate) fn level(&self, pin: Pin) -> bool {
         self.pads.level(pin)
     }
 
-    /// The state in which the part holds `pin`, for a device that was just connected.
     pub(crate) fn pad(&self, pin: Pin) -> Pad {
         self.ports.get(usize::from(pin.port)).map_or(Pad::Floating, |port| port.pad(pin.number & 15))
     }
 
-    /// The signal to which `pin` is connected.
     pub(crate) fn signal_of(&self, pin: Pin) -> Option<Signal> {
         let port = self.ports.get(usize::from(pin.port))?;
         let signal = port.signal[usize::from(pin.number & 15)];
         if signal == NONE { None } else { SIGNAL[usize::from(signal)] }
     }
 
-    /// Settles every port as [`Gpio::settle`] does, after a reset.
     pub(crate) fn settle_all(&mut self, now: Cycle, out: &mut Effects) {
         for port in 0..PORTS {
             self.settle(port, now, None, out);

@@ -55,7 +55,7 @@ impl Gpio {
                 return;
             }
             6 => {
-                // Zeros do nothing, so byte lanes that are not written do nothing. Setting wins over clearing, 8.4.7.
+                // Zeros in BSRR do nothing. Setting wins over clearing (8.4.7).
                 let bits = merge(0, offset, width, value);
                 p.odr = p.odr & !((bits >> 16) as u16) | bits as u16;
                 self.settle(port, now, pc, out);
@@ -83,7 +83,7 @@ impl Gpio {
         self.look(port, now, pc, out);
     }
 
-    /// Handles a step of the lock sequence of 8.3.6: software writes bit 16 as 1, 0, 1 with the same pins, then reads.
+    /// Handles a step of the lock sequence (8.3.6): bit 16 is written as 1, 0, 1 with the same pins, and then read.
     /// Anything else aborts the sequence.
     fn lock(p: &mut Port, bits: u32, word: bool) {
         if p.locked {

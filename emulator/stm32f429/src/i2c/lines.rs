@@ -2,36 +2,33 @@
 
 use super::*;
 
-/// The sampling instant of a bit, in quarters of the bit. The high phase is the second half of a bit, and sampling is
-/// in its middle.
+/// The sampling instant in quarters of a bit: the middle of the high phase, which is the second half.
 const SAMPLED: u64 = 3;
 
 impl I2c {
-    /// The levels of SCL and SDA as other devices drive them. A pin that is not connected counts as high.
+    /// The levels of SCL and SDA. A pin that is not connected is high.
     pub(super) fn lines(&self, cx: &Cx) -> (bool, bool) {
         let level = |pin| cx.pads.input(Signal::I2c(self.number, pin)).unwrap_or(true);
         (level(I2cPin::Scl), level(I2cPin::Sda))
     }
 
-    /// Sets BUSY if a line is low.
     pub(super) fn look_at_lines(&mut self, cx: &Cx) {
         if self.lines(cx) != (true, true) {
             self.sr2 |= BUSY;
         }
     }
 
-    /// Whether a byte is on the wires and its clock is high at `at`.
+    /// Whether a byte is on the wires and SCL is high at `at`.
     fn is_clock_high(&self, at: Cycle) -> bool {
         let in_byte = matches!(self.step, Some((Step::Address(_) | Step::Write(_) | Step::Read, None)));
         in_byte && self.held.is_none() && (at - self.began) % self.bit() * 2 >= self.bit()
     }
 
-    /// The cycle at which bit `number` of the step under way is sampled.
     fn sampled_at(&self, number: u64) -> Cycle {
         self.began + number * self.bit() + self.bit() * SAMPLED / 4
     }
 
-    /// Reacts to another device that pulls SCL low or releases it.
+    /// Reacts to another device that pulls SCL low or releases SCL.
     pub(super) fn clock_changed(&mut self, high: bool, cx: &mut Cx) {
         if self.cr1 & SWRST != 0 {
             return;
@@ -46,7 +43,7 @@ impl I2c {
         }
     }
 
-    /// Continues a step that was held, if no device holds it any more.
+    /// Continues a held step, if no device holds it any more.
     fn resume(&mut self, cx: &mut Cx) {
         let (scl, sda) = self.lines(cx);
         if !scl || !sda && matches!(self.step, Some((Step::Stop, _))) {
@@ -60,7 +57,7 @@ impl I2c {
         }
     }
 
-    /// Reacts to another device that pulls SDA low or releases it.
+    /// Reacts to another device that pulls SDA low or releases SDA.
     pub(super) fn data_changed(&mut self, high: bool, cx: &mut Cx) {
         if self.cr1 & SWRST != 0 {
             return;
@@ -74,7 +71,7 @@ impl I2c {
             self.low_since = None;
             let is_master = self.sr2 & MSL != 0;
             if scl && !is_master && self.sr2 & BUSY != 0 {
-                // The rising edge is a stop condition.
+                // This edge is a stop condition.
                 self.sr2 &= !BUSY;
                 self.start_lost |= self.cr1 & START != 0;
             }
@@ -96,8 +93,8 @@ impl I2c {
         }
     }
 
-    /// Suspends the step under way, so that no bit is sampled until it continues. [`I2c::began`] then has the time that
-    /// the step has lasted.
+    /// Suspends the present step: no bit is sampled until the step continues. [`I2c::began`] then holds how long the
+    /// step has lasted.
     fn hold(&mut self, now: Cycle) {
         self.mark_low(now);
         self.held = Some(self.due.saturating_sub(now));
@@ -105,7 +102,7 @@ impl I2c {
         self.began = now.saturating_sub(self.began);
     }
 
-    /// Records the bits that were sampled before `now` while SDA was held low.
+    /// Records which bits were sampled before `now` while SDA was held low.
     pub(super) fn mark_low(&mut self, now: Cycle) {
         let (Some(since), Some(_), None) = (self.low_since, self.step, self.held) else { return };
         for number in 0..9 {
@@ -115,8 +112,8 @@ impl I2c {
         }
     }
 
-    /// Finds the bit at which this I2C will lose arbitration, while SDA is held low: the first bit that is sent as a
-    /// one and was not sampled before `now`.
+    /// Finds the bit at which arbitration is lost while SDA is held low: the first one-bit that was not sampled before
+    /// `now`.
     pub(super) fn expect_loss(&mut self, now: Cycle) {
         if self.low_since.is_none() {
             return;
@@ -129,7 +126,7 @@ impl I2c {
         }
     }
 
-    /// Ends the step under way without any event on the wires.
+    /// Ends the present step without an event on the wires.
     pub(super) fn abandon(&mut self) {
         self.step = None;
         self.held = None;
@@ -138,7 +135,6 @@ impl I2c {
         self.due = NEVER;
     }
 
-    /// Loses the arbitration: another device has the bus.
     pub(super) fn lose(&mut self) {
         self.abandon();
         self.sr1 = self.sr1 & !(TXE | BTF) | ARLO;
@@ -147,7 +143,7 @@ impl I2c {
         self.goes_on = false;
     }
 
-    /// Begins a step with the lines as they are: if a device holds a line, it holds this step too.
+    /// Begins a step. If another device holds a line, the device also holds the step.
     pub(super) fn begun(&mut self, cx: &Cx) {
         let (scl, sda) = self.lines(cx);
         self.low = 0;

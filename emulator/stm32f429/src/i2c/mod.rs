@@ -14,21 +14,19 @@
 //! | A start that software requests before an unexpected stop is never generated | ES0206 2.9.2 |
 //!
 //! **Left out, each a finding when it is used:** slave mode, ten-bit addresses, SMBus, PEC, the general call. `TRISE`
-//! does not lengthen a bit. The filters (`FLTR`, 50 ns) pass every pulse. A spurious `BERR` without any cause (ES0206
-//! 2.9.6) happens only where a test requests it.
+//! does not lengthen a bit. The filters (`FLTR`, 50 ns) pass every pulse. A `BERR` without a cause (ES0206 2.9.6)
+//! happens only if a test requests it.
 //!
-//! `steps` models the transfer on the wires, this module the registers, and `lines` the effect of other devices.
+//! `steps` models transfers, `lines` the effect of other devices, and this module the registers.
 //!
 //! # Lines
 //!
-//! The levels that this I2C itself drives are not on the pads, since the board gets a transfer in steps ([`I2cEvent`]).
-//! The pads have the levels that the board drives and, while they are general purpose pins, those that software drives;
-//! a pull-up belongs to the board. A line that is low while this I2C drives nothing is therefore held by another
-//! device, and `BUSY` follows. A low level of either line sets `BUSY`; a stop (SDA rises while SCL is high) and `SWRST`
-//! clear it. The release of a held clock is no stop, and neither is the end of a transfer that `PE` or `ARLO` cut
-//! short: `BUSY` then stays set until software resets the I2C.
+//! The pads do not have the levels that this I2C drives, since the board gets a transfer in steps ([`I2cEvent`]). They
+//! have the levels of the board, with its pull-ups, and of pins that software drives. A low line is therefore held by
+//! another device. It sets `BUSY`; a stop (SDA rises while SCL is high) and `SWRST` clear it. If another device only
+//! releases SCL, or if `PE` or `ARLO` cut a transfer short, `BUSY` stays set until software resets the I2C.
 //!
-//! Every step (start, address or data byte with its acknowledge, stop) is one event at its end.
+//! Every step (start, address or data byte with acknowledge, stop) is one event at its end.
 
 mod lines;
 mod steps;
@@ -73,7 +71,6 @@ const TRA: u32 = 1 << 2;
 const FAST: u32 = 1 << 15;
 const DUTY: u32 = 1 << 14;
 
-/// A step of the controller on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     Start,
@@ -83,7 +80,6 @@ enum Step {
     Stop,
 }
 
-/// One I2C.
 #[derive(Clone, Debug)]
 pub(crate) struct I2c {
     number: u8,
@@ -97,36 +93,32 @@ pub(crate) struct I2c {
     trise: u32,
     fltr: u32,
     data: u8,
-    /// A received byte that waits in the shift register (BTF of a receiver).
+    /// A received byte in the shift register (BTF of a receiver).
     shifted: u8,
-    /// The step under way, and the bus's answer while it stretches the clock.
+    /// The present step, and the bus's answer while it stretches the clock.
     step: Option<(Step, Option<I2cAnswer>)>,
-    /// The cycle at which the step under way began. The next field is the cycle since which SDA has been held low in
-    /// it.
     began: Cycle,
     low_since: Option<Cycle>,
-    /// The bits of the step that were sampled while SDA was held low. The first bit of the step is bit 0.
+    /// The bits of the step, from bit 0, that were sampled while SDA was held low.
     low: u16,
-    /// Whether the arbitration is lost at [`I2c::due`], with the bit under way.
+    /// Whether the arbitration is lost at [`I2c::due`].
     loses: bool,
-    /// The cycles that remain of a step while another device holds it by the clock or, for a stop, by SDA.
+    /// The cycles that remain of a step while another device holds it by SCL or, for a stop, by SDA.
     held: Option<u64>,
     due: Cycle,
-    /// Whether the next byte is not acknowledged, since the DMA has signalled EOT_1.
+    /// Whether the next byte is not acknowledged, after the DMA's EOT_1.
     is_last: bool,
-    /// Whether an unexpected stop came while a start was requested, so that the start is never generated.
+    /// Whether an unexpected stop came while a start was requested. The start is then never generated.
     start_lost: bool,
-    /// Whether SR1 was read, which is the first step of the clearing sequences.
+    /// Whether SR1 was read, the first step of the clearing sequences.
     status_read: bool,
-    /// The acknowledge bit that POS delays by a byte.
     held_ack: bool,
-    /// Whether the receiver continues with another byte, because it acknowledged the last one.
+    /// Whether the receiver acknowledged the last byte and so continues.
     goes_on: bool,
     pclk: u32,
 }
 
 impl I2c {
-    /// Makes I2C`number`.
     pub(crate) fn new(number: u8) -> Self {
         Self {
             number,
@@ -218,10 +210,9 @@ impl I2c {
         }
         self.cr1 = value & 0xBFFB;
         if value & PE == 0 {
-            // Setting START and STOP needs PE.
             self.cr1 &= !(START | STOP | ACK);
             self.sr1 = 0;
-            // No stop ended the transfer under way, so BUSY stays.
+            // No stop ended the transfer, so BUSY stays.
             self.sr2 &= BUSY;
             self.abandon();
             self.start_lost = false;
@@ -273,7 +264,7 @@ impl Peripheral for I2c {
             0x08 => self.oar1 = value & 0xC3FF,
             0x0C => self.oar2 = value & 0xFF,
             0x10 => self.write_data(value as u8, cx),
-            // Writing zero clears the error flags. The other flags have clearing sequences.
+            // Written zeros clear the error flags. The other flags have clearing sequences.
             0x14 => self.sr1 &= value | !0xDF00,
             0x18 => {}
             0x1C => {

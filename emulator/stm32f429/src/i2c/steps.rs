@@ -1,10 +1,9 @@
 //! The steps of a transfer (start, address, data byte, stop): when each begins and ends, and which flags it sets
-//! (RM0090 27.3.3, figures of the transfer sequences).
+//! (RM0090 27.3.3).
 
 use super::*;
 
 impl I2c {
-    /// The core cycles of one bit.
     pub(super) fn bit(&self) -> u64 {
         let count = u64::from(self.ccr & 0xFFF).max(1);
         let periods = match self.ccr & (FAST | DUTY) {
@@ -26,13 +25,13 @@ impl I2c {
         self.begun(cx);
     }
 
-    /// Begins the next step that is requested and possible, if none is under way.
+    /// Begins the next requested step, if none is under way.
     pub(super) fn go_on(&mut self, from: Cycle, cx: &mut Cx) {
         if self.step.is_some() || self.cr1 & PE == 0 {
             return;
         }
         let is_master = self.sr2 & MSL != 0;
-        // The I2C holds the clock low until software has cleared SB and ADDR.
+        // SCL stays low until software has cleared SB and ADDR.
         if self.sr1 & (SB | ADDR) != 0 {
             if self.sr1 & SB != 0 && self.cr1 & STOP != 0 {
                 self.begin(Step::Stop, from, cx);
@@ -109,7 +108,7 @@ impl I2c {
         };
         let (_, sda) = self.lines(cx);
         if step == Step::Start && !sda {
-            // SDA is already low, so the start condition's falling edge cannot be made.
+            // SDA is already low, so no start condition can be made.
             self.lose();
             return;
         }
@@ -118,7 +117,7 @@ impl I2c {
     }
 
     fn done(&mut self, step: Step, mut answer: I2cAnswer) {
-        // Another device may make a zero of the ninth bit, which is then an acknowledge.
+        // Another device may pull the ninth bit low, which is an acknowledge.
         answer.acknowledged |= self.low & 1 << 8 != 0;
         let zeros = (0..8).fold(0_u8, |zeros, bit| zeros << 1 | u8::from(self.low >> bit & 1 != 0));
         answer.data &= !zeros;

@@ -1,4 +1,4 @@
-//! Tests of transfers as the manual describes them, and of transfers that other devices disturb.
+//! Tests of transfers, also with other devices that disturb them.
 
 use super::*;
 use crate::rig::Rig;
@@ -15,12 +15,11 @@ fn byte(data: u8) -> I2cAnswer {
     I2cAnswer { data, ..YES }
 }
 
-/// Makes an I2C at 100 kHz from 16 MHz, so that a bit takes 160 cycles.
+/// An I2C at 100 kHz from 16 MHz: a bit takes 160 cycles.
 fn rig(answers: &[I2cAnswer]) -> Rig<I2c> {
     let mut rig = Rig::new(I2c::new(1));
     rig.connect(Signal::I2c(1, I2cPin::Scl), 1, 6);
     rig.connect(Signal::I2c(1, I2cPin::Sda), 1, 7);
-    // The pins are pulled up and open drains.
     rig.pads.levels[1] = 0xC0;
     rig.pads.open_drain[1] = 0xC0;
     rig.lines.i2c_answers.extend(answers);
@@ -155,21 +154,19 @@ fn a_software_reset_frees_the_bus() {
     assert_eq!((rig.read(SR1), rig.read(SR2), rig.read(0x1C)), (0, 0, 0));
 }
 
-/// Sends a start and an address byte for reading and clears ADDR, so that the receiver clocks bytes in.
+/// Addresses a device for reading and clears ADDR, so that bytes come in.
 fn reading(rig: &mut Rig<I2c>) {
     address(rig, 0xA1, ACK);
     rig.read(SR1);
     rig.read(SR2);
 }
 
-/// Makes another device pull a line low or release it.
 fn line(rig: &mut Rig<I2c>, pin: I2cPin, high: bool) {
     let bit = if pin == I2cPin::Scl { 0x40 } else { 0x80 };
     rig.pads.levels[1] = rig.pads.levels[1] & !bit | if high { bit } else { 0 };
     rig.input(Signal::I2c(1, pin), high);
 }
 
-/// Makes another device pull a line low for `cycles` from now on.
 fn pulse(rig: &mut Rig<I2c>, pin: I2cPin, cycles: u64) {
     line(rig, pin, false);
     rig.run(rig.now + cycles);
@@ -359,7 +356,6 @@ fn a_zero_that_somebody_makes_is_read_as_one() {
     let mut rig = rig(&[YES, byte(0xFF)]);
     reading(&mut rig);
     rig.run(rig.now + 160 + 20);
-    // The pulse covers the second and the third bit.
     pulse(&mut rig, I2cPin::Sda, 2 * 160);
     rig.run(rig.now + 8 * 160);
     assert_eq!(rig.read(DR), 0b1001_1111);

@@ -11,15 +11,14 @@
 //! | `BDCR` | Writable with `PWR_CR.DBP` only; `RTCSEL` can be set once until `BDRST`, 7.3.20 |
 //! | `CSR` | LSI and the reset flags, 7.3.21 |
 //!
-//! `registers` handles the accesses, `oscillators` the start and failure of clock sources, and `tree` the frequencies.
+//! `registers` handles accesses, `oscillators` the start and failure of clock sources, and `tree` the frequencies.
 //!
-//! A rate beyond a limit of the data sheet works in the part but makes a finding: HCLK over what the voltage scale and
-//! over-drive allow, and PCLK1 and PCLK2 over their limits (DS9405, general operating conditions).
+//! A rate beyond a limit of DS9405 (general operating conditions) works and makes a finding: HCLK over the limit of
+//! voltage scale and over-drive, PCLK1 or PCLK2 over its limit.
 //!
-//! **Left out.** Spread spectrum (`SSCGR`) and low-power enables keep the written values and have no effect. The MCO
-//! pins do not toggle, which is a finding when `CFGR` is written while one is connected. Accesses within the two clocks
-//! after the enabling of a peripheral's clock (ES0206 2.2.7) work. The clock security system detects a failure in no
-//! time.
+//! **Left out.** Spread spectrum (`SSCGR`) and low-power enables have no effect. The MCO pins do not toggle; a write of
+//! `CFGR` while one is connected makes a finding. Accesses within two clocks after a peripheral's clock was enabled
+//! (ES0206 2.2.7) work. The clock security system detects a failure at once.
 
 mod oscillators;
 mod registers;
@@ -78,11 +77,11 @@ const PLL: usize = 4;
 const PLLI2S: usize = 5;
 const PLLSAI: usize = 6;
 
-/// The start-up times in nanoseconds, DS9405: LSI at most 40 µs, LSE 2 s typical, HSI at most 4 µs, HSE with a crystal
-/// 2 ms typical. The PLLs need 75 µs to 300 µs; the model takes 200 µs.
+/// The start-up times in nanoseconds (DS9405): LSI at most 40 µs, LSE 2 s typical, HSI at most 4 µs, HSE with a crystal
+/// 2 ms typical, PLLs 75 µs to 300 µs (taken as 200 µs).
 const START_NS: [u64; 7] = [40_000, 2_000_000_000, 4_000, 2_000_000, 200_000, 200_000, 200_000];
-/// The cycles until HSE is ready in bypass. RM0090 says only that HSERDY falls after six cycles; the same number is
-/// taken for its rise.
+/// The cycles until HSE is ready in bypass. RM0090 has six cycles for the fall of HSERDY; the rise is taken to be the
+/// same.
 const BYPASS_TICKS: u64 = 6;
 
 /// The rate of LSE on the NUCLEO, in hertz: a 32.768 kHz crystal.
@@ -95,7 +94,6 @@ const CR: u32 = 0;
 const PLLCFGR: u32 = 1;
 const CFGR: u32 = 2;
 const CIR: u32 = 3;
-/// The offset of CFGR, which selects what the MCO pins carry.
 pub(crate) const CFGR_OFFSET: u32 = 4 * CFGR;
 const BDCR: u32 = 0x70 / 4;
 const CSR: u32 = 0x74 / 4;
@@ -105,15 +103,14 @@ const DCKCFGR: u32 = 0x8C / 4;
 const RESETS: [u32; 5] = [0x10 / 4, 0x14 / 4, 0x18 / 4, 0x20 / 4, 0x24 / 4];
 const ENABLES: [u32; 5] = [0x30 / 4, 0x34 / 4, 0x38 / 4, 0x40 / 4, 0x44 / 4];
 const LOW_POWER: [u32; 5] = [0x50 / 4, 0x54 / 4, 0x58 / 4, 0x60 / 4, 0x64 / 4];
-/// The bits that exist in the reset registers. The next constants are those of the enable and the low-power enable
-/// registers, 7.3.5 to 7.3.14.
+/// The bits that exist in the reset, enable and low-power enable registers (7.3.5 to 7.3.14).
 const RESET_BITS: [u32; 5] = [0x22E0_17FF, 0x0000_00F1, 1, 0xF6FE_C9FF, 0x0477_7933];
 const ENABLE_BITS: [u32; 5] = [0x7EF4_17FF, 0x0000_00F1, 1, 0xF6FE_C9FF, 0x0477_7F33];
 const LOW_POWER_BITS: [u32; 5] = [0x7EF7_97FF, 0x0000_00F1, 1, 0xF6FE_C9FF, 0x0477_7F33];
 const ENABLES_AFTER_RESET: [u32; 5] = [0x0010_0000, 0, 0, 0, 0];
 const LOW_POWER_AFTER_RESET: [u32; 5] = [0x7E67_97FF, 0x0000_00F1, 1, 0xF6FE_C9FF, 0x0477_7F33];
 
-/// The bus register and the bit that gate a peripheral's clock.
+/// The register and the bit that gate a peripheral's clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Gate {
     /// The bus: 0 is AHB1, 1 AHB2, 2 AHB3, 3 APB1, 4 APB2.
@@ -121,32 +118,26 @@ pub(crate) struct Gate {
     pub(crate) bit: u8,
 }
 
-/// A clock rate in hertz, as an exact fraction.
 #[derive(Clone, Copy, Debug)]
 struct Rate {
     num: u128,
     den: u128,
-    /// The nominal rate, rounded down. The next field is the error of the clock's source.
+    /// The nominal rate, rounded down.
     hz: u64,
     ppb: i64,
 }
 
-/// The settings of the power controller on which the clocks depend.
+/// The power controller's settings for the clocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Supply {
-    /// The field `PWR_CR.VOS`, 1 to 3.
     pub(crate) scale: u8,
-    /// Whether over-drive is on and selected.
     pub(crate) over_drive: bool,
-    /// The bit `PWR_CR.DBP`.
     pub(crate) backup_writable: bool,
 }
 
-/// The reset and clock controller.
 #[derive(Clone, Debug)]
 pub(crate) struct Rcc {
     oscillators: Oscillators,
-    /// Whether OSC_IN carries a clock.
     hse_there: bool,
     cr: u32,
     pllcfgr: u32,
@@ -161,22 +152,17 @@ pub(crate) struct Rcc {
     plli2scfgr: u32,
     pllsaicfgr: u32,
     dckcfgr: u32,
-    /// The field SWS: the clock source of the system.
     system: u32,
-    /// The cycle at which each oscillator and PLL will be ready.
     ready_at: [Cycle; 7],
     /// Whether the independent watchdog keeps LSI on.
     lsi_forced: bool,
-    /// Whether the system's clock source has failed without the clock security system, so that all clocks have stopped.
+    /// Whether all clocks stand still, since HSE failed without the clock security system.
     pub(crate) stopped: bool,
     pub(crate) clocks: Clocks,
-    /// Whether the clocks changed since the part last checked.
     pub(crate) clocks_changed: bool,
-    /// The reset bits that rose since the part last checked.
+    /// The reset bits that rose since the part last looked.
     pub(crate) reset_bits: [u32; 5],
-    /// Whether the backup domain was reset since the part last checked.
     pub(crate) backup_reset: bool,
-    /// Whether HSE failed under the clock security system since the part last checked.
     pub(crate) failure: bool,
 }
 
@@ -212,7 +198,6 @@ impl Rcc {
         rcc
     }
 
-    /// Carries out a system reset by `cause`.
     pub(crate) fn reset(&mut self, cause: Reset) {
         let mut fresh = Self::new(self.oscillators);
         fresh.hse_there = self.hse_there;
@@ -227,7 +212,7 @@ impl Rcc {
         };
         fresh.csr = flags;
         if keep {
-            // Only a power-on resets the flags, 7.3.21, and a system reset leaves the backup domain alone, 7.1.3.
+            // A system reset keeps the reset flags (7.3.21) and the backup domain (7.1.3).
             fresh.csr |= self.csr & 0xFE00_0000;
             fresh.bdcr = self.bdcr;
             fresh.ready_at[LSE] = self.ready_at[LSE];
@@ -243,12 +228,11 @@ impl Rcc {
         self.ready_at.iter().copied().min().unwrap_or(NEVER)
     }
 
-    /// The level of RCC's interrupt.
     pub(crate) fn irq(&self) -> bool {
         self.cir & self.cir >> 8 & 0x7F != 0
     }
 
-    /// The level of the NMI of the clock security system, 7.2.7.
+    /// The NMI of the clock security system (7.2.7).
     pub(crate) fn nmi(&self) -> bool {
         self.cir & CSSF != 0
     }
@@ -257,21 +241,20 @@ impl Rcc {
         self.hse_there
     }
 
-    /// Whether the clock behind `gate` is on and the peripheral is not held in reset.
     #[inline]
     pub(crate) fn is_on(&self, gate: Gate) -> bool {
         let bus = usize::from(gate.bus);
         (self.enables[bus] & !self.resets[bus]) >> gate.bit & 1 != 0
     }
 
-    /// Switches the system's clock source if a requested one is ready, and computes the clock tree again.
+    /// Switches the system's clock source if the requested one is ready, and computes the clock tree again.
     fn settle(&mut self, now: Cycle, pc: Option<u32>, supply: Supply, out: &mut Effects) {
         let wanted = self.cfgr & 3;
         let ready = match wanted {
             0 => self.cr & HSIRDY != 0,
             1 => self.cr & HSERDY != 0,
             2 => self.cr & PLLRDY != 0,
-            // The value 3 of SW is "not allowed", 7.3.3, so the switch ignores it.
+            // SW = 3 is "not allowed" (7.3.3) and is ignored.
             _ => false,
         };
         if ready {

@@ -4,7 +4,7 @@
 use super::*;
 
 impl Rcc {
-    /// Turns LSI on for the independent watchdog, which keeps it on, 21.3.
+    /// Starts LSI for the independent watchdog, which keeps it on (21.3).
     pub(crate) fn force_lsi(&mut self, now: Cycle) {
         self.lsi_forced = true;
         if self.csr & LSIRDY == 0 && self.ready_at[LSI] == NEVER {
@@ -12,12 +12,11 @@ impl Rcc {
         }
     }
 
-    /// The core cycles of `ns` nanoseconds.
     fn after(&self, ns: u64) -> Cycle {
         (ns.saturating_mul(self.clocks.hclk_hz / 1000) / 1_000_000).max(1)
     }
 
-    /// Starts each clock source that is switched on and not ready. A source that is off or has no input is not ready.
+    /// Starts each clock source that is switched on and not ready.
     pub(super) fn start(&mut self, now: Cycle) {
         let hse_source = self.hse_there && self.cr & HSEON != 0;
         let pll_source = if self.pllcfgr & PLLSRC != 0 { self.cr & HSERDY != 0 } else { self.cr & HSIRDY != 0 };
@@ -60,7 +59,7 @@ impl Rcc {
         }
     }
 
-    /// Makes every clock source ready whose start-up time is over by `now`.
+    /// Makes every clock source ready whose start-up time is over.
     pub(crate) fn advance(&mut self, now: Cycle, supply: Supply, out: &mut Effects) {
         let mut any = false;
         for which in 0..self.ready_at.len() {
@@ -78,7 +77,7 @@ impl Rcc {
                 PLLI2S => self.cr |= PLLI2SRDY,
                 _ => self.cr |= PLLSAIRDY,
             }
-            // The flag is "set by hardware when ... becomes stable and the enable is set", 7.3.4.
+            // 7.3.4: "set by hardware when ... becomes stable and the enable is set".
             self.cir |= (self.cir >> 8 & 1 << which) & 0x7F;
         }
         if any {
@@ -87,7 +86,6 @@ impl Rcc {
         }
     }
 
-    /// Stops the clock on OSC_IN.
     pub(crate) fn fail_hse(&mut self, now: Cycle, supply: Supply, out: &mut Effects) {
         if !std::mem::replace(&mut self.hse_there, false) {
             return;
@@ -97,8 +95,7 @@ impl Rcc {
             let by_hse = self.system == 1 || self.system == 2 && self.pllcfgr & PLLSRC != 0;
             self.cr &= !(HSEON | HSERDY);
             if by_hse {
-                // The system switches to HSI, and the PLL is switched off if HSE drives it and the system uses it,
-                // 7.2.7.
+                // 7.2.7: the system switches to HSI. The PLL is switched off if HSE drives it and the system uses it.
                 self.cr |= HSION | HSIRDY;
                 if self.system == 2 {
                     self.cr &= !(PLLON | PLLRDY);
@@ -113,14 +110,13 @@ impl Rcc {
         self.settle(now, None, supply, out);
     }
 
-    /// Starts the clock on OSC_IN, for the first time or again.
     pub(crate) fn restore_hse(&mut self, now: Cycle, supply: Supply, out: &mut Effects) {
         if self.oscillators.hse_hz.is_none() {
             self.oscillators.hse_hz = Some(8_000_000);
         }
         self.hse_there = true;
         if self.stopped && self.system != 0 {
-            // A system that stood still for lack of HSE continues.
+            // A system that stood still for lack of HSE runs again.
             self.cr |= HSERDY;
             if self.system == 2 {
                 self.cr |= PLLRDY;

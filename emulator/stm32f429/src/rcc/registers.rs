@@ -48,7 +48,7 @@ impl Rcc {
         let mut find = |kind, text| out.notes.push(Note { kind, at: now, pc, place: "RCC", text, value: None });
         let bus = |list: &[u32; 5]| list.iter().position(|&own| own == number);
         if let Some(bus) = bus(&ENABLES) {
-            // Clock gates change nothing else, so the clock tree need not be computed again.
+            // Clock gates do not change the clock tree.
             self.enables[bus] = merged(self.enables[bus]) & ENABLE_BITS[bus];
             return;
         }
@@ -67,7 +67,7 @@ impl Rcc {
                 let mut new = merged(self.cr) & WRITABLE | self.cr & READY;
                 let by_pll = self.system == 2;
                 let by_hse = self.system == 1 || by_pll && self.pllcfgr & PLLSRC != 0;
-                // The system's clock source cannot be switched off, 7.3.1.
+                // 7.3.1: the system's clock source cannot be switched off.
                 let held = match (by_pll, by_hse) {
                     (true, true) => PLLON | HSEON,
                     (true, false) => PLLON | HSION,
@@ -75,7 +75,7 @@ impl Rcc {
                     (false, false) => HSION,
                 };
                 new |= held;
-                // HSEBYP can be written only while HSE is off. Only a reset (or a failure) clears CSSON.
+                // HSEBYP can be written only while HSE is off. Software cannot clear CSSON.
                 if self.cr & HSEON != 0 {
                     if (new ^ self.cr) & HSEBYP != 0 {
                         find(FindingKind::Misuse, "HSEBYP is written while HSE is on: it stays");

@@ -9,7 +9,6 @@ impl Rate {
         Self { num: u128::from(hz) * u128::from(scale), den: u128::from(GIGA.unsigned_abs()), hz, ppb }
     }
 
-    /// Multiplies the rate by `times` and divides it by `over`.
     fn scaled(self, times: u64, over: u64) -> Self {
         let over = over.max(1);
         Self {
@@ -20,10 +19,9 @@ impl Rate {
         }
     }
 
-    /// The number of cycles of `hclk` in one tick of this clock.
+    /// The cycles of `hclk` in one tick of this clock.
     fn period_in(self, hclk: Self) -> Ratio {
-        // Every factor is small: at most 2^28 Hz, 2^31 parts per billion, a multiplier of 2^9 and dividers of 2^16
-        // each.
+        // All factors are small: at most 2^28 Hz, 2^31 parts per billion, a multiplier of 2^9 and dividers of 2^16.
         let reduce = |rate: Self| {
             let common = gcd(rate.num, rate.den);
             (rate.num / common, rate.den / common)
@@ -41,7 +39,7 @@ fn gcd(mut a: u128, mut b: u128) -> u128 {
 }
 
 impl Rcc {
-    /// The rate of HSE (if `hse` is true) or of HSI; `None` if HSE does not run.
+    /// The rate of HSE (`hse`) or HSI; `None` if HSE does not run.
     fn source(&self, hse: bool) -> Option<Rate> {
         if hse {
             let hz = self.oscillators.hse_hz?;
@@ -55,19 +53,17 @@ impl Rcc {
         Some(self.source(self.pllcfgr & PLLSRC != 0)?.scaled(1, u64::from(self.pllcfgr & 0x3F)))
     }
 
-    /// The rate of a PLL's VCO with the given configuration, if the PLL locks.
+    /// The rate of a PLL's VCO in this configuration, if the PLL locks.
     pub(super) fn vco(&self, config: u32) -> Option<Rate> {
         let input = self.pll_input()?;
         let times = config >> 6 & 0x1FF;
         let vco = input.scaled(u64::from(times), 1);
         let divides = self.pllcfgr & 0x3F >= 2 && (50..=432).contains(&times);
-        // The main PLL's input must have 0.95 MHz to 2.1 MHz, and its VCO 100 MHz to 432 MHz (DS9405, characteristics
-        // of the main PLL).
+        // DS9405 (characteristics of the main PLL): the input needs 0.95 MHz to 2.1 MHz, the VCO 100 MHz to 432 MHz.
         let runs = (950_000..=2_100_000).contains(&input.hz) && (100_000_000..=432_000_000).contains(&vco.hz);
         (divides && runs).then_some(vco)
     }
 
-    /// The rate of SYSCLK when SWS is `system`.
     fn system_rate(&self, system: u32) -> Option<Rate> {
         match system {
             0 => self.source(false),
@@ -76,7 +72,7 @@ impl Rcc {
         }
     }
 
-    /// The clock tree that the registers set, `None` where the core has no clock.
+    /// The clock tree, `None` if the core has no clock.
     pub(super) fn tree(&self) -> Option<Clocks> {
         let ahb = match self.cfgr >> 4 & 0xF {
             small @ 8..=11 => 2_u64 << (small - 8),
@@ -85,8 +81,8 @@ impl Rcc {
         };
         let apb = |code: u32| if code & 4 != 0 { 2_u32 << (code & 3) } else { 1 };
         let (pclk1, pclk2) = (apb(self.cfgr >> 10 & 7), apb(self.cfgr >> 13 & 7));
-        // With TIMPRE the timers run at HCLK up to an APB divider of 4 and at 4 times PCLK above. Without, they run at
-        // HCLK if the divider is 1 and at 2 times PCLK otherwise, 7.2.
+        // 7.2: with TIMPRE the timers run at HCLK up to an APB divider of 4, else at 4 times PCLK. Without TIMPRE they
+        // run at HCLK for divider 1, else at 2 times PCLK.
         let timer = |apb: u32| if self.dckcfgr >> 24 & 1 != 0 { apb.div_ceil(4) } else { apb.div_ceil(2) };
         let hclk = self.system_rate(self.system)?.scaled(1, ahb);
         if hclk.num == 0 {
@@ -105,8 +101,8 @@ impl Rcc {
         };
         let rtc = rtc.filter(|_| self.bdcr & RTCEN != 0);
         let q = u64::from(self.pllcfgr >> 24 & 0xF);
-        // 7.3.2 calls 0 and 1 wrong and does not say what the output is, but the RNG runs with 0. The model assumes the
-        // slowest rate.
+        // 7.3.2 calls 0 and 1 wrong and does not state the output, but the RNG runs with 0. The model takes the slowest
+        // rate.
         let pll48_undefined = q < 2;
         let q = if pll48_undefined { 16 } else { q };
         let pll48 = self.vco(self.pllcfgr).filter(|_| self.cr & PLLRDY != 0).map(|vco| vco.scaled(1, q));
@@ -130,7 +126,7 @@ impl Rcc {
         })
     }
 
-    /// Reports clocks beyond the limits of DS9405, general operating conditions, for 2.7 V to 3.6 V.
+    /// Reports clocks beyond DS9405's limits (general operating conditions) for 2.7 V to 3.6 V.
     pub(crate) fn check_limits(&self, now: Cycle, pc: Option<u32>, supply: Supply, out: &mut Effects) {
         let most = match (supply.scale, supply.over_drive) {
             (1, false) => 168_000_000,

@@ -8,13 +8,13 @@
 //! | Backup registers | 26.6.20 |
 //!
 //! **Left out, each a finding when it is used:** sub-second alarms, calibration, shift, reference clock, time stamp,
-//! tamper, outputs. The shadow registers hold the present calendar, not that of up to two RTC clocks ago. The part, not
-//! this module, applies the protection by PWR_CR.DBP.
+//! tamper, outputs. The shadow registers hold the present calendar, not that of up to two RTC clocks ago. Write
+//! protection by PWR_CR.DBP is in the part.
 //!
-//! `calendar` models date and time, and this module the registers and the effects of passing time.
+//! `calendar` models date and time, and this module registers and passing time.
 //!
-//! The calendar is not stepped: it is computed from the RTC clocks since the last access. Only an alarm or a wake-up
-//! whose interrupt is enabled is an event.
+//! The calendar is computed from the RTC clocks since the last access. Only an alarm or wake-up with its interrupt
+//! enabled is an event.
 
 mod calendar;
 #[cfg(test)]
@@ -46,29 +46,24 @@ const INIT: u32 = 1 << 7;
 const ALRAF: u32 = 1 << 8;
 const WUTF: u32 = 1 << 10;
 
-/// The number of RTC clocks that the synchronisation between the clock domains takes.
+/// The RTC clocks of the synchronisation between the clock domains.
 const AGREE: u64 = 2;
 
-/// A date and time of the calendar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Calendar {
-    /// The year, 0 to 99.
     year: u8,
     month: u8,
     day: u8,
     /// The weekday, 1 (Monday) to 7.
     weekday: u8,
-    /// The hour, 0 to 23.
     hour: u8,
     minute: u8,
     second: u8,
 }
 
-/// The real-time clock.
 #[derive(Clone, Debug)]
 pub(crate) struct Rtc {
     calendar: Calendar,
-    /// The number of RTC clocks since the present second began.
     phase: u64,
     cr: u32,
     isr: u32,
@@ -79,29 +74,24 @@ pub(crate) struct Rtc {
     calibr: u32,
     tafcr: u32,
     backup: [u32; 20],
-    /// The number of bytes of the key that software has written to WPR in order; two bytes unlock the registers.
+    /// The number of key bytes that software has written to WPR in order; two unlock the registers.
     key: u8,
-    /// The value of TR that a read has locked, and the value of DR.
+    /// The values of TR and DR that a read has locked.
     locked: (Option<u32>, Option<u32>),
 
     clock: Ratio,
-    /// The cycle from which RTC clocks are counted. The next field is the number of those that are already accounted
-    /// for.
     origin: Cycle,
     counted: u64,
-    /// The number of RTC clocks since the reset.
     total: u64,
     /// The values of `total` at which INITF, RSF and WUTWF rise.
     initialises_at: u64,
     agrees_at: u64,
     wakeup_writable_at: u64,
-    /// The value of `total` at the next wake-up.
     wakes_at: u64,
     due: Cycle,
 }
 
 impl Rtc {
-    /// Makes the RTC as it is after a backup domain reset.
     pub(crate) fn new() -> Self {
         Self {
             calendar: Calendar::FIRST,
@@ -154,14 +144,13 @@ impl Rtc {
         }
     }
 
-    /// Brings all state up to `now`.
     fn sync(&mut self, now: Cycle) {
         let ticks = self.clock.ticks(now.saturating_sub(self.origin)).saturating_sub(self.counted);
         self.counted += ticks;
         self.total += ticks;
         if self.total >= self.initialises_at {
             self.initialises_at = NEVER;
-            // The calendar stops at this RTC clock, so clocks that passed after it do not count for the calendar.
+            // The calendar stops at this RTC clock. Later clocks do not count for it.
             self.isr |= INITF;
         } else if !self.is_initialising() {
             self.phase += ticks;
@@ -266,7 +255,7 @@ impl Rtc {
     }
 
     fn write_status(&mut self, value: u32, is_open: bool) {
-        // Writing zero clears flags, whether the registers are write-protected or not.
+        // Writing zero clears flags, even of write-protected registers.
         self.isr &= value | !0x3F00;
         if !is_open {
             return;
@@ -280,7 +269,7 @@ impl Rtc {
             self.initialises_at = self.total + AGREE;
         } else if value & INIT == 0 && self.isr & INIT != 0 {
             if self.is_initialising() {
-                // The second begins anew with the written calendar.
+                // The written calendar begins a new second.
                 self.phase = 0;
                 self.isr &= !RSF;
                 self.agrees_at = self.total + 2 * AGREE;
@@ -300,12 +289,11 @@ impl Rtc {
             value = value & !7 | before & 7;
         }
         if !self.is_initialising() && (before ^ value) & FMT != 0 {
-            // FMT can be written only in initialisation mode.
             value ^= FMT;
         }
         self.cr = value;
         if value & WUTE != 0 && before & WUTE == 0 {
-            // If the wake-up timer runs on the calendar's clock, it counts the calendar's seconds.
+            // On the calendar's clock, the wake-up timer counts the calendar's seconds.
             let from = if value & 4 != 0 { self.total - self.phase.min(self.total) } else { self.total };
             self.wakes_at = from + self.wakeup_period();
         } else if value & WUTE == 0 {
@@ -365,8 +353,8 @@ impl Peripheral for Rtc {
             return 0;
         };
         if self.cr & BYPSHAD == 0 {
-            // A read of the sub-seconds locks time and date, and a read of the time locks the date, until the date is
-            // read.
+            // A read of the sub-seconds locks time and date, and a read of the time locks the date. Reading the date
+            // ends the lock.
             match register {
                 0x28 if self.locked == (None, None) => self.locked = (self.value(0x00), self.value(0x04)),
                 0x00 => {

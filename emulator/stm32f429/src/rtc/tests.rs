@@ -9,10 +9,9 @@ const CR: u32 = 0x08;
 const ISR: u32 = 0x0C;
 const WPR: u32 = 0x24;
 const SSR: u32 = 0x28;
-/// A second in core cycles.
 const SECOND: Cycle = 16_000_000;
 
-/// Makes an RTC on LSE at 32 768 Hz, with its registers unlocked.
+/// An RTC on LSE at 32 768 Hz, with unlocked registers.
 fn rig() -> Rig<Rtc> {
     let mut rig = Rig::new(Rtc::new());
     rig.change_clocks(|clocks| clocks.rtc = Ratio::new(16_000_000, 32_768));
@@ -91,7 +90,7 @@ fn an_alarm_interrupts_in_the_second_that_it_is_set_to() {
     let mut rig = rig();
     set(&mut rig, 0x12_00_00, 0x24_21_01);
     let start = rig.now;
-    // The alarm is at any date, hour and minute, in second 05.
+    // At any date, hour and minute, in second 05.
     rig.write(0x1C, 1 << 31 | 1 << 23 | 1 << 15 | 0x05);
     rig.write(CR, ALRAE | ALRAIE);
     rig.run(start + 5 * SECOND - 1000);
@@ -100,7 +99,6 @@ fn an_alarm_interrupts_in_the_second_that_it_is_set_to() {
     assert_eq!(rig.instance.irq(), 1);
     rig.write(ISR, !ALRAF & !INIT);
     assert_eq!(rig.instance.irq(), 0);
-    // The alarm comes again a minute later.
     rig.run(start + 65 * SECOND);
     assert_eq!(rig.instance.irq(), 1);
 }
@@ -109,7 +107,7 @@ fn an_alarm_interrupts_in_the_second_that_it_is_set_to() {
 fn the_wake_up_timer_comes_after_its_clocks_and_again() {
     let mut rig = rig();
     rig.write(CR, 0);
-    // The wake-up clock RTCCLK / 16 has 2048 Hz.
+    // RTCCLK / 16 is 2048 Hz.
     rig.write(0x14, 2047);
     rig.write(CR, WUTE | WUTIE);
     rig.run(SECOND - 1000);

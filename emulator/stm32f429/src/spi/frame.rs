@@ -3,7 +3,7 @@
 use super::*;
 
 impl Spi {
-    /// Begins the next frame at `from`, if there is one to send or receive.
+    /// Begins the next frame at `from`, if there is anything to send or receive.
     pub(super) fn begin(&mut self, from: Cycle) {
         if self.flight.is_some() {
             return;
@@ -32,14 +32,13 @@ impl Spi {
         self.due = ends;
     }
 
-    /// The cycle of the next PCLK edge.
     pub(super) fn edge(&self, now: Cycle) -> Cycle {
-        // The number of core cycles of a PCLK cycle is a power of two.
+        // A PCLK cycle is a power of two of core cycles.
         let step = u64::from(self.pclk);
         (now + step - 1) & !(step - 1)
     }
 
-    /// Converts a frame's bits into the order in which they travel, or back.
+    /// Converts between a frame's bits and their order on the wire.
     fn ordered(&self, data: u16) -> u32 {
         if self.cr1 & LSBFIRST == 0 {
             u32::from(data)
@@ -100,7 +99,7 @@ impl Spi {
             }
         }
         if self.sr & RXNE != 0 {
-            // The data that was not read stays, and the data that came is lost (28.3.10).
+            // The unread data stays, and the new data is lost (28.3.10).
             self.sr |= OVR;
             self.overrun_read = false;
         } else {

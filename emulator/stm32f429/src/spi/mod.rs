@@ -11,14 +11,13 @@
 //! **Left out, each a finding when it is used:** slave mode (nothing outside the part clocks it), I2S, the TI frame
 //! format, the CRC that the end of a DMA transfer sends.
 //!
-//! `frame` models the shift register, and this module the registers around the shift register.
+//! `frame` models the shift register, and this module the registers.
 //!
 //! # Time
 //!
-//! A byte that is written while the shift register is empty moves on to it at once, and `TXE` is set again before the
-//! next access. The frame begins at the next PCLK edge and lasts as many SCK periods as it has bits. The received data
-//! is available at the end of the last period. A byte that waits in the data register then begins its frame without a
-//! gap.
+//! A byte that is written while the shift register is empty moves there at once, and `TXE` is set before the next
+//! access. The frame begins at the next PCLK edge and lasts as many SCK periods as it has bits, after which the
+//! received data is available. If the data register holds another byte, its frame follows without a gap.
 
 mod frame;
 #[cfg(test)]
@@ -61,25 +60,20 @@ const BSY: u32 = 1 << 7;
 
 const I2SMOD: u32 = 1 << 11;
 
-/// A frame on the wires.
 #[derive(Clone, Copy, Debug)]
 struct Flight {
-    /// The data that goes out, as software wrote it.
     data: u16,
     begins: Cycle,
     ends: Cycle,
-    /// Whether the frame is the CRC.
     is_crc: bool,
 }
 
-/// One SPI.
 #[derive(Clone, Debug)]
 pub(crate) struct Spi {
     number: u8,
     cr1: u32,
     cr2: u32,
     sr: u32,
-    /// The transmit and receive sides of the data register.
     tx: u16,
     rx: u16,
     crc_polynomial: u16,
@@ -88,20 +82,16 @@ pub(crate) struct Spi {
     i2scfgr: u32,
     i2spr: u32,
     flight: Option<Flight>,
-    /// The cycle at which the frame ends, or [`NEVER`].
     due: Cycle,
-    /// The core cycles of one PCLK cycle.
     pclk: u32,
-    /// Whether the CRC that CRCNEXT requests has been sent.
+    /// Whether the CRC that CRCNEXT requests was sent.
     crc_done: bool,
-    /// Whether DR was read, the first step to clear OVR. The next field is whether SR was read, the first step to clear
-    /// MODF.
+    /// Whether DR was read, the first step to clear OVR.
     overrun_read: bool,
     fault_read: bool,
 }
 
 impl Spi {
-    /// Makes SPI`number`.
     pub(crate) fn new(number: u8) -> Self {
         Self {
             number,
@@ -136,7 +126,7 @@ impl Spi {
         if self.cr1 & DFF != 0 { 0xFFFF } else { 0xFF }
     }
 
-    /// Whether the SPI clocks without data to send, because its mode only receives.
+    /// Whether the mode only receives, so that SCK runs without data to send.
     fn receives_only(&self) -> bool {
         if self.cr1 & BIDIMODE != 0 { self.cr1 & BIDIOE == 0 } else { self.cr1 & RXONLY != 0 }
     }
@@ -145,7 +135,7 @@ impl Spi {
         self.cr1 & (BIDIMODE | BIDIOE) == BIDIMODE | BIDIOE
     }
 
-    /// The level at the slave select input, see 28.3.1. Without a connected pin the level is low.
+    /// The slave select input (28.3.1). A pin that is not connected is low.
     fn select_is_high(&self, cx: &Cx) -> bool {
         if self.cr1 & SSM != 0 { self.cr1 & SSI != 0 } else { cx.pads.input(self.signal(SpiPin::Nss)).unwrap_or(false) }
     }
@@ -160,7 +150,7 @@ impl Spi {
         }
     }
 
-    /// Drives the levels of the pins between frames.
+    /// Drives the pins' levels between frames.
     fn drive(&self, before: (u32, u32), cx: &mut Cx) {
         let driven = |cr1: u32| cr1 & (SPE | MSTR) == SPE | MSTR;
         let on = driven(self.cr1);
@@ -181,7 +171,7 @@ impl Spi {
     fn write_cr1(&mut self, value: u32, cx: &mut Cx) {
         let mut value = value & 0xFFFF;
         if self.sr & MODF != 0 {
-            // Neither bit can be set until the clearing sequence is complete. This write is the sequence's last step.
+            // This write ends the clearing sequence, before which neither bit can be set.
             value &= !(SPE | MSTR);
             if self.fault_read {
                 self.sr &= !MODF;
@@ -209,8 +199,8 @@ impl Spi {
         self.cr1 = value;
         self.check_mode_fault(cx);
         if before & !self.cr1 & SPE != 0 && busy && !(before & MSTR != 0 && self.receives_only()) {
-            // A mode that only receives is stopped at the end of a frame (28.3.8). The other modes must not be stopped
-            // in a frame.
+            // A mode that only receives is stopped at the end of a frame (28.3.8). Other modes must not be stopped in a
+            // frame.
             if self.sr & MODF == 0 {
                 cx.find(FindingKind::Misuse, "disabled while a frame is under way: the frame is lost");
             }
@@ -274,7 +264,7 @@ impl Peripheral for Spi {
                 self.check_mode_fault(cx);
                 self.drive((self.cr1, before), cx);
             }
-            // Software can write only CRCERR in SR, and only to zero.
+            // In SR, software can only clear CRCERR.
             0x08 => self.sr &= value | !CRCERR,
             0x0C => {
                 self.tx = value as u16 & self.mask();
@@ -333,7 +323,6 @@ impl Peripheral for Spi {
         let apb2 = matches!(self.number, 1 | 4 | 5 | 6);
         self.pclk = if apb2 { cx.clocks.pclk2 } else { cx.clocks.pclk1 };
         if let Some(flight) = &mut self.flight {
-            // After a change of PCLK the rest of the frame continues at the new rate.
             let was = u64::from(if apb2 { old.pclk2 } else { old.pclk1 });
             let left = flight.ends.saturating_sub(cx.now).div_ceil(was);
             flight.ends = cx.now + left * u64::from(self.pclk);

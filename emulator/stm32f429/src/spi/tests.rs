@@ -1,4 +1,4 @@
-//! Tests of frames, flags, requests and pins against the manual.
+//! Tests of frames, flags, requests and pins.
 
 use emulator_part::Pin;
 
@@ -9,7 +9,7 @@ const CR1: u32 = 0x00;
 const CR2: u32 = 0x04;
 const SR: u32 = 0x08;
 const DR: u32 = 0x0C;
-/// CR1 for mode 1, master, PCLK / 8, slave select by software.
+/// Mode 1, master, PCLK / 8, slave select by software.
 const MASTER: u32 = CPHA | MSTR | 2 << 3 | SSM | SSI;
 
 fn rig() -> Rig<Spi> {
@@ -29,7 +29,7 @@ fn a_byte_and_its_answer_take_eight_sck_periods() {
     rig.run(101);
     rig.write(DR, 0x3C);
     assert_eq!(rig.read(SR), TXE | BSY);
-    // The next edge of PCLK is at cycle 102, and a bit takes 8 PCLK cycles of 2 core cycles.
+    // The next PCLK edge is at cycle 102, and a bit takes 8 PCLK cycles of 2 core cycles.
     rig.run(102 + 127);
     assert_eq!(rig.read(SR), TXE | BSY);
     rig.run(102 + 128);
@@ -156,7 +156,7 @@ fn the_crc_follows_the_last_byte_and_is_checked_on_reception() {
     rig.write(0x10, 0x07);
     rig.write(CR1, MASTER | CRCEN);
     rig.write(CR1, MASTER | CRCEN | SPE);
-    // The CRC-8 of 0x31 is 0x97. The answers are one byte and a wrong CRC.
+    // The CRC-8 of 0x31 is 0x97, so 0x96 is a wrong CRC.
     rig.lines.spi_answers.extend([0x31, 0x96]);
     rig.write(DR, 0x31);
     rig.write(CR1, MASTER | CRCEN | SPE | CRCNEXT);

@@ -1,10 +1,8 @@
-//! Input channels: the line that a channel listens to, the edges that count, the prescaler and the capture (RM0090
-//! 17.3.5, 17.3.6).
+//! Input channels: source, edges, prescaler and capture (RM0090 17.3.5, 17.3.6).
 
 use super::*;
 
 impl Tim {
-    /// The level of channel input `channel`, after the exclusive or of TI1.
     pub(super) fn line(&self, channel: usize) -> bool {
         if channel == 0 && self.cr2 & TI1S != 0 {
             self.inputs[0] ^ self.inputs[1] ^ self.inputs[2]
@@ -13,7 +11,7 @@ impl Tim {
         }
     }
 
-    /// Whether a change of a line to `level` is an edge that counts with this channel's polarity.
+    /// Whether a change to `level` counts with this channel's polarity.
     fn is_edge(&self, channel: usize, level: bool) -> bool {
         match self.ccer >> (4 * channel) & 0xA {
             0 => level,
@@ -23,7 +21,6 @@ impl Tim {
         }
     }
 
-    /// Handles a change of an input, see [`INPUT_ETR`].
     pub(super) fn input_changed(&mut self, input: usize, level: bool, cx: &mut Cx) {
         if self.inputs[input] == level {
             return;

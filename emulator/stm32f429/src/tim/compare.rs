@@ -4,7 +4,7 @@
 use super::*;
 
 impl Tim {
-    /// Handles a new value of the counter: compare matches, and the references that depend on them.
+    /// Handles a new value of the counter.
     pub(super) fn arrive(&mut self) {
         let centre = self.cr1 >> 5 & 3;
         for channel in 0..self.channels() {
@@ -31,7 +31,6 @@ impl Tim {
         self.follow();
     }
 
-    /// Updates the references in the forced and PWM modes.
     pub(super) fn follow(&mut self) {
         for channel in 0..self.channels() {
             if self.is_input(channel) {
@@ -65,7 +64,7 @@ impl Tim {
         }
     }
 
-    /// The compare values after an update. A channel that captures keeps its captured value.
+    /// The compare values after an update. A capturing channel keeps its value.
     pub(super) fn ccr_kept(&self) -> [u32; 4] {
         std::array::from_fn(|channel| if self.is_input(channel) { self.ccr_now[channel] } else { self.ccr[channel] })
     }

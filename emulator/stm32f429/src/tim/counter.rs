@@ -1,13 +1,12 @@
-//! The counter: its value, its direction, the ends of its range, and updates (RM0090 17.3.1 to 17.3.4).
+//! The counter: value, direction, ends of its range, and updates (RM0090 17.3.1 to 17.3.4).
 //!
-//! [`Tim::sync`] brings the counter up to date: it moves from one count at which something happens to the next.
-//! [`Tim::plan`] decides when such a count has to be an event of its own.
+//! [`Tim::sync`] moves the counter in steps from one count with an effect to the next. [`Tim::plan`] finds the counts
+//! that have to be events.
 
 use super::*;
 
 impl Tim {
-    /// The number of counts until something next happens: a compare match or an end of the range. `None` if the counter
-    /// stands still.
+    /// The counts to the next effect: a compare match or an end of the range. `None` if the counter stands still.
     fn to_next(&self) -> Option<u64> {
         let mut least = self.to_end()?;
         for channel in 0..self.channels() {
@@ -20,7 +19,7 @@ impl Tim {
         Some(least)
     }
 
-    /// The number of counts to the end of the range, where the counter wraps or turns.
+    /// The counts to the end of the range, where the counter wraps or turns.
     #[inline]
     fn to_end(&self) -> Option<u64> {
         let (cnt, arr) = (u64::from(self.cnt), u64::from(self.arr_now));
@@ -38,14 +37,14 @@ impl Tim {
         })
     }
 
-    /// The number of counts to a channel's match, if the match comes before the end of the range.
+    /// The counts to a channel's match, if it comes before the end of the range.
     #[inline]
     fn to_match(&self, channel: usize) -> Option<u64> {
         let (cnt, at) = (self.cnt, self.ccr_now[channel]);
         if self.down { cnt.checked_sub(at) } else { at.checked_sub(cnt) }.filter(|&d| d != 0).map(u64::from)
     }
 
-    /// Moves the counter by `counts`, at most up to [`Tim::to_next`], and handles what happens there.
+    /// Moves the counter by at most [`Tim::to_next`] counts, and handles what happens there.
     pub(super) fn count(&mut self, counts: u64) {
         let Some(end) = self.to_end() else { return };
         if counts < end {
@@ -53,7 +52,6 @@ impl Tim {
             self.arrive();
             return;
         }
-        // The counter has reached an end of its range.
         let beyond = !self.down && self.cnt > self.arr_now;
         if self.centre() {
             if self.down {
@@ -67,7 +65,6 @@ impl Tim {
                 self.cnt = self.arr_now;
                 self.down = true;
             }
-            // The match at the turning point counts in both directions.
             self.arrive();
             self.overflow();
         } else if self.down {
@@ -77,7 +74,7 @@ impl Tim {
         } else {
             self.cnt = 0;
             if beyond {
-                // The counter was beyond ARR, so it wrapped at its largest value and did not match ARR.
+                // From beyond ARR the counter wrapped at its largest value, without a match of ARR.
                 self.arrive();
                 return;
             }
@@ -86,7 +83,6 @@ impl Tim {
         }
     }
 
-    /// Handles a wrap or a turn of the counter.
     fn overflow(&mut self) {
         for channel in 0..self.channels() {
             // A compare value that the counter never reaches sets its flag here (TIMx_SR, CC1IF).
@@ -111,7 +107,6 @@ impl Tim {
         }
     }
 
-    /// Carries out an update event.
     fn update(&mut self, flagged: bool) {
         self.psc_now = self.psc;
         self.arr_now = self.arr;
@@ -152,7 +147,6 @@ impl Tim {
         self.follow();
     }
 
-    /// Brings the counter up to `now`.
     pub(super) fn sync(&mut self, now: Cycle) {
         let tick = self.ticks(now);
         if tick <= self.tick {
@@ -164,8 +158,7 @@ impl Tim {
         }
         let mut clocks = tick - self.tick + u64::from(self.prescale);
         self.tick = tick;
-        // The variable is the number of range ends since the start. Once everything that repeats has happened, whole
-        // periods are skipped.
+        // `ends` counts ends of the range. Once everything has repeated, whole periods are skipped.
         let mut ends = 0;
         loop {
             let step = u64::from(self.psc_now) + 1;
@@ -190,7 +183,7 @@ impl Tim {
             }
             if at_end {
                 ends += 1;
-                // A channel may toggle, so flags and levels repeat only after two rounds of the repetition counter.
+                // A channel may toggle, so all repeats only after two rounds of the repetition counter.
                 let rounds = 2 * (u64::from(self.rcr) + 1);
                 if ends > 2 * rounds {
                     let arr = u64::from(self.arr_now);
@@ -207,7 +200,7 @@ impl Tim {
         if self.div == 1 { now } else { now / self.div }
     }
 
-    /// Computes when something that others can observe happens next.
+    /// Computes when others can observe the next effect.
     pub(super) fn plan(&mut self) {
         self.plan_counter();
         for end in self.dead_until {

@@ -14,16 +14,15 @@
 //! | `registers` | what each register stores and does; DMA bursts through `DCR` and `DMAR` | 17.4, 18.4, 19.4, 20.4 |
 //!
 //! **Left out, each a finding when it is set up:** the commutation event (`CCPC`, `COMG`), the external clear of a
-//! reference (`OCxCE`), the option registers, the gated mode on another timer's trigger, `LOCK`. No dead time passes
-//! before the outputs take their idle levels. The input filters count as off.
+//! reference (`OCxCE`), the option registers, the gated mode on another timer's trigger, `LOCK`. The outputs take their
+//! idle levels without a dead time. The input filters count as off.
 //!
 //! # Time
 //!
-//! The counter is not stepped: its value is computed from the timer clock cycles since the last access. Only effects
-//! that others can observe (an interrupt, a DMA request, a pin, another timer) are events at their own cycles. Flags
-//! that are only polled are brought up to date when they are read. A compare flag rises in the timer clock cycle in
-//! which the counter takes the compare value. If software writes a compare value that equals the counter, the value
-//! matches when the counter next takes it.
+//! The counter's value is computed from the timer clock cycles since the last access. Only effects that others can
+//! observe (an interrupt, a DMA request, a pin, another timer) are events. Flags are brought up to date when they are
+//! read. A compare flag rises in the timer clock cycle in which the counter takes the compare value. A compare value
+//! that is written while the counter equals it matches when the counter next takes it.
 
 mod capture;
 mod compare;
@@ -65,34 +64,29 @@ const ECE: u32 = 1 << 14;
 /// SMCR.ETP: the external trigger is inverted.
 const ETP: u32 = 1 << 15;
 
-/// The interrupt outputs of TIM1 and TIM8, see [`Peripheral::irq`]. The other timers have one output.
+/// The interrupt outputs of TIM1 and TIM8, see [`Peripheral::irq`].
 const IRQ_BREAK: u32 = 1 << 0;
 const IRQ_UPDATE: u32 = 1 << 1;
 const IRQ_TRIGGER: u32 = 1 << 2;
 const IRQ_CHANNELS: u32 = 1 << 3;
 
-/// The DMA requests, see [`Peripheral::dma`]. Channel n has bit n (1 to 4).
+/// The DMA requests, see [`Peripheral::dma`]. Channel n has bit n.
 const DMA_UPDATE: u32 = 1 << 0;
 const DMA_TRIGGER: u32 = 1 << 5;
 
-/// The index of the external trigger among a timer's inputs. 0 to 3 are channels 1 to 4.
+/// The index of the external trigger. Inputs 0 to 3 are channels 1 to 4.
 const INPUT_ETR: usize = 4;
-/// The index of the break input.
 const INPUT_BREAK: usize = 5;
 
-/// The features of one of the fourteen timers.
+/// The features of a timer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Kind {
-    /// The timer's number, 1 to 14.
     number: u8,
     channels: u8,
-    /// The largest count, which has 16 or 32 one bits.
     largest: u32,
-    /// Whether the timer has repetition, break and complementary outputs, as TIM1 and TIM8 do.
+    /// Whether the timer has repetition, break and complementary outputs (TIM1 and TIM8).
     advanced: bool,
-    /// Whether the timer can count down and centre-aligned.
     downward: bool,
-    /// Whether the timer has a slave mode controller.
     slave: bool,
 }
 
@@ -116,7 +110,6 @@ impl Kind {
     }
 }
 
-/// One timer.
 #[derive(Clone, Debug)]
 pub(crate) struct Tim {
     kind: Kind,
@@ -130,7 +123,7 @@ pub(crate) struct Tim {
     bdtr: u32,
     dcr: u32,
     or: u32,
-    /// The register values as written. The values in force follow below them.
+    /// The registers as written. The values in force follow below them.
     psc: u32,
     arr: u32,
     rcr: u32,
@@ -138,46 +131,36 @@ pub(crate) struct Tim {
     psc_now: u32,
     arr_now: u32,
     ccr_now: [u32; 4],
-    /// The number of overflows left before the next update.
     repeat: u32,
 
-    /// The core cycles of one timer clock cycle.
     div: u64,
-    /// The timer clock cycle for which the fields of the counter below are right.
+    /// The timer clock cycle for which the fields below are right.
     tick: u64,
-    /// The number of timer clocks since the last count.
     prescale: u32,
     cnt: u32,
     down: bool,
-    /// The reference of each channel, OCxREF.
     reference: [bool; 4],
-    /// The levels of the inputs: channels 1 to 4, ETR, break.
+    /// The levels of channels 1 to 4, ETR and break.
     inputs: [bool; 6],
-    /// Whether the trigger input is high (gated mode).
     gate: bool,
-    /// The edges counted by the input prescalers of channels 1 to 4, and by that of ETR.
+    /// The edges counted by the input prescalers of channels 1 to 4 and ETR.
     edges: [u8; 5],
     requests: u32,
-    /// The number of transfers left in a DMA burst. The next field is the next register of the burst.
     burst_left: u32,
     burst_next: u32,
-    /// The number of rising edges of the trigger output that were not reported yet. The next field is the output's
-    /// level, in the modes in which it has one.
+    /// The number of rising edges of the trigger output that were not reported yet.
     trigger_pulses: u8,
     trigger_level: bool,
-    /// The outputs that were last reported. The next fields are the references and the trigger level.
     told: Outputs,
     told_references: u8,
     told_level: bool,
-    /// The cycle at which the dead time of each complementary pair ends; `NEVER` if no dead time runs. The next field
-    /// has the levels of the reference signals for which the dead times were last computed.
+    /// The cycle at which each complementary pair's dead time ends; `NEVER` if no dead time runs.
     dead_until: [Cycle; 3],
     dead_references: u8,
     due: Cycle,
 }
 
 impl Tim {
-    /// Makes TIM`number`.
     pub(crate) fn new(number: u8) -> Self {
         let kind = Kind::of(number);
         Self {
@@ -238,7 +221,6 @@ impl Tim {
         self.smcr >> 4 & 7
     }
 
-    /// Whether the internal clock moves the counter.
     #[inline]
     fn counting(&self) -> bool {
         self.cr1 & CEN != 0
@@ -255,7 +237,7 @@ impl Tim {
         usize::from(self.kind.channels)
     }
 
-    /// The eight bits of CCMRx that belong to a channel.
+    /// The channel's eight bits of CCMRx.
     #[inline]
     fn mode_byte(&self, channel: usize) -> u32 {
         self.ccmr[channel / 2] >> (8 * (channel % 2)) & 0xFF
@@ -276,7 +258,7 @@ impl Tim {
         !self.is_input(channel) && self.ccer >> (4 * channel) & 5 != 0
     }
 
-    /// Raises a DMA request. If it has a burst, the burst begins anew.
+    /// Raises a DMA request, and begins its burst if it has one.
     #[inline]
     fn request(&mut self, line: u32) {
         self.requests |= line;
@@ -343,7 +325,7 @@ impl Peripheral for Tim {
 
     fn clocks_changed(&mut self, _: &Clocks, cx: &mut Cx) {
         self.sync(cx.now);
-        // A counter that has just been enabled starts one clock later; this delay has to be preserved.
+        // A counter that was just enabled starts one clock later. The delay is kept.
         let ahead = self.tick - self.ticks(cx.now);
         self.div = u64::from(if matches!(self.kind.number, 1 | 8..=11) { cx.clocks.tim2 } else { cx.clocks.tim1 });
         self.tick = self.ticks(cx.now) + ahead;
@@ -371,7 +353,7 @@ impl Peripheral for Tim {
 
     fn trigger(&mut self, trigger: Trigger, cx: &mut Cx) {
         if trigger == Trigger::ClockFailure {
-            // BKE enables both the break pin and the clock security system (17.4.18).
+            // BKE enables the break pin and the clock security system (17.4.18).
             if self.kind.advanced && self.bdtr & BKE != 0 {
                 self.sync(cx.now);
                 self.bdtr &= !MOE;

@@ -1,5 +1,5 @@
-//! The outputs of channels and their complements: enables, polarities, idle levels, break and dead time (RM0090
-//! 17.3.11, 17.3.12, table 95, `TIMx_BDTR` in 17.4.18).
+//! Outputs of channels: enables, polarities, idle levels, break and dead time (RM0090 17.3.11, 17.3.12, table 95,
+//! `TIMx_BDTR` in 17.4.18).
 
 use super::*;
 
@@ -7,13 +7,10 @@ use super::*;
 const OUTPUT_PINS: [TimPin; 7] =
     [TimPin::Ch1, TimPin::Ch2, TimPin::Ch3, TimPin::Ch4, TimPin::Ch1N, TimPin::Ch2N, TimPin::Ch3N];
 
-/// The state of a timer's outputs: bits 0 to 3 are channels 1 to 4, bits 4 to 6 the complementary outputs of channels 1
-/// to 3.
+/// A timer's outputs: bits 0 to 3 are channels 1 to 4, bits 4 to 6 the complementary outputs of channels 1 to 3.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Outputs {
-    /// The outputs that the timer drives.
     driven: u8,
-    /// The levels of these outputs.
     levels: u8,
 }
 
@@ -29,7 +26,7 @@ impl Tim {
         }
     }
 
-    /// The dead time in core cycles, 17.4.18: DTG counts steps of the clock that CKD divides.
+    /// The dead time in core cycles (17.4.18). DTG counts steps of the clock that CKD divides.
     fn dead_time(&self) -> u64 {
         let dtg = u64::from(self.bdtr & 0xFF);
         let steps = match dtg >> 5 {
@@ -41,8 +38,7 @@ impl Tim {
         (steps << (self.cr1 >> 8 & 3).min(2)) * self.div
     }
 
-    /// Starts a dead time at each edge of a reference: the output that was on goes off at once, and the other output
-    /// goes on after the dead time.
+    /// Starts a dead time at each edge of a reference: one output goes off at once, and the other goes on after it.
     fn follow_dead_time(&mut self, now: Cycle) {
         let time = self.dead_time();
         for channel in 0..3 {
@@ -61,7 +57,6 @@ impl Tim {
         }
     }
 
-    /// The outputs that the timer drives now, with their levels.
     fn outputs(&self) -> Outputs {
         let mut out = Outputs::default();
         if self.kind.channels == 0 || self.ccer & 0x5555 == 0 {
@@ -78,15 +73,15 @@ impl Tim {
             if bits & 1 != 0 {
                 let active = reference && !dead;
                 let level = if idle { self.cr2 >> (8 + 2 * channel) & 1 != 0 } else { active != (bits & 2 != 0) };
-                // With MOE clear, the timer drives an output only if OSSI is set.
+                // Without MOE, OSSI decides whether the output is driven.
                 if !idle || self.bdtr & 1 << 10 != 0 {
                     out.driven |= 1 << channel;
                     out.levels |= u8::from(level) << channel;
                 }
             }
             if self.kind.advanced && channel < 3 && bits & 4 != 0 {
-                // The complementary output alone carries the reference. Together with its channel it carries the
-                // complement (table 95).
+                // Table 95: the complementary output alone carries the reference. Together with its channel's output it
+                // carries the complement.
                 let source = if bits & 1 != 0 { !reference } else { reference };
                 let active = source && !dead;
                 let level = if idle { self.cr2 >> (9 + 2 * channel) & 1 != 0 } else { active != (bits & 8 != 0) };
@@ -99,7 +94,7 @@ impl Tim {
         out
     }
 
-    /// Reports changes of the outputs and of the trigger output, and plans the next event.
+    /// Reports changes of the outputs, and plans the next event.
     pub(super) fn finish(&mut self, cx: &mut Cx) {
         if self.kind.advanced {
             self.follow_dead_time(cx.now);

@@ -1,4 +1,4 @@
-//! The registers of a timer (RM0090 17.4, 18.4, 19.4, 20.4): what each stores, what a write does, and DMA bursts.
+//! The registers of a timer (RM0090 17.4, 18.4, 19.4, 20.4), and DMA bursts.
 
 use super::*;
 
@@ -45,7 +45,6 @@ impl Tim {
         }
     }
 
-    /// The register to which an access to DMAR goes.
     fn burst_register(&mut self) -> u32 {
         let register = 4 * ((self.dcr & 0x1F) + self.burst_next);
         self.burst_next = if self.burst_next >= self.dcr >> 8 & 0x1F { 0 } else { self.burst_next + 1 };
@@ -78,10 +77,10 @@ impl Tim {
             }
             0x0C => {
                 self.dier = value & 0x7FFF;
-                // Clearing the enable bit of a request also cancels the request.
+                // Clearing a request's enable bit cancels the request.
                 self.requests &= self.dier >> 8 & 0x1F | self.dier >> 9 & DMA_TRIGGER;
             }
-            // Written zeros clear flags, and written ones leave them.
+            // Written zeros clear flags.
             0x10 => self.sr &= value,
             0x14 => self.generate(value, cx),
             0x18 if channels > 0 => self.write_modes(0, value, cx),
@@ -101,7 +100,7 @@ impl Tim {
             0x30 if self.kind.advanced => self.rcr = value & 0xFF,
             0x34..=0x40 if (offset - 0x34) / 4 < u32::from(channels) => {
                 let channel = ((offset - 0x34) / 4) as usize;
-                // The register of a channel that captures is read-only.
+                // A capturing channel's register is read-only.
                 if !self.is_input(channel) {
                     self.ccr[channel] = value & self.kind.largest;
                     if self.mode_byte(channel) & 8 == 0 {

@@ -25,8 +25,8 @@ fn rig(number: u8) -> Rig<Tim> {
     Rig::new(Tim::new(number))
 }
 
-/// The cycles up to `to` at which the interrupt output was high, and the enabled flags that were set then; all flags
-/// are cleared each time. (An unused channel has the compare value zero, so its flag rises too.)
+/// The cycles up to `to` with a high interrupt output, and the enabled flags that were set. All flags are cleared each
+/// time. An unused channel's flag rises too, since its compare value is zero.
 fn interrupts(rig: &mut Rig<Tim>, to: Cycle) -> Vec<(Cycle, u32)> {
     let mut seen = Vec::new();
     while rig.instance.due() <= to {
@@ -49,7 +49,7 @@ fn both_outputs_of_a_pair_are_off_during_the_dead_time() {
     rig.write(CCR1, 50);
     rig.write(CCMR1, 6 << 4);
     rig.write(CCER, 5);
-    // DTG is 10 steps of two timer clocks each (CKD), which is 20 cycles.
+    // DTG is 10 steps of two timer clocks (CKD): 20 cycles.
     rig.write(BDTR, MOE | 10);
     rig.write(EGR, 1);
     rig.out.outputs.clear();
@@ -225,7 +225,7 @@ fn an_advanced_timer_drives_nothing_without_its_main_output_enable() {
     assert!(rig.out.outputs.is_empty());
     rig.write(BDTR, MOE);
     let driven: Vec<_> = rig.out.outputs.iter().map(|&(_, signal, level)| (signal, level)).collect();
-    // After 99 counts the counter is at 9.
+    // The counter is at 9.
     let pins = [(TimPin::Ch1, false), (TimPin::Ch1N, true)];
     assert_eq!(driven, pins.map(|(pin, level)| (Signal::Tim(1, pin), Some(level))));
 }
@@ -297,7 +297,6 @@ fn a_timer_tells_its_update_and_another_counts_it() {
     assert_eq!(master.out.triggers, [Trigger::Trgo(3); 3]);
 
     let mut slave = rig(2);
-    // ITR2 of TIM2 is TIM3.
     slave.write(SMCR, 2 << 4 | 7);
     slave.write(CR1, CEN);
     for _ in 0..3 {
@@ -325,7 +324,6 @@ fn an_update_request_stays_until_the_dma_has_served_its_burst() {
     assert_eq!((rig.read(CCR1), rig.read(CCR2)), (7, 8));
 }
 
-/// The state of a timer that depends on the time.
 fn state(rig: &mut Rig<Tim>) -> (u32, u32, [bool; 4], u32, u32, u32) {
     let status = rig.read(SR);
     let timer = &rig.instance;
@@ -364,7 +362,7 @@ proptest::proptest! {
         rig.write(SR, 0);
         rig.write(CR1, control & 0x7E | CEN);
         rig.run(later.2);
-        // Preloaded values of PSC and ARR may have to wait for an update.
+        // Preloaded PSC and ARR may wait for an update.
         rig.write(PSC, later.0);
         rig.write(ARR, later.1);
         let mut stepped = rig.clone();

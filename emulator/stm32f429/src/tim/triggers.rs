@@ -1,10 +1,9 @@
-//! How a timer follows signals other than its own clock: the slave modes, the encoder, the external clocks (RM0090
-//! 17.3.16, 17.3.20, `TIMx_SMCR` in 17.4.3); and the trigger output.
+//! Slave modes, encoder and external clocks (RM0090 17.3.16, 17.3.20, `TIMx_SMCR` in 17.4.3); the trigger output.
 
 use super::*;
 
-/// The timers whose trigger outputs are ITR0 to ITR3 of a timer (RM0090 tables 93, 97, 100 and 101). TIM10, TIM11,
-/// TIM13 and TIM14 provide the level of their channel.
+/// The timers that are ITR0 to ITR3 of a timer (RM0090 tables 93, 97, 100 and 101). TIM10, TIM11, TIM13 and TIM14
+/// provide the level of their channel.
 pub(super) const fn internal_triggers(number: u8) -> Option<[u8; 4]> {
     Some(match number {
         1 => [5, 2, 3, 4],
@@ -20,7 +19,7 @@ pub(super) const fn internal_triggers(number: u8) -> Option<[u8; 4]> {
 }
 
 impl Tim {
-    /// Handles a change of one encoder line (table 98, "Counting direction versus encoder signals").
+    /// Handles a change of an encoder line (table 98, "Counting direction versus encoder signals").
     pub(super) fn encoder(&mut self, line: usize) {
         if self.cr1 & CEN == 0 {
             return;
@@ -42,7 +41,6 @@ impl Tim {
         self.pulse();
     }
 
-    /// Counts one external clock, through the prescaler.
     fn pulse(&mut self) {
         if self.cr1 & CEN == 0 {
             return;
@@ -72,7 +70,6 @@ impl Tim {
         }
     }
 
-    /// Handles a change of the trigger input to `level`.
     pub(super) fn trigger_edge(&mut self, level: bool, now: Cycle) {
         if !self.kind.slave {
             return;
@@ -117,7 +114,7 @@ impl Tim {
     pub(super) fn start(&mut self, now: Cycle) {
         if self.cr1 & CEN == 0 {
             self.cr1 |= CEN;
-            // CNT_EN follows CEN by one timer clock (17.3.4). The prescaler continues from its present count.
+            // CNT_EN follows CEN by one timer clock (17.3.4). The prescaler keeps its count.
             self.tick = self.ticks(now) + 1;
             self.trigger_enable();
         }

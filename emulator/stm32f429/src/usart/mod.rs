@@ -8,18 +8,17 @@
 //! | this one | Half duplex, DMA requests, interrupts | 30.3.10, 30.3.13, 30.4 |
 //!
 //! **Left out, each a finding when it is used:** LIN, smartcard, IrDA, the synchronous clock, the mute mode, RTS and
-//! CTS, sending a break. The receiver ignores a level on RX that is not part of a frame.
+//! CTS, sending a break. A level on RX that is not part of a frame is ignored.
 //!
 //! # Reception
 //!
-//! A frame from outside is a waveform. The receiver samples each bit at its own rate, counted from the falling edge of
-//! the start bit: at the 8th, 9th and 10th sixteenth (OVER8: 4th to 6th eighth). So a sender with another baud rate,
-//! parity or length gives the same bytes and flags as on silicon. A byte is available at the last sample of its stop
-//! bit. After that the receiver looks for the next falling edge. After the last frame that it got, it samples an idle
-//! line.
+//! A frame from outside is a waveform. The receiver samples each bit at its own rate, counted from the start bit's
+//! falling edge: at the 8th, 9th and 10th sixteenth (OVER8: 4th to 6th eighth). A sender with another baud rate, parity
+//! or length therefore gives the bytes and flags of silicon. A byte is available at the last sample of its stop bit,
+//! after which the receiver looks for the next falling edge.
 //!
-//! `IDLE` rises a whole frame and one bit after the end of the last stop bit. The extra bit is an addition of this
-//! model, so that a frame that the receiver gets only at the frame's end comes in time.
+//! `IDLE` rises a whole frame and one bit after the last stop bit. The extra bit is not in the manual: a frame reaches
+//! the receiver only at its end, and the extra bit lets it come in time.
 
 mod receiver;
 #[cfg(test)]
@@ -70,30 +69,26 @@ const RTSE: u32 = 1 << 8;
 const CTSE: u32 = 1 << 9;
 const ONEBIT: u32 = 1 << 11;
 
-/// The number of fractional bits in a length in cycles.
+/// The number of fractional bits of a length in cycles.
 const FRACTION: u32 = 12;
 
-/// A frame on the receiver's line.
 #[derive(Clone, Copy, Debug)]
 struct Wave {
     begins: Cycle,
-    /// The cycle at which the frame's stop bits end.
     ends: Cycle,
     /// The length of a bit in cycles, with [`FRACTION`] fractional bits.
     bit: u64,
-    /// The levels of the frame's bits, with the start bit at bit 0. All bits after the frame are ones.
+    /// The frame's bits, with the start bit at bit 0, followed by ones.
     levels: u32,
 }
 
-/// The frame that the transmitter shifts out.
 #[derive(Clone, Copy, Debug)]
 struct Sending {
-    /// The frame's data, `None` for an idle frame.
+    /// The data, `None` for an idle frame.
     data: Option<u16>,
     ends: Cycle,
 }
 
-/// One USART or UART.
 #[derive(Clone, Debug)]
 pub(crate) struct Usart {
     number: u8,
@@ -105,29 +100,24 @@ pub(crate) struct Usart {
     gtpr: u32,
     tdr: u16,
     rdr: u16,
-    /// The flags that the last read of SR returned. The next read or write of DR clears these.
+    /// The flags that the last read of SR returned. An access to DR clears them.
     shown: u32,
-    /// The core cycles of a PCLK cycle. The next field is the core cycles of a bit, 0 if BRR gives no baud rate.
+    /// The core cycles of a PCLK cycle.
     pclk: u32,
     bit: u64,
-    /// The length of a bit in picoseconds, 0 while it is not known.
     bit_ps: u64,
     sending: Option<Sending>,
-    /// The frames on the line, oldest first.
     waves: VecDeque<Wave>,
-    /// The bit length of the last waveform, in picoseconds and in cycles. It is kept since the conversion is slow.
+    /// The last waveform's bit length in picoseconds and in cycles, since the conversion is slow.
     known_bit: (u64, u64),
-    /// The cycle of the start bit's edge of the frame that is being received.
+    /// The cycle of the present frame's falling edge of the start bit.
     receiving: Option<Cycle>,
-    /// The cycle before which no start bit is recognised.
     look_from: Cycle,
-    /// The cycle at which the line will have been idle for a frame.
     idle_at: Cycle,
     due: Cycle,
 }
 
 impl Usart {
-    /// Makes USART`number` or UART`number`.
     pub(crate) fn new(number: u8) -> Self {
         Self {
             number,
@@ -158,12 +148,12 @@ impl Usart {
     }
 
     /// Whether a frame with data is being sent, during which M must not change (RM0090 30.6.4). The idle frame that
-    /// `TE` sends does not count, and settings made during that idle frame hold for the first frame after it.
+    /// `TE` sends does not count.
     fn sends_data(&self) -> bool {
         self.sending.is_some_and(|sending| sending.data.is_some())
     }
 
-    /// The number of bits between start and stop bit, parity included.
+    /// The number of bits between start and stop bit, with parity.
     fn data_bits(&self) -> u32 {
         if self.cr1 & M != 0 { 9 } else { 8 }
     }
@@ -179,7 +169,7 @@ impl Usart {
 
     fn set_bit(&mut self) {
         let divider = if self.cr1 & OVER8 != 0 { (self.brr >> 4) * 8 + (self.brr & 7) } else { self.brr };
-        // With USARTDIV below 1.0 the generator gives no clock (30.3.4).
+        // 30.3.4: with USARTDIV below 1.0 there is no clock.
         let least = if self.cr1 & OVER8 != 0 { 8 } else { 16 };
         self.bit = if divider < least { 0 } else { u64::from(divider) * u64::from(self.pclk) };
         self.bit_ps = 0;
@@ -208,7 +198,6 @@ impl Usart {
         self.switched(before, cx);
     }
 
-    /// Handles the switching on or off of the transmitter or the receiver.
     fn switched(&mut self, before: (bool, bool), cx: &mut Cx) {
         let (sends, receives) = (self.is_on(TE), self.is_on(RE));
         if sends != before.0 {
@@ -262,7 +251,7 @@ impl Peripheral for Usart {
     fn write(&mut self, offset: u32, width: Width, value: u32, cx: &mut Cx) {
         let value = crate::lanes(width, value);
         match offset & !3 {
-            // Written zeros clear CTS, LBD, TC and RXNE. The other flags are read-only.
+            // Written zeros clear CTS, LBD, TC and RXNE.
             0x00 => self.sr &= value | !(RXNE | TC | 0x300),
             0x04 => {
                 self.tdr = value as u16 & 0x1FF;
@@ -359,7 +348,7 @@ impl Peripheral for Usart {
         {
             sending.ends = cx.now + sending.ends.saturating_sub(cx.now) * self.bit / was;
         }
-        // The line keeps its timing in seconds, which is another number of core cycles after the change.
+        // The line keeps its timing in seconds.
         let (new_hz, old_hz) = (u128::from(cx.clocks.hclk_hz), u128::from(old.hclk_hz.max(1)));
         let scaled = |cycles: u64| (u128::from(cycles) * new_hz / old_hz) as u64;
         let moved = |at: Cycle| {

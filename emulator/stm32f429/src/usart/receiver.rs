@@ -1,4 +1,4 @@
-//! The receiver: the line as a waveform, its samples, and the resulting frames and flags (RM0090 30.3.3).
+//! The receiver: waveforms, samples, frames and flags (RM0090 30.3.3).
 
 use super::*;
 
@@ -27,7 +27,7 @@ impl Wave {
 }
 
 impl Usart {
-    /// Receives a frame on the RX pin. The falling edge of the frame's start bit is at `begins`.
+    /// Receives a frame on the RX pin, whose start bit falls at `begins`.
     pub(crate) fn receive(&mut self, begins: Cycle, frame: &UartFrame, cx: &mut Cx) {
         if !self.is_on(RE) {
             return;
@@ -48,24 +48,23 @@ impl Usart {
         let ends = begins + ((halves * bit) >> (FRACTION + 1));
         self.waves.push_back(Wave { begins, ends, bit, levels: u32::MAX << (1 + bits) | data << 1 });
         self.find_start();
-        // A frame that the receiver gets only at its end may already have been sampled by now.
+        // A frame that comes only at its end may be sampled already.
         while self.receiving.is_some_and(|edge| edge + self.sampled_after() <= cx.now) {
             self.finish_receiving();
         }
         self.plan();
     }
 
-    /// The cycles from the start bit's edge to the last sample of the stop bit.
+    /// The cycles from the start bit's edge to the stop bit's last sample.
     pub(super) fn sampled_after(&self) -> u64 {
         self.bit * u64::from(1 + self.data_bits()) + self.bit * 10 / 16
     }
 
     fn level(&self, at: Cycle) -> bool {
-        // Frames on one line do not overlap. If two did, a low level would win.
+        // Frames on one line should not overlap. If two did, the low level would win.
         self.waves.iter().all(|wave| at < wave.begins || at >= wave.ends || wave.level(at))
     }
 
-    /// Looks for a falling edge while the receiver waits for one.
     pub(super) fn find_start(&mut self) {
         if self.receiving.is_some() {
             return;
@@ -80,11 +79,11 @@ impl Usart {
         }
     }
 
-    /// Samples one bit three times: returns its level, and whether the samples differ.
+    /// Samples one bit three times. Returns its level, and whether the samples differ.
     fn sample(&self, begins: Cycle) -> (bool, bool) {
         let eighths = |n: u64| begins + self.bit * n / 16;
         let (a, b, c) = if self.cr1 & OVER8 != 0 { (8, 10, 12) } else { (15, 17, 19) };
-        // The samples are in the middle of the 8th, 9th and 10th sixteenth, or of the 4th, 5th and 6th eighth.
+        // The samples are in the middle of the 8th to 10th sixteenth, or of the 4th to 6th eighth.
         let at = |n: u64| if self.cr1 & OVER8 != 0 { eighths(n - 1) } else { begins + self.bit * n / 32 };
         if self.cr3 & ONEBIT != 0 {
             return (self.level(at(b)), false);
@@ -93,16 +92,15 @@ impl Usart {
         (ones >= 2, ones == 1 || ones == 2)
     }
 
-    /// The bits of the frame whose start bit began at `edge`: data with parity, the stop bit, and noise. `None` if the
-    /// low level was no start bit.
+    /// The bits of the frame that begins at `edge`: data with parity, the stop bit, and noise. `None` if the edge began
+    /// no start bit.
     pub(super) fn sampled(&self, edge: Cycle) -> Option<(u16, bool, bool)> {
         let bits = self.data_bits();
         if let Some(wave) = self.waves.front()
             && wave.begins == edge
             && self.waves.get(1).is_none_or(|next| next.begins >= edge + self.sampled_after())
         {
-            // If the sender's bits drift by less than 5/16 of a bit until the stop bit, every sample lies inside its
-            // own bit.
+            // If the bits drift by less than 5/16 of a bit until the stop bit, every sample lies in its own bit.
             let drift = wave.bit.abs_diff(self.bit << FRACTION) * u64::from(bits + 2);
             if drift * 16 < (self.bit * 5) << FRACTION {
                 let word = wave.levels >> 1;

@@ -1,4 +1,4 @@
-//! Tests of transmission and reception against the manual, also with senders whose baud rate is off.
+//! Tests of transmission and reception, also with wrong baud rates.
 
 use super::*;
 use crate::rig::Rig;
@@ -9,13 +9,13 @@ const BRR: u32 = 0x08;
 const CR1: u32 = 0x0C;
 const CR3: u32 = 0x14;
 
-/// Makes a USART that sends and receives at 115 107.9 baud from 16 MHz: 139 cycles a bit.
+/// A USART at 115 107.9 baud from 16 MHz: 139 cycles a bit.
 fn rig() -> Rig<Usart> {
     let mut rig = Rig::new(Usart::new(4));
     rig.connect(Signal::Uart(4, UartPin::Tx), 0, 0);
     rig.write(BRR, 139);
     rig.write(CR1, UE | RE | TE);
-    // The USART first sends the idle frame of TE.
+    // The idle frame of TE ends.
     rig.run(1390);
     rig
 }
@@ -164,8 +164,7 @@ fn the_first_byte_waits_for_the_transmitters_idle_frame() {
     assert_eq!(rig.lines.uart[0].0, 320);
 }
 
-/// Settings made during the idle frame that `TE` sends are in time, since an idle frame is no data. Settings made
-/// during a data frame are too late.
+/// Settings made during the idle frame that `TE` sends are in time. During a data frame they are too late.
 #[test]
 fn a_change_of_length_or_baud_rate_during_data_is_reported() {
     let changes = [(CR1, UE | TE | M), (CR1, UE | TE | OVER8), (BRR, 32)];
@@ -230,7 +229,7 @@ fn what_the_reference_sampling_gives_is_what_the_short_way_gives() {
             let mut rig = rig();
             tell(&mut rig, 2000, &UartFrame::eight_n_one(data, baud));
             let short = rig.instance.sampled(2000);
-            // A second waveform near the last sample keeps the receiver from its short computation.
+            // A second waveform near the last sample prevents the short computation.
             let blank = Wave { begins: 2000, ends: 2000, bit: 1, levels: u32::MAX };
             rig.instance.waves.push_back(blank);
             assert_eq!(rig.instance.sampled(2000), short, "{baud} {data:#x}");

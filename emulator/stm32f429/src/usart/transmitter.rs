@@ -3,7 +3,6 @@
 use super::*;
 
 impl Usart {
-    /// The length of a sent frame in cycles.
     pub(super) fn frame_cycles(&self) -> u64 {
         (self.bit * (2 * (1 + u64::from(self.data_bits())) + u64::from(self.stop_halves()))) / 2
     }
@@ -17,14 +16,13 @@ impl Usart {
         let ends = from + self.frame_cycles();
         self.sending = Some(Sending { data: Some(self.tdr), ends });
         if self.cr3 & HDSEL != 0 && self.is_on(RE) {
-            // In half duplex the receiver receives the frame that is sent.
+            // In half duplex the receiver gets the sent frame.
             let levels = self.levels(self.tdr);
             self.waves.push_back(Wave { begins: from, ends, bit: self.bit << FRACTION, levels });
             self.find_start();
         }
     }
 
-    /// The bits between start and stop bit, with the configured parity.
     fn with_parity(&self, data: u16) -> u16 {
         let bits = self.data_bits();
         let mask = (1_u16 << bits) - 1;

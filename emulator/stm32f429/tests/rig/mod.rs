@@ -1,4 +1,4 @@
-//! A test bench with the whole part: register accesses as firmware makes them, without a core.
+//! A test bench for the whole part: register accesses without a core.
 #![allow(missing_docs, unreachable_pub, reason = "it is a part of the tests")]
 
 use cortex_m4::{Access, BusError, Purpose, Width};
@@ -19,7 +19,7 @@ pub const SYSCFG: u32 = 0x4001_3800;
 pub const IWDG: u32 = 0x4000_3000;
 pub const WWDG: u32 = 0x4000_2C00;
 
-/// The outside of the part. It records what the part reports, and MISO carries the complement of MOSI.
+/// Records what the part reports. MISO carries the complement of MOSI.
 #[derive(Default)]
 pub struct Bench {
     pub pins: Vec<(Cycle, Pin, Pad)>,
@@ -107,21 +107,21 @@ impl Rig {
         self.part.clock().hz / 1000 * ms
     }
 
-    /// Sets up 144 MHz from 8 MHz on OSC_IN through the PLL, with APB1 at a quarter and APB2 at half of it.
+    /// Sets up 144 MHz from 8 MHz on OSC_IN, with APB1 at a quarter and APB2 at half of it.
     pub fn clock_up(&mut self) {
         self.write(RCC, 0x83 | 1 << 18);
         self.write(RCC, 0x83 | 1 << 18 | 1 << 16);
         self.wait(RCC, 1 << 17);
         self.set(RCC + 0x40, 1 << 28);
         self.set(PWR, 3 << 14);
-        // The PLL has M 8, N 288, P 2 and Q 6, and runs from HSE.
+        // M 8, N 288, P 2, Q 6, from HSE.
         self.write(RCC + 4, 8 | 288 << 6 | 1 << 22 | 6 << 24);
         self.set(RCC, 1 << 24);
         self.wait(RCC, 1 << 25);
         self.write(FLASH, 4 | 0x700);
         self.write(RCC + 8, 5 << 10 | 4 << 13 | 2);
         self.wait(RCC + 8, 2 << 2);
-        // The writes enable the clock security system, all ports, DMA1, DMA2, SPI1, SYSCFG, USART6, USART2 and WWDG.
+        // The clock security system, all ports, DMA1, DMA2, SPI1, SYSCFG, USART6, USART2 and WWDG.
         self.set(RCC, 1 << 19);
         self.set(RCC + 0x30, 0x7FF | 3 << 21);
         self.set(RCC + 0x44, 1 << 12 | 1 << 14 | 1 << 5);
@@ -132,7 +132,7 @@ impl Rig {
         self.part.signals().lines()[line / 64] >> (line % 64) & 1 != 0
     }
 
-    /// Sets up SPI1 on PA5 to PA7 in mode 1 at APB2 / 8, with both DMA streams ready to be started.
+    /// Sets up SPI1 on PA5 to PA7 in mode 1 at APB2 / 8, with both DMA streams.
     pub fn spi_up(&mut self) {
         let afr = self.read(GPIOA + 0x20);
         self.write(GPIOA + 0x20, afr & 0x000F_FFFF | 0x5550_0000);

@@ -1,13 +1,12 @@
 //! The manual's floating-point functions in integer arithmetic, for all operands, rounding modes and flags.
 //!
-//! A finite number that is not zero is a sign, a mantissa and a power of two. Sums and products are held exactly in 128
-//! bits. Where the operands are too far apart for that, the lowest bit stands for everything below it.
+//! A finite number that is not zero is held as a sign, a mantissa and a power of two. Sums and products are exact in
+//! 128 bits. If the operands are too far apart for that, the lowest bit stands for all lower bits.
 
 use std::cmp::Ordering;
 
 use super::{AHP, DN, DZC, FZ, IDC, IOC, IXC, Integer, OFC, RMODE, RMODE_SHIFT, SIGN, UFC};
 
-/// The default NaN.
 const DEFAULT_NAN: u32 = 0x7FC0_0000;
 const INFINITY: u32 = 0x7F80_0000;
 /// The highest bit of a NaN's fraction, which is set in a quiet NaN.
@@ -26,7 +25,6 @@ enum Class {
 #[derive(Clone, Copy)]
 struct Unpacked {
     class: Class,
-    /// The sign: `SIGN` for a negative number, else 0.
     sign: u32,
     exponent: i32,
     mantissa: u32,
@@ -63,8 +61,8 @@ fn unpack(a: u32, fpscr: &mut u32) -> Unpacked {
     Unpacked { class, sign, exponent, mantissa }
 }
 
-/// Selects the NaN of a result (FPProcessNaNs and FPProcessNaNs3): the first signalling NaN, else the first quiet one.
-/// The NaN is made quiet, or becomes the default NaN if FPSCR asks for it.
+/// Selects the NaN of a result (FPProcessNaNs, FPProcessNaNs3): the first signalling NaN, or else the first quiet one.
+/// The result is that NaN made quiet, or the default NaN if FPSCR.DN is set.
 fn process_nans(operands: &[(u32, Unpacked)], fpscr: &mut u32) -> Option<u32> {
     let signalling = operands.iter().find(|(_, unpacked)| unpacked.class == Class::SignallingNan);
     if signalling.is_some() {
@@ -95,8 +93,8 @@ struct Format {
 const SINGLE: Format = Format { minimum_exponent: -126, exponent_bits: 8, fraction_bits: 23 };
 const HALF: Format = Format { minimum_exponent: -14, exponent_bits: 5, fraction_bits: 10 };
 
-/// Splits `mantissa` at bit `shift`. Returns the upper part, and how the dropped bits below compare with half a unit:
-/// `None` if they are all zero.
+/// Splits `mantissa` at bit `shift`. Returns the upper part, and how the lower bits compare with half a unit: `None` if
+/// they are all zero.
 fn split(mantissa: u128, shift: i32) -> (u128, Option<Ordering>) {
     if shift <= 0 {
         return (mantissa << -shift, None);
@@ -109,7 +107,6 @@ fn split(mantissa: u128, shift: i32) -> (u128, Option<Ordering>) {
     (mantissa >> shift, (dropped != 0).then(|| dropped.cmp(&half)))
 }
 
-/// Whether a magnitude is rounded up in the rounding mode `mode` of FPSCR.
 fn rounds_up(error: Option<Ordering>, odd: bool, sign: u32, mode: u32) -> bool {
     let Some(error) = error else { return false };
     match mode {
@@ -120,8 +117,7 @@ fn rounds_up(error: Option<Ordering>, odd: bool, sign: u32, mode: u32) -> bool {
     }
 }
 
-/// Rounds `mantissa` times two to the power of `exponent` (FPRound). `mantissa` must not be zero. The argument `sign`
-/// has the sign at bit 31; the result has it where its format has it.
+/// Rounds `mantissa` times two to the power of `exponent` (FPRound). `mantissa` must not be zero. `sign` is in bit 31.
 fn round(sign: u32, exponent: i32, mantissa: u128, format: Format, fpscr: &mut u32) -> u32 {
     let half = format.exponent_bits == 5;
     let sign_bit = if half { sign >> 16 } else { sign };
@@ -178,16 +174,16 @@ struct Term {
 
 /// Adds and rounds two finite terms, which must not both be zeros of the same sign.
 fn add_terms(a: Term, b: Term, fpscr: &mut u32) -> u32 {
-    // A zero's exponent has no meaning, so it must not make the other term the lower one.
+    // The exponent of a zero has no meaning, so a zero never counts as the higher term.
     let (high, low) = match (a.mantissa, b.mantissa) {
         (_, 0) => (a, Term { exponent: a.exponent, ..b }),
         (0, _) => (b, Term { exponent: b.exponent, ..a }),
         _ if a.exponent >= b.exponent => (a, b),
         _ => (b, a),
     };
-    // The higher term moves up by at most 70 bits, to 118 bits in all. If the terms are further apart than that, the
-    // lower one moves down, and its lowest bit collects what is shifted out. That bit is then some 20 bits below any
-    // bit that decides a rounding, since the higher term is at least 2^70 and the lower one less than 2^48.
+    // The higher term moves up by at most 70 bits, to 118 bits in all. If the terms are further apart, the lower term
+    // moves down, and its lowest bit collects what is shifted out. That bit cannot change a rounding: the higher term
+    // is at least 2^70 and the lower one less than 2^48.
     let distance = high.exponent - low.exponent;
     let up = distance.min(70);
     let down = distance - up;
@@ -268,7 +264,7 @@ pub(in crate::fp) fn divide(a: u32, b: u32, fpscr: &mut u32) -> u32 {
             let (x, y) = (x.normalized(), y.normalized());
             let dividend = u64::from(x.mantissa) << 40;
             let divisor = u64::from(y.mantissa);
-            // The quotient has at least 40 bits, and one more bit below them stands for the remainder.
+            // The quotient has at least 40 bits. One more bit below them stands for the remainder.
             let quotient = (dividend / divisor) << 1 | u64::from(!dividend.is_multiple_of(divisor));
             round(sign, x.exponent - y.exponent - 41, quotient.into(), SINGLE, fpscr)
         }
@@ -287,8 +283,8 @@ pub(in crate::fp) fn square_root(a: u32, fpscr: &mut u32) -> u32 {
         Class::Infinity => INFINITY,
         _ => {
             let x = x.normalized();
-            // The shift makes the exponent even and the mantissa 62 or 63 bits long. The root then has 31 or 32 bits,
-            // and one more bit below them stands for the remainder.
+            // The shift makes the exponent even and the mantissa 62 or 63 bits long. The root has 31 or 32 bits, and
+            // one more bit below them stands for the remainder.
             let shift = 38 + (x.exponent & 1);
             let square = u64::from(x.mantissa) << shift;
             let root = square.isqrt();
@@ -342,7 +338,7 @@ pub(in crate::fp) fn compare(a: u32, b: u32, signals: bool, fpscr: &mut u32) {
         }
         0b0011
     } else {
-        // The bit patterns of numbers of one sign have the order of their magnitudes. A flushed operand counts as zero.
+        // Numbers of one sign have the order of their bit patterns. A flushed operand counts as zero.
         let ordered = |bits: u32, unpacked: Unpacked| {
             let magnitude = if unpacked.class == Class::Zero { 0 } else { (bits & !SIGN) as i32 };
             if unpacked.sign == 0 { magnitude } else { -magnitude }
@@ -376,7 +372,7 @@ pub(in crate::fp) fn to_integer(a: u32, target: Integer, toward_zero: bool, fpsc
             *fpscr |= IOC;
             return limit as u32;
         }
-        // A number with such a large exponent is out of range in any case, and a shift by it would exceed 128 bits.
+        // Such a number is out of range, and a shift by its exponent would exceed 128 bits.
         Class::Finite if exponent > 64 => {
             *fpscr |= IOC;
             return limit as u32;
@@ -422,8 +418,7 @@ pub(in crate::fp) fn from_half(half: u16, fpscr: &mut u32) -> u32 {
     let biased = i32::from(half >> 10 & 0x1F);
     match (biased, fraction) {
         (0, 0) => sign,
-        // The conversion neither rounds nor underflows, since each half-precision number is a normal single-precision
-        // one.
+        // Each half-precision number is a normal single-precision one, so this rounds nothing.
         (0, _) => round(sign, -24, fraction.into(), SINGLE, fpscr),
         (31, 0) if *fpscr & AHP == 0 => sign | INFINITY,
         (31, _) if *fpscr & AHP == 0 => {

@@ -1,23 +1,20 @@
 //! Tests of the results and flags of arithmetic on random operands.
 //!
-//! The host computes the expected values. Its `f32` operation rounds to nearest, and `f64` arithmetic that is exact for
-//! these operands tells on which side of the rounded result the exact one lies. The result and the flags in each
-//! rounding mode, with or without flush-to-zero, follow from these two. Both ways in `arith`, the host's arithmetic and
-//! the integer arithmetic, must give exactly those.
+//! The host computes the expected values. Its `f32` operation rounds to nearest, and exact `f64` arithmetic tells on
+//! which side of the rounded result the exact one lies. The result and the flags in each mode follow from these two.
+//! The host's arithmetic and the integer arithmetic in `arith` must both give them.
 
 use std::cmp::Ordering;
 
 use super::{INFINITY, LEAST_NORMAL, MAXIMUM, ONE, QUIET, SIGNALLING, TO_MINUS, TO_PLUS};
 use crate::fp::arith::{self, AHP, DN, DZC, FZ, IDC, IOC, IXC, Integer, OFC, RMODE, SIGN, UFC, exact};
 
-/// The number of cases of each random test, which is enough to take each path many times in a fraction of a second.
-/// `cargo test --release` runs more.
 const CASES: u32 = if cfg!(debug_assertions) { 100_000 } else { 4_000_000 };
 
 type Unary = fn(u32, &mut u32) -> u32;
 type Binary = fn(u32, u32, &mut u32) -> u32;
 
-/// A random generator of George Marsaglia's xorshift family, with a final multiplication.
+/// A random generator: xorshift (G. Marsaglia) with a final multiplication.
 struct Random(u64);
 
 impl Random {
@@ -32,8 +29,8 @@ impl Random {
         (self.next() >> 32) % limit
     }
 
-    /// Draws an operand: any bits; a number with an exponent close to others and few or many bits set; or an edge case
-    /// with a bit or two changed.
+    /// Draws an operand: random bits, a number with an exponent close to others, or an edge case with a bit or two
+    /// changed.
     fn operand(&mut self) -> u32 {
         const EDGES: [u32; 14] = [
             0,
@@ -64,7 +61,6 @@ impl Random {
         }
     }
 
-    /// Draws an FPSCR: zero, or some cumulative flags, or flags and modes.
     fn fpscr(&mut self) -> u32 {
         let bits = self.next() as u32;
         match self.below(4) {
@@ -75,21 +71,20 @@ impl Random {
     }
 }
 
-/// What the host computes about an exact result.
 struct Truth {
     nearest: f32,
-    /// The order of the exact result relative to the rounded one, `nearest`.
+    /// The order of the exact result relative to `nearest`.
     order: Ordering,
     /// Whether the exact magnitude is below the least normal number and not zero.
     tiny: bool,
     /// Whether the exact magnitude is 2^128 or more.
     huge: bool,
-    /// Whether the result is a sum of terms of opposite signs. The rounding mode decides the sign of such a zero.
+    /// Whether the result is a sum of terms of opposite signs. If such a sum is zero, the rounding mode decides its
+    /// sign.
     opposite: bool,
 }
 
 impl Truth {
-    /// The expected result and the expected FPSCR afterwards.
     fn expected(&self, fpscr: u32) -> (u32, u32) {
         let Self { nearest, order, .. } = *self;
         let mode = fpscr & RMODE;
@@ -123,7 +118,6 @@ impl Truth {
     }
 }
 
-/// The `f64` sum and its rounding error. The error is smaller than the last bit of the sum.
 fn sum(a: f64, b: f64) -> (f64, f64) {
     let (large, small) = if a.abs() >= b.abs() { (a, b) } else { (b, a) };
     let sum = large + small;
@@ -136,7 +130,7 @@ fn truth_of_sum(nearest: f32, a: f64, b: f64) -> Truth {
     let order = if order == Ordering::Equal { error.partial_cmp(&0.0).unwrap() } else { order };
     let least = f64::from(f32::MIN_POSITIVE);
     let limit = 2.0_f64.powi(128);
-    // Where the rounded f64 sum is exactly the limit, the rounding error decides.
+    // Where the rounded sum equals `limit` or `least`, the rounding error decides on which side the exact sum is.
     let inwards = error != 0.0 && (error > 0.0) != (value > 0.0);
     Truth {
         nearest,
@@ -160,7 +154,7 @@ fn finite(bits: u32) -> bool {
     f32::from_bits(bits).is_finite()
 }
 
-/// Compares a binary operation on random operands with the host's result, where the operands are finite.
+/// Compares a binary operation on random finite operands with the host's result.
 fn check_binary(seed: u64, ways: [Binary; 2], truth: fn(f32, f32) -> Option<Truth>) {
     let mut random = Random(seed);
     for _ in 0..CASES {
@@ -201,7 +195,6 @@ fn quotients_of_random_numbers_are_the_hosts_in_each_mode() {
             return None;
         }
         let nearest = x / y;
-        // The exact quotient is above `nearest` where the dividend is above `nearest` times a positive divisor.
         let order = if nearest.is_infinite() {
             if nearest > 0.0 { Ordering::Less } else { Ordering::Greater }
         } else {
@@ -246,7 +239,6 @@ fn a_fused_multiply_add_matches_the_host_in_each_rounding_mode() {
     let mut random = Random(6);
     for case in 0..CASES {
         let (a, b, before) = (random.operand(), random.operand(), random.fpscr());
-        // In half of the cases the addend nearly cancels the product.
         let addend = if case & 1 == 0 {
             random.operand()
         } else {
@@ -363,8 +355,6 @@ fn conversions_of_random_integers_are_the_hosts_in_each_mode() {
     }
 }
 
-/// The magnitude of a half-precision number. Where all exponent bits are set, it is the magnitude in the alternative
-/// format.
 fn half_magnitude(half: u16) -> f64 {
     let (exponent, fraction) = (i32::from(half >> 10 & 31), f64::from(half & 0x3FF));
     if exponent == 0 { fraction * 2.0_f64.powi(-24) } else { (1024.0 + fraction) * 2.0_f64.powi(exponent - 25) }
@@ -410,8 +400,8 @@ fn conversions_of_random_numbers_to_half_precision_round_to_a_neighbour() {
         let flushed = flush(a, &mut fpscr);
         let x = f64::from(f32::from_bits(flushed & !SIGN));
         let alternative = before & AHP != 0;
-        // The value `top` is one more than the greatest finite number: infinity in the IEEE format, or out of range in
-        // the alternative one.
+        // `top` is one more than the greatest finite number: infinity in the IEEE format, out of range in the
+        // alternative one.
         let top: u16 = if alternative { 0x8000 } else { 0x7C00 };
         let magnitude = |half: u16| if half == 0x8000 { 131_072.0 } else { half_magnitude(half) };
         let (mut below, mut above) = (0, top);

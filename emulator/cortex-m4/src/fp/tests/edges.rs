@@ -1,5 +1,4 @@
-//! Tests of the results and flags of arithmetic on tables of edge cases: NaNs, infinities, zeros, overflow, underflow
-//! (ARM ARM A2.5).
+//! Tests of arithmetic on edge cases: NaNs, infinities, zeros, overflow, underflow (ARM ARM A2.5).
 
 use super::{INFINITY, LEAST_NORMAL, MAXIMUM, ONE, QUIET, SIGNALLING, TO_MINUS, TO_PLUS};
 use crate::fp::arith::{self, AHP, DN, DZC, FZ, IDC, IOC, IXC, Integer, OFC, RMODE_SHIFT, SIGN, UFC};
@@ -10,7 +9,7 @@ const DEFAULT_NAN: u32 = 0x7FC0_0000;
 const OTHER_QUIET: u32 = 0x7FC5_4321;
 const OTHER_SIGNALLING: u32 = 0xFF85_4321;
 
-/// An edge case: the operation, FPSCR before it, the result, and the bits of FPSCR that the operation sets.
+/// An operation, FPSCR before it, the expected result, and the FPSCR bits that the operation must set.
 type Edge = (fn(&mut u32) -> u32, u32, u32, u32);
 
 fn check_edges(edges: &[Edge]) {
@@ -43,7 +42,6 @@ fn nans_pass_through_as_the_manual_says() {
         (|f| arith::multiply_add(ONE, OTHER_QUIET, QUIET, f), 0, OTHER_QUIET, 0),
         (|f| arith::multiply_add(QUIET, INFINITY, 0, f), 0, DEFAULT_NAN, IOC),
         (|f| arith::multiply_add(SIGNALLING, INFINITY, 0, f), 0, SIGNALLING | 0x0040_0000, IOC),
-        // The following cases are conversions.
         (|f| u32::from(arith::to_half(QUIET, f)), 0, 0xFE09, 0),
         (|f| u32::from(arith::to_half(SIGNALLING, f)), 0, 0x7E09, IOC),
         (|f| u32::from(arith::to_half(QUIET, f)), DN, 0x7E00, 0),
@@ -141,7 +139,7 @@ fn half_precision_overflows_by_format() {
     assert_eq!((arith::to_half(INFINITY | SIGN, &mut fpscr), fpscr), (0xFFFF, AHP | IOC));
     fpscr = AHP;
     assert_eq!((arith::to_half(131_072.0_f32.to_bits(), &mut fpscr), fpscr), (0x7FFF, AHP | IOC));
-    // Flush-to-zero flushes single-precision operands, but no half-precision results.
+    // Flush-to-zero flushes single-precision operands, but not half-precision results.
     fpscr = FZ;
     assert_eq!((arith::to_half(2.0_f32.powi(-24).to_bits(), &mut fpscr), fpscr), (1, FZ));
     fpscr = FZ;

@@ -153,7 +153,6 @@ fn cycles_are_those_of_the_technical_reference_manual() {
 fn no_encoding_reaches_past_the_last_register() {
     for first in 0xEC00..=0xEFFF_u16 {
         for low in 0..0x2000_u16 {
-            // Bits 11:9 are those of the coprocessors 10 and 11.
             let second = (low & 0x1E00) << 3 | 0x0A00 | low & 0x01FF;
             let last = match decode(first, second) {
                 Some(FpOp::Vldr { d, words, .. } | FpOp::Vstr { d, words, .. }) => d + words - 1,

@@ -1,11 +1,10 @@
-//! Tests of registers and memory after each kind of load, store and transfer, and of what a fault leaves behind.
+//! Tests of registers and memory after loads, stores, transfers and faults.
 
 use crate::fp::decode;
 use crate::{Access, Bound, Bus, BusError, Config, Core, Fast, Fault, Purpose, Signals, Width};
 
 const RAM: u32 = 0x2000_0000;
 
-/// A bus with 64 words of RAM. All other addresses answer with an error.
 #[derive(Clone, Debug)]
 struct Ram {
     words: [u32; 64],
@@ -56,7 +55,6 @@ impl Bus for Ram {
     }
 }
 
-/// A core after a reset, with the floating-point extension enabled (CPACR).
 fn core() -> Core<Fast> {
     let mut core = Core::new(Config {
         lines: 1,
@@ -219,7 +217,7 @@ fn fpscr_keeps_only_its_existing_bits_and_passes_flags_to_apsr() {
 
 #[test]
 fn each_multiply_and_accumulate_has_its_signs_and_its_roundings() {
-    // (1 + 2^-12)^2 = 1 + 2^-11 + 2^-24. A chained operation loses the last term when it rounds the product.
+    // (1 + 2^-12)^2 = 1 + 2^-11 + 2^-24. A chained operation rounds the product and so loses the last term.
     let factor = 1.0 + 2.0_f32.powi(-12);
     let lost = 2.0_f32.powi(-24);
     let product = 1.0 + 2.0_f32.powi(-11);

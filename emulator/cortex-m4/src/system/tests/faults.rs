@@ -146,7 +146,6 @@ fn an_unreadable_vector_raises_a_hard_fault_or_locks_up() {
     let (mut core, mut board) = machine();
     enable(&mut core, &mut board, 0, 0x80);
     pend(&mut core, &mut board, 0);
-    // Only sixteen words of the vector table are left in flash.
     write(&mut core, &mut board, VTOR, 0xFF80);
     board.flash.truncate(0xFF80 + 64);
     look(&mut core, &mut board);
@@ -171,8 +170,7 @@ fn bus_faults_are_ignored_in_hard_fault_with_bfhfnmign() {
     assert!(core.locked_up);
 }
 
-/// Firmware finds out whether anything answers at an address in this way: it sets FAULTMASK and BFHFNMIGN, loads from
-/// the address, and checks BFARVALID.
+/// Firmware probes an address in this way.
 #[test]
 fn an_ignored_bus_fault_is_told_by_cfsr_and_bfar() {
     let (mut core, mut board) = machine();

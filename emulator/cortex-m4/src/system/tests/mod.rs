@@ -1,5 +1,5 @@
-//! Tests of exceptions and of the system control space. They execute no instructions, but call the functions that the
-//! run loop calls.
+//! Tests of exceptions and of the system control space. They call the functions that the run loop calls, and execute no
+//! instructions.
 
 mod debug;
 mod entry;
@@ -43,13 +43,12 @@ pub(super) const IPR: u32 = 0xE000_E400;
 pub(super) const STIR: u32 = 0xE000_EF00;
 pub(super) const FPCCR: u32 = 0xE000_EF34;
 
-/// A board with 64 KiB of flash at 0, which has a vector table, and 32 KiB of RAM.
+/// A board with 64 KiB of flash at 0, and 32 KiB of RAM.
 #[derive(Clone, Debug)]
 pub(super) struct Board {
     pub(super) flash: Vec<u8>,
     pub(super) ram: Vec<u8>,
     pub(super) signals: Signals,
-    /// The cycle at which a line rises, and that line.
     pub(super) later: Option<(u64, u16)>,
 }
 
@@ -152,7 +151,6 @@ pub(super) const CONFIG: Config = Config {
     mpu_regions: 8,
 };
 
-/// Makes a core that was reset, in thread mode on the main stack.
 pub(super) fn machine_of<C: Cost>() -> (Core<C>, Board) {
     let mut board = Board::new();
     let mut core = Core::new(CONFIG);
@@ -184,7 +182,6 @@ pub(super) fn try_write<C: Cost>(core: &mut Core<C>, board: &mut Board, at: u32,
     core.system_write(board, &access, value)
 }
 
-/// Enables the interrupt line `line` at the priority `priority`.
 pub(super) fn enable<C: Cost>(core: &mut Core<C>, board: &mut Board, line: u32, priority: u32) {
     let byte = Access { width: Width::Byte, ..access(core, IPR + line, Width::Byte) };
     core.system_write(board, &byte, priority).unwrap();

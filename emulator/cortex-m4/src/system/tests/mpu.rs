@@ -7,8 +7,7 @@ const RNR: u32 = 0xE000_ED98;
 const RBAR: u32 = 0xE000_ED9C;
 const RASR: u32 = 0xE000_EDA0;
 
-/// Configures the region `number`: 2^(`size` + 1) bytes at `base`, with the access permissions `ap` and further bits of
-/// RASR in `extra`.
+/// Configures region `number` with 2^(`size` + 1) bytes at `base`, AP `ap`, and further RASR bits `extra`.
 fn region(core: &mut Core<Fast>, board: &mut Board, number: u32, base: u32, size: u32, ap: u32, extra: u32) {
     write(core, board, RBAR, base | 1 << 4 | number);
     write(core, board, RASR, ap << 24 | size << 1 | 1 | extra);
@@ -40,7 +39,7 @@ fn without_a_region_only_privileged_code_with_privdefena_gets_through() {
 fn access_permissions_are_those_of_the_table() {
     let (mut core, mut board) = machine();
     write(&mut core, &mut board, CTRL, 1);
-    // The rights in each row are privileged read and write, unprivileged read and write.
+    // Each row: AP, privileged read and write, unprivileged read and write.
     for (ap, expected) in [
         (0, [false, false, false, false]),
         (1, [true, true, false, false]),
