@@ -16,7 +16,6 @@ use crate::support;
 
 use support::seeds;
 
-/// The error of a bus that fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Broken;
 
@@ -26,14 +25,12 @@ impl Error for Broken {
     }
 }
 
-/// A DPR on an SPI device; its map holds the contents that were published last.
+/// A DPR on an SPI device, with the last published map.
 #[derive(Default)]
 struct Dpr {
     map: Vec<u8>,
     window: Option<Request>,
-    /// Whether every transaction fails on the bus.
     broken: bool,
-    /// The number of transactions that the DPR has answered.
     answered: u32,
 }
 
@@ -79,7 +76,6 @@ impl SpiDevice for Dpr {
     }
 }
 
-/// A DPR on an async SPI device.
 struct AsyncDpr(Dpr);
 
 impl ErrorType for AsyncDpr {
