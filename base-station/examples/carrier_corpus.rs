@@ -1,5 +1,5 @@
-//! Writes the initial inputs of the fuzz targets into `base-station/fuzz/corpus`. Tests fail if the inputs in that
-//! folder differ from those that this program writes.
+//! Writes the initial inputs of the fuzz targets into `base-station/fuzz/corpus`. Tests fail while that folder has
+//! others.
 
 #[path = "../tests/parsers/bodies.rs"]
 mod bodies;

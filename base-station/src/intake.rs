@@ -1,4 +1,4 @@
-//! Turns a carrier's bytes into the state of all drones, in the same way for arriving and for played-back data.
+//! Turns a carrier's bytes into the state of all drones, for arriving and for played-back data.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -10,23 +10,22 @@ use crate::carrier::published::{Name, Published};
 use crate::carrier::stream::Deframer;
 use crate::{Bundle, Change, DroneId, Fleet, Place, Source, Verdict, Who};
 
-/// The length of the longest datagram with objects, bytes, which exceeds an Ethernet frame. A longer one is refused
-/// without being read.
+/// The length of the longest datagram with objects, bytes: more than an Ethernet frame. A longer one is refused unread.
 pub const MAX_DATAGRAM: usize = 2_048;
 
 /// The form in which a line brings objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Kind {
-    /// The line brings MAVLink in datagrams.
+    /// MAVLink in datagrams.
     MavlinkDatagrams = 1,
-    /// The line brings MAVLink in a byte stream.
+    /// MAVLink in a byte stream.
     MavlinkStream = 2,
-    /// The line brings profiles or images in datagrams.
+    /// Profiles or images in datagrams.
     Datagrams = 3,
-    /// The line brings profiles or images in a byte stream, in frames that end with a zero byte.
+    /// Profiles or images in a byte stream, in frames that end with a zero byte.
     Stream = 4,
-    /// The line brings messages that another base station published.
+    /// Messages that another base station published.
     Published = 5,
 }
 
@@ -45,12 +44,12 @@ impl Kind {
     }
 }
 
-/// Bytes that arrived together, and how they arrived.
+/// Bytes that arrived together, with their origin.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Carried {
     /// The instant at which the bytes arrived, µs since 1970; it does not go back.
     pub at_us: u64,
-    /// The form in which the line brings objects.
+    /// The form of the bytes.
     pub kind: Kind,
     /// The number of the line, which stands for a socket or port.
     pub line: u16,
@@ -71,7 +70,6 @@ pub struct Judged {
     pub verdict: Verdict,
 }
 
-/// The state of a line that is kept from one message to the next.
 #[derive(Debug)]
 enum Line {
     Mavlink(Box<Receiver>),
@@ -80,7 +78,7 @@ enum Line {
     Messages,
 }
 
-/// All lines, and all drones from which messages arrive on them. See the [module](self).
+/// All lines, and all drones from which messages arrive on them.
 #[derive(Debug, Default)]
 pub struct Intake {
     fleet: Fleet,
@@ -90,45 +88,45 @@ pub struct Intake {
     oversized: u64,
 }
 
-/// Totals of the messages that were refused before it was known from which drone they are.
+/// Totals of the messages that were refused before their drone was known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Refused {
-    /// The number of messages that are not signed with this station's key, or were replayed.
+    /// The number of messages that were not signed with this station's key, or were replayed.
     pub unsigned: u64,
-    /// The number of TUNNEL messages with a payload type or a length that no message with objects has.
+    /// The number of TUNNEL messages whose payload type or length no message with objects has.
     pub malformed: u64,
     /// The number of TUNNEL messages with a wrong MAVLink checksum.
     pub bad_crc: u64,
     /// The number of datagrams of MAVLink 1, which has no TUNNEL.
     pub version_1: u64,
-    /// The number of MAVLink messages of other kinds, which are no error.
+    /// The number of MAVLink messages without objects, which are no error.
     pub foreign: u64,
     /// The number of datagrams and frames without MAVLink that have the length of neither a profile nor an image.
     pub damaged: u64,
-    /// The number of datagrams that are longer than [`MAX_DATAGRAM`].
+    /// The number of datagrams longer than [`MAX_DATAGRAM`].
     pub oversized: u64,
 }
 
 impl Intake {
-    /// Returns an intake without drones; with a verifier it accepts only signed MAVLink messages.
+    /// Returns an intake without drones. With a verifier it accepts only signed MAVLink messages.
     #[must_use]
     pub fn new(verifier: Option<Verifier>) -> Self {
         Self { verifier, ..Self::default() }
     }
 
-    /// Judges and keeps the objects in bytes that arrived. Returns the verdict on each of these objects.
+    /// Judges the objects in bytes that arrived, keeps those that are accepted, and returns the verdicts.
     pub fn take(&mut self, carried: &Carried) -> Vec<Judged> {
         self.take_if(carried, |_, _| true)
     }
 
-    /// Judges and keeps the objects in bytes that arrived for which `wanted` is true. For a recording, these are the
-    /// objects that were judged when it was made. Returns the verdict on each of them.
+    /// Does what [`take`](Self::take) does, for the objects for which `wanted` is true. For a recording, these are the
+    /// objects that were judged when it was made.
     pub fn take_if(&mut self, carried: &Carried, wanted: impl Fn(Who, Place) -> bool) -> Vec<Judged> {
         self.take_each(carried, wanted, |_, _, _| {})
     }
 
-    /// Judges and keeps objects as [`take_if`](Self::take_if) does; `told` gets the objects of each message of a known
-    /// drone, and the verdict on each.
+    /// Does what [`take_if`](Self::take_if) does; `told` gets the objects of each message of a known drone, with the
+    /// verdict on each.
     pub fn take_each(
         &mut self,
         carried: &Carried,

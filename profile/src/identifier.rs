@@ -32,8 +32,8 @@ impl Identifier {
     ///
     /// # Panics
     ///
-    /// Panics if `receiver` is not 1 to 5. For a constant argument that can be a compile-time error. Loops can iterate over
-    /// [`Identifier::GPS`], which cannot panic.
+    /// Panics if `receiver` is not 1 to 5. For a constant argument that can be a compile-time error. Loops can iterate
+    /// over [`Identifier::GPS`], which cannot panic.
     ///
     /// ```
     /// use profile::Identifier;
