@@ -8,8 +8,8 @@
 //! or do not continue the earlier ones ([`order`](crate::drone::order)).
 //!
 //! **The fleet cannot be flooded.** There are at most [`MAX_DRONES`] drones and [`MAX_SENDERS`] senders for each id.
-//! When the fleet is full, a sender of few messages is dropped before one of many, and the one that has been silent
-//! longest first. A drone that sends is never dropped.
+//! When there is no room, a sender of fewer than [`SEARCH_CYCLES`] messages is dropped first. Other senders are dropped
+//! only after [`SILENT_US`] of silence, the one with the longest silence first.
 //!
 //! **A drone whose address changed** becomes a new sender. Its silent earlier sender is dropped after [`RECENT_US`] if
 //! both senders' HORUS started at the same instant.

@@ -1,6 +1,5 @@
-//! Tests an hour with a hostile neighbour: there are three true drones, and beside them come messages that are forged,
-//! replayed, reordered, truncated, oversized and from many senders. Time is virtual, and the messages are drawn from a
-//! seed.
+//! Tests an hour with a hostile neighbour: messages that are forged, replayed, reordered, truncated, oversized and from
+//! many senders come beside those of three true drones. Time is virtual, and the messages are drawn from a seed.
 
 use crate::common;
 
@@ -17,24 +16,22 @@ use profile::{GpsValues, HorusState, Profile, ReportedStatus, ReportedValues, ra
 const SECOND: u64 = 1_000_000;
 const BEGIN: u64 = 1_790_000_000_000_000;
 const HOUR: u64 = 3_600 * SECOND;
-/// The time from one image of a drone to the next, µs.
 const PERIOD: u64 = 100_000;
 
-/// The true drones: system id, and the time for which their HORUS has been running at the beginning, ms.
+/// The true drones: system id, and how long each HORUS has been running at the beginning, ms.
 const TRUE: [(u8, u32); 3] = [(1, 70_000), (2, 3_000_000), (3, 500)];
 
 fn address(system: u32, port: u16) -> String {
     format!("10.0.{}.{}:{port}", system >> 8 & 0xFF, system & 0xFF)
 }
 
-/// Returns the messages that a flight controller's forwarder makes of one image.
 fn messages(system: u8, image: &[u8]) -> Vec<Vec<u8>> {
     let mut forwarder = Forwarder::new(system, 1, Rates { bytes_per_s: 1_000_000, period_us: 0, standard_us: 0 });
     forwarder.offer(&Bundle::datagram(image).unwrap());
     std::iter::from_fn(|| forwarder.poll(SECOND, 0)).collect()
 }
 
-/// Returns an image that an attacker sealed: it is intact, but states an emergency or an impossible position.
+/// Returns an intact image of an attacker, which states an emergency or an impossible position.
 fn forged(drawn: &mut Drawn, timestamp: u32) -> Vec<u8> {
     let place = [(91.0, 8.0, 470.0), (47.0, f64::NAN, 1.0), (47.0, 500.0, 1.0), (47.0, 8.0, 1e300), (0.0, 0.0, 0.0)];
     let (latitude, longitude, altitude) = place[drawn.below(place.len() as u64) as usize];
@@ -60,7 +57,6 @@ fn is_sound(drone: &Drone) -> bool {
     })
 }
 
-/// Returns the memory of this process, bytes.
 fn memory() -> u64 {
     let pages = std::fs::read_to_string("/proc/self/statm").unwrap();
     pages.split(' ').nth(1).unwrap().parse::<u64>().unwrap() * 4_096
@@ -70,11 +66,9 @@ struct Hour {
     intake: Intake,
     drawn: Drawn,
     now: u64,
-    /// The messages that have not arrived yet: the instant of arrival and a serial number, and then the source and the
-    /// bytes.
+    /// The messages that have not arrived yet: the instant of arrival and a serial number, with source and bytes.
     on_the_way: BTreeMap<(u64, u64), (String, Vec<u8>)>,
     count: u64,
-    /// Earlier messages; some of them are replayed.
     kept: Vec<(String, Vec<u8>)>,
 }
 
@@ -84,12 +78,11 @@ impl Hour {
         self.on_the_way.insert((self.now + after, self.count), (from, bytes));
     }
 
-    /// Returns the present time of the HORUS of a true drone, ms.
     fn time(&self, began: u32) -> u32 {
         began + u32::try_from((self.now - BEGIN) / 10_000).unwrap() * 10
     }
 
-    /// Sends the messages of the true drones; with `hostile`, some are reordered on their way.
+    /// Sends the messages of the true drones. With `hostile`, some are reordered on their way.
     fn fly(&mut self, hostile: bool) {
         for (system, began) in TRUE {
             for message in messages(system, &image(self.time(began))) {
@@ -108,7 +101,7 @@ impl Hour {
     fn attack(&mut self) {
         let (system, began) = TRUE[self.drawn.below(3) as usize];
         let own = address(system.into(), 14_550);
-        // The message comes from the true drone's address, or from an address of the neighbour.
+        // The message comes from the true drone's address, or from the neighbour's.
         let from =
             if self.drawn.below(2) == 0 { own.clone() } else { address(200, 1_000 + self.drawn.below(50) as u16) };
         let time = self.time(began);
@@ -161,7 +154,6 @@ impl Hour {
         }
     }
 
-    /// Judges the messages that have arrived by now.
     fn arrive(&mut self) {
         while let Some(first) = self.on_the_way.first_entry().filter(|first| first.key().0 <= self.now) {
             let at_us = first.key().0;
@@ -177,8 +169,7 @@ impl Hour {
         }
     }
 
-    /// Returns whether the station shows the true drone with this id: its last sample is shown, is not old, and has the
-    /// true drone's values.
+    /// Returns whether the station shows this true drone: its last sample, which is not old and has the true values.
     fn is_shown_true(&self, system: u8, began: u32) -> bool {
         let time = self.time(began);
         let sent = image(time);
@@ -217,7 +208,6 @@ fn after_a_hostile_hour_the_true_drones_are_shown_true() {
         hour.now += PERIOD;
     }
     let grown = memory().saturating_sub(after_ten_minutes);
-    // The neighbour stops sending.
     hour.on_the_way.clear();
     let ended = hour.now;
     while hour.now <= ended + 2 * SECOND {
@@ -242,7 +232,6 @@ fn after_a_hostile_hour_the_true_drones_are_shown_true() {
     let refused = hour.intake.refused();
     assert!(refused.oversized > 1_000 && refused.bad_crc + refused.malformed + refused.foreign < 100_000);
     assert!(grown < 16 << 20, "{} kB", grown >> 10);
-    // Each drone whose id was forged has the alarm `TwoSenders`.
     let told = TRUE.iter().all(|(system, _)| {
         fleet.iter().any(|(id, drone)| {
             id.who.to_string() == system.to_string() && drone.alarms_at(ended).has(Alarm::TwoSenders)

@@ -18,8 +18,8 @@ const BOUND: Duration = Duration::from_secs(60);
 /// it receives datagrams.
 fn start(arguments: &[&str], file: &Path, limit: &str) -> (Child, BufReader<ChildStderr>, SocketAddr) {
     let mut command = Command::new("sh");
-    // When a file must not grow, the system sends a signal with the error. Without that signal the write fails, as on a
-    // full disk.
+    // Without this trap, the system ends a process whose file must not grow. With it, the write fails, as on a full
+    // disk.
     command.arg("-c").arg(format!("trap '' XFSZ; {limit}; exec \"$0\" \"$@\"")).arg(env!("CARGO_BIN_EXE_horus-base"));
     command.args(arguments).args(["--datagrams", "127.0.0.1:0"]).arg(file);
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
@@ -36,7 +36,7 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// Returns the HORUS time of each recorded image, ms, and the points at which parts are cut off, as text.
+/// Returns the HORUS time of each recorded image, ms, and the points at which parts are cut off.
 fn recorded(parts: Vec<PathBuf>) -> (Vec<u32>, Vec<String>) {
     let mut times = vec![];
     let each = |record: base_station::recorder::Record| {
@@ -53,8 +53,7 @@ fn a_recorder_that_is_killed_loses_less_than_a_second() {
     let file = folder.join("flight.mcap");
     let (mut child, _said, address) = start(&["record"], &file, "true");
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-    // The process is killed after three seconds at 100 Hz. Its recording is then compared with the instants at which
-    // images were sent.
+    // The process is killed after three seconds at 100 Hz, and its recording compared with what was sent.
     let began = Instant::now();
     let mut sent = vec![];
     while began.elapsed() < Duration::from_secs(3) {
@@ -64,7 +63,6 @@ fn a_recorder_that_is_killed_loses_less_than_a_second() {
         thread::sleep(Duration::from_millis(10));
     }
     let killed = began.elapsed();
-    // On Unix, this kills the process by the signal SIGKILL.
     child.kill().unwrap();
     child.wait().unwrap();
     let (times, torn) = recorded(vec![file]);
@@ -78,7 +76,7 @@ fn a_recorder_that_is_killed_loses_less_than_a_second() {
 fn a_recorder_survives_a_full_disk_and_keeps_what_it_wrote() {
     let folder = folder("full");
     let file = folder.join("flight.mcap");
-    // The limit is 256 blocks of 512 bytes, so a part has at most 128 KiB: about two chunks, each of half a second.
+    // The limit of 256 blocks is 128 KiB for a part: about two chunks of half a second.
     let (mut child, mut said, address) = start(&["record"], &file, "ulimit -f 256");
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let began = Instant::now();
@@ -95,8 +93,7 @@ fn a_recorder_survives_a_full_disk_and_keeps_what_it_wrote() {
     while !words.contains("recording works again") {
         assert!(said.read_line(&mut words).unwrap() > 0, "{words}");
     }
-    // A service manager ends a program by the signal TERM, not by the keyboard. The file must be whole in this case
-    // too, and the program reports that it is.
+    // A service manager ends a program by the signal TERM, after which the file must be whole, too.
     let end = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     assert!(end.success());
     assert!(child.wait().unwrap().success());

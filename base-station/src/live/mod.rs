@@ -10,10 +10,9 @@
 //! | one for each broker | passes data on to it, or receives from it ([`broker`]) |
 //! | page | serves the page, where the program has other things to do ([`server`]) |
 //!
-//! In a playback, one thread that reads the recording replaces the threads of the lines.
+//! In a playback, one thread that reads the recording replaces those of the lines.
 //!
-//! Bounded queues connect the threads. When a queue is full, the newest item is dropped and counted, and the page shows
-//! the count.
+//! Bounded queues connect the threads. A full queue drops the newest item; the page shows how many were dropped.
 
 pub mod broker;
 pub mod history;
@@ -46,7 +45,7 @@ pub use recording::Recording;
 /// The longest interval between updates of the alarms.
 pub const TICK: Duration = Duration::from_millis(20);
 
-/// The greatest number of arrivals that may wait for the station: those of a thousand drones at 10 Hz in six seconds.
+/// The greatest number of arrivals that may wait: those of a thousand drones at 10 Hz in six seconds.
 const WAITING: usize = 65_536;
 
 /// The number of alarm changes that are kept for the page.
@@ -55,17 +54,15 @@ pub const KEPT_CHANGES: usize = 100;
 /// How long the page still reports that data could not be published, µs.
 const UNPUBLISHED_US: u64 = 5_000_000;
 
-/// A clock of µs since 1970 that does not go back: the system's time at the start, plus the elapsed time.
+/// A clock of µs since 1970 that does not go back: the system's time at its start plus the elapsed time.
 #[derive(Clone, Debug)]
 pub struct Clock {
     unix_us: u64,
     passed: Passed,
 }
 
-/// The time since a clock began.
 #[derive(Clone, Debug)]
 enum Passed {
-    /// The elapsed real time.
     Since(Instant),
     /// The elapsed time that the caller sets, µs.
     Told(Arc<AtomicU64>),
@@ -78,8 +75,8 @@ impl Clock {
         Self { unix_us: unix_us(), passed: Passed::Since(Instant::now()) }
     }
 
-    /// Returns a clock whose elapsed time, µs, the caller sets, for data that follow another time than real time. The
-    /// clock stands still until the caller sets it again, and it must not be set back.
+    /// Returns a clock whose elapsed time, µs, the caller sets, and must not set back. It is for data with a time of
+    /// their own.
     #[must_use]
     pub fn told(passed_us: Arc<AtomicU64>) -> Self {
         Self { unix_us: unix_us(), passed: Passed::Told(passed_us) }
@@ -111,14 +108,14 @@ pub enum Event {
     Line {
         /// The name of the line.
         name: String,
-        /// The error as text; `None` if the line works.
+        /// The error; `None` if the line works again.
         why: Option<String>,
     },
     /// A record of a recording that is played back.
     Played(Record),
-    /// A playback begins anew at this instant of its recording, µs: all state is dropped.
+    /// A playback begins anew at this instant of its recording, µs. All state is dropped.
     Restart(u64),
-    /// The station ends; no further events are accepted.
+    /// The station ends.
     End,
 }
 
@@ -131,8 +128,8 @@ pub struct Inlet {
 }
 
 impl Inlet {
-    /// Passes an event on to the station, or counts it as dropped if too many events wait. Returns whether the station
-    /// still exists.
+    /// Passes an event on to the station, or counts it as dropped if too many wait. Returns whether the station still
+    /// exists.
     #[must_use]
     pub fn offer(&self, event: Event) -> bool {
         match self.to.try_send(event) {
@@ -145,14 +142,13 @@ impl Inlet {
         }
     }
 
-    /// Ends the station, once it has processed the waiting events.
+    /// Ends the station once it has processed the waiting events.
     pub fn close(&self) {
-        // If there is no station any more, there is nothing to end.
         let _ = self.to.send(Event::End);
     }
 
-    /// Passes an event of a playback on to the station, and waits until the station's queue has room. Returns whether
-    /// the station still exists.
+    /// Passes a playback's event on to the station as soon as the queue has room. Returns whether the station still
+    /// exists.
     #[must_use]
     pub fn push(&self, event: Event) -> bool {
         self.to.send(event).is_ok()
@@ -172,16 +168,15 @@ pub struct StationData {
     pub lines: Vec<(String, String)>,
     /// The files of the recording, if there is one.
     pub recording: Option<Made>,
-    /// The reason why nothing is recorded although it should be; `None` if there is none.
+    /// The reason why nothing is recorded although it should be.
     pub recorder: Option<Trouble>,
     /// The station's own messages, if enabled.
     pub voice: Option<Voice>,
-    /// The instant, µs, up to which all events are included in the state.
+    /// The instant, µs, up to which the state is complete.
     pub now_us: u64,
 }
 
 impl StationData {
-    /// Keeps the beginning or the end of an alarm.
     fn note(&mut self, drone: DroneId, change: Change) {
         if self.alarms.len() == KEPT_CHANGES {
             self.alarms.pop_front();
@@ -189,7 +184,6 @@ impl StationData {
         self.alarms.push_back((drone, change));
     }
 
-    /// Adds the present state of all drones to the history.
     fn look(&mut self) {
         self.history.look(self.now_us, self.intake.fleet());
     }
@@ -210,13 +204,13 @@ impl Station {
         self.known().voice = Some(voice);
     }
 
-    /// Returns the present state. The station waits while the returned guard exists.
+    /// Returns the present state. The station waits until the returned guard is dropped.
     pub fn known(&self) -> MutexGuard<'_, StationData> {
         // A poisoned lock is ignored: a thread that panicked while it held the lock has not changed the state.
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns a counter that increases with every arrival, and with every [`TICK`].
+    /// Returns a counter that increases with every arrival and every [`TICK`].
     #[must_use]
     pub fn changes(&self) -> watch::Receiver<u64> {
         self.changes.clone()
@@ -247,8 +241,8 @@ impl Time {
     }
 }
 
-/// Starts a station. It ends when an inlet is closed or all inlets are gone. After that, the thread of the returned
-/// handle ends once everything is written. `told` gets each alarm that begins or ends.
+/// Starts a station, which ends when an inlet is closed or all are gone. Then the thread of the returned handle ends
+/// once everything is written. `told` gets each alarm that begins or ends.
 #[must_use]
 pub fn start(
     verifier: Option<Verifier>,
@@ -285,7 +279,7 @@ pub fn start_publishing(
     (Inlet { to, dropped, mouths }, station, handle)
 }
 
-/// Makes the page report that data are not published, for as long as data remain unpublished.
+/// Makes the page report unpublished data for [`UNPUBLISHED_US`].
 #[derive(Default)]
 struct Unpublished {
     count: u64,
@@ -322,8 +316,7 @@ fn run(
             return;
         }
         let mut known = station.known();
-        // Waiting events are processed together, so that the readers are notified once and not for each of a thousand
-        // drones.
+        // Waiting events are processed together, so that the readers are notified once for all drones.
         for event in event.into_iter().chain(from.try_iter().take(256)) {
             match event {
                 Event::Carried(carried) => {

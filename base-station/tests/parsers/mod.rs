@@ -1,5 +1,5 @@
-//! Tests every parser of a carrier's bytes on its fuzz corpus, and on inputs that differ a little from those of the
-//! corpus. `cargo xtask fuzz` tests many more such inputs.
+//! Tests every parser of a carrier's bytes on its fuzz corpus, and on inputs that differ a little. `cargo xtask fuzz`
+//! tests many more.
 
 mod bodies;
 use crate::common;
@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 
 use common::Drawn;
 
-/// The number of changed inputs for each parser.
 const CHANGED: usize = 3_000;
 
 fn folder(name: &str) -> PathBuf {

@@ -1,7 +1,6 @@
-//! Tests this crate against pymavlink, the library of MAVProxy and of most scripts. Each of the two reads what the
-//! other sends, plain and signed, in datagrams, in a stream and over sockets, among other messages and truncated ones.
-//! The program that uses pymavlink is `peer.py`. A recording of its messages is replayed without it in
-//! `carrier::mavlink`.
+//! Tests this crate against pymavlink, the library of MAVProxy and of most scripts. Each reads what the other sends,
+//! plain and signed, in datagrams, in a stream and over sockets, among other messages and truncated ones. `peer.py` is
+//! the program that uses pymavlink.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -25,13 +24,10 @@ use serde_json::{Value, json};
 
 const SECOND: u64 = 1_000_000;
 
-/// An instant in 2026, µs since 1970.
 const NOW: u64 = 1_790_000_000 * SECOND;
 
-/// The secret key as hexadecimal digits: the bytes 0, 1, … 31.
 const KEY: &str = "000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f";
 
-/// pymavlink in a separate process.
 struct Peer {
     child: Child,
     to: ChildStdin,
@@ -39,7 +35,6 @@ struct Peer {
 }
 
 impl Peer {
-    /// Starts pymavlink with the Python that has it; if there is none, prints a message and returns `None`.
     fn start() -> Option<Self> {
         let here = Path::new(env!("CARGO_MANIFEST_DIR"));
         let own = here.join("../target/pymavlink/bin/python").into_os_string();
@@ -77,8 +72,8 @@ impl Peer {
         self.answer()
     }
 
-    /// Returns the messages that pymavlink finds in each piece of one stream. If `signed` is set, it accepts only those
-    /// signed with the key.
+    /// Returns the messages that pymavlink finds in each piece of one stream, with `signed` only those signed with the
+    /// key.
     fn parse(&mut self, signed: bool, pieces: &[Vec<u8>]) -> Vec<Vec<Value>> {
         let pieces: Vec<String> = pieces.iter().map(|piece| hex(piece)).collect();
         let mut request = json!({ "do": "parse", "pieces": pieces });
@@ -93,7 +88,7 @@ impl Peer {
 
 impl Drop for Peer {
     fn drop(&mut self) {
-        // The process ends by itself when its input does; a failed test does not wait for that.
+        // The process ends by itself with its input, but a failed test does not wait for that.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -116,7 +111,6 @@ fn forwarder(signed: bool, standard_us: u64) -> Forwarder {
     if signed { forwarder.signed(Signer::new(key(), 5)) } else { forwarder }
 }
 
-/// Returns the messages that a forwarder sends in `cycles` cycles, one by one.
 fn sent(forwarder: &mut Forwarder, cycles: u32) -> Vec<Vec<u8>> {
     let mut sent = vec![];
     for cycle in 0..cycles {
@@ -127,7 +121,6 @@ fn sent(forwarder: &mut Forwarder, cycles: u32) -> Vec<Vec<u8>> {
     sent
 }
 
-/// Returns the type and the payload of a TUNNEL that pymavlink read.
 fn payload(message: &Value) -> (u16, Vec<u8>) {
     let fields = &message["fields"];
     let length = fields["payload_length"].as_u64().unwrap() as usize;
@@ -140,7 +133,7 @@ fn payload(message: &Value) -> (u16, Vec<u8>) {
     (u16::try_from(fields["payload_type"].as_u64().unwrap()).unwrap(), all[..length].to_vec())
 }
 
-/// Returns the objects of an image as they are in messages: payload type and bytes.
+/// Returns the objects of an image as messages carry them: payload type and bytes.
 fn expected(image: &[u8]) -> Vec<(u16, Vec<u8>)> {
     let gps =
         |first: u8, from: usize, to: usize| (tunnel::payload_type(Place::Gps(first)).unwrap(), image[from..to].into());
@@ -175,7 +168,8 @@ fn pymavlink_reads_what_is_sent_here_plain_and_signed() {
         }
         assert_eq!(standard.len(), 60);
     }
-    // If pymavlink requires signatures, it refuses unsigned messages, those signed with another key, and repeated ones.
+    // With signatures required, pymavlink must refuse unsigned messages, those signed with another key, and repeated
+    // ones.
     let refused = |peer: &mut Peer, frames: &[Vec<u8>]| peer.parse(true, frames).iter().flatten().count();
     assert_eq!(refused(&mut peer, &sent(&mut forwarder(false, 0), 3)), 0);
     let other = Signer::new(Key::new([7; 32]), 5);
@@ -288,8 +282,8 @@ fn every_object_pymavlink_reads_from_a_damaged_stream_is_read_here_too() {
     let read = peer.parse(false, &[line]);
     let there: Vec<Vec<u8>> =
         read.iter().flatten().filter(|message| message["name"] == "TUNNEL").map(|message| payload(message).1).collect();
-    // After damage, pymavlink takes the damaged bytes for a message and continues after it. So it loses the messages
-    // that begin within those bytes.
+    // After damage, pymavlink takes the damaged bytes for a message and loses the messages that begin within those
+    // bytes.
     let mut rest = here.iter();
     assert!(there.iter().all(|object| rest.any(|other| other == object)), "in order, each is among those read here");
     assert!(there.len() > 100 && here.len() >= there.len(), "{} there, {} here", there.len(), here.len());
@@ -322,8 +316,7 @@ fn pymavlink_and_a_station_hear_each_other_over_udp() {
         let drone = known.intake.fleet().iter().next();
         drone.map(|(id, drone)| (id.to_string(), drone.timestamp(), drone.counts().new))
     };
-    // Reported-Position of the last cycle comes before the GPS objects of that cycle. The test waits until all have
-    // come, each once.
+    // Reported-Position of the last cycle comes before the GPS objects. The test waits until all have come, each once.
     let began = Instant::now();
     while shown() != Some(("42".into(), Some(70_040), 5 * 5)) {
         assert!(began.elapsed() < Duration::from_secs(20), "arrived is {:?}", shown());

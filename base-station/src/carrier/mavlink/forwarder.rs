@@ -117,7 +117,8 @@ impl Forwarder {
         self
     }
 
-    /// Stores the objects that were read from the DPR, without judging them. An object of zeros replaces no other.
+    /// Stores the objects that were read from the DPR, without judging them. An empty object replaces
+    /// no other.
     pub fn offer(&mut self, bundle: &Bundle<'_>) {
         for (place, from) in bundle.objects() {
             if matches!(place.judge(from), Shown::Vacant) {

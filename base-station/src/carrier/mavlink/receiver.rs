@@ -165,6 +165,7 @@ enum Begin {
     Short,
     /// The bytes are no message, or a TUNNEL with a wrong checksum.
     None { bad_crc: bool },
+    /// The bytes begin with a message whose checksum is right.
     Message(Box<MAVLinkV2MessageRaw>),
 }
 

@@ -66,8 +66,7 @@ fn station() -> (Station, watch::Sender<u64>) {
 }
 
 fn run<T>(test: impl Future<Output = T>) -> T {
-    // The time in these tests is virtual: it advances only when all tasks wait for it. So the tests do not depend on
-    // the machine's speed.
+    // Time is virtual and advances only when all tasks wait, so the tests do not depend on the machine's speed.
     let runtime = tokio::runtime::Builder::new_current_thread().enable_time().start_paused(true).build().unwrap();
     runtime.block_on(test)
 }
@@ -130,7 +129,6 @@ fn a_page_with_a_login_is_shown_to_nobody_else() {
     run(async {
         let access = Access::from(SocketAddr::from(([0, 0, 0, 0], 8480))).with_login("pilot:wing");
         let page = router(station().0, None, access);
-        // The logins are "pilot:wing", "pilot:win", "pilot:wing1", "pilot:xing" in Base64.
         for (said, expected) in [
             (Some("Basic cGlsb3Q6d2luZw=="), StatusCode::OK),
             (Some("Basic cGlsb3Q6d2lu"), StatusCode::UNAUTHORIZED),
@@ -264,7 +262,6 @@ fn a_state_is_pushed_at_once_and_then_with_every_change() {
         changed.send_modify(|count| *count += 1);
         let third = state(&events.next().await.unwrap().unwrap());
         assert_eq!(third["drones"].as_array().map(Vec::len), Some(2));
-        // When the station ends, the stream of states ends too, and the browser tries again.
         drop(changed);
         assert!(events.next().await.is_none());
     });
