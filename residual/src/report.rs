@@ -1,4 +1,4 @@
-//! The complete report: the output of `cargo xtask residual`, its JSON and the tables of its page.
+//! The complete report: the output of `cargo xtask residual`, its JSON, and the tables of its page.
 use std::fmt::Write as _;
 use std::num::NonZero;
 
@@ -130,7 +130,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Adds the results of the searches and of the injections to those of the codes, which takes less than a minute.
+    /// Adds the searches and the injections to the results of the codes, which takes less than a minute.
     #[must_use]
     pub fn new(analysis: Analysis, threads: NonZero<usize>) -> Self {
         let joint = Joint::search(&Nesting::REPORTED_POSITION, threads);
@@ -138,7 +138,7 @@ impl Report {
         Self { analysis, joint, checks }
     }
 
-    /// The injections whose outcome contradicts the theory; there must be none.
+    /// The injections whose outcome contradicts the theory. There must be none.
     pub fn unexplained(&self) -> impl Iterator<Item = &Check> {
         self.checks.iter().filter(|check| !check.holds())
     }
@@ -474,12 +474,12 @@ impl Report {
         )
     }
 
-    /// Returns the text of the report's page with updated tables. A table is between `<!-- table: NAME -->` and `<!--
-    /// end -->`.
+    /// Returns the text of the report's page with updated tables: each is between `<!-- table: NAME -->` and `<!-- end
+    /// -->`.
     ///
     /// # Errors
     ///
-    /// Returns a message with the name of a table for which the text has no such comments.
+    /// Returns a message with the name of a table that the text lacks.
     pub fn refresh(&self, text: &str) -> Result<String, String> {
         self.tables().into_iter().try_fold(text.to_owned(), |text, (name, table)| {
             let begin = format!("<!-- table: {name} -->\n");
@@ -541,7 +541,6 @@ fn bursts_table() -> String {
     )
 }
 
-/// A Markdown table.
 fn table(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
     let mut text = format!("| {} |\n|{}\n", head.join(" | "), "---|".repeat(head.len()));
     for row in rows {
@@ -550,7 +549,6 @@ fn table(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
     text
 }
 
-/// The results for one code, as JSON.
 #[derive(Serialize)]
 struct CodeJson {
     polynomial_koopman: String,
@@ -586,7 +584,7 @@ struct ProfileJson {
     residual_errors_per_hour: Vec<(String, f64)>,
     #[serde(serialize_with = "in_order")]
     rejected_objects_per_hour: Vec<(String, f64)>,
-    /// For each claim, the bit error rate up to which it holds; None if it holds at any rate.
+    /// The bit error rate up to which each claim holds; `None` if it holds at any rate.
     #[serde(serialize_with = "in_order")]
     holds_up_to_bit_error_rate: Vec<(String, Option<f64>)>,
     #[serde(serialize_with = "in_order")]
