@@ -32,6 +32,7 @@ pub enum Object {
 }
 
 impl Object {
+    /// Both kinds of object.
     pub const ALL: [Self; 2] = [Self::ReportedPosition, Self::Gps];
 
     /// The object's name in tables.

@@ -2,14 +2,13 @@
 //!
 //! # Design
 //!
-//! The generator is written for this project instead of cbindgen: the objects of `profile` are arrays of bytes whose
-//! fields are private, and a macro defines their status words, so a tool that reads the source finds neither. This
-//! generator measures the layout: it makes `profile` seal each object with a value that occurs in one field only, and
-//! searches for the value's bytes. The header therefore has the offset at which the Rust code puts the field. Fields
-//! must fill their object without a gap, and bits must fill their status word; otherwise nothing is generated. So a new
-//! field or bit in Rust cannot be missing from the header.
+//! This generator replaces cbindgen: the objects of `profile` are arrays of bytes whose fields are private, and a macro
+//! defines their status words, so a tool that reads the source finds neither. It makes `profile` seal each object with
+//! a value that occurs in one field only, and searches for the value's bytes. Fields must fill their object without a
+//! gap, and bits must fill their status word; otherwise nothing is generated. So a new field or bit in Rust cannot be
+//! missing from the header.
 //!
-//! `profile/c/horus_dpr.h` is `template.h` with the measured values inserted; `profile/c/horus_dpr_crc.h` has the
+//! `profile/c/horus_dpr.h` is `template.h` with the measured values inserted. `profile/c/horus_dpr_crc.h` has the
 //! tables of the two CRCs.
 
 pub(crate) mod objects;
@@ -53,7 +52,6 @@ pub(crate) fn header(args: &GeneratedArgs) -> Result<ExitCode> {
     args.apply("header", &files()?)
 }
 
-/// Fails if a generated file is not current.
 pub(crate) fn check() -> Result<()> {
     files()?.iter().try_for_each(|(path, text)| check_one("header", path, text))
 }
@@ -226,7 +224,7 @@ fn constants() -> String {
     text
 }
 
-/// Returns assertions that the macros for the sizes of every layout give the measured sizes.
+/// Returns assertions that each layout's macros give the measured sizes.
 fn layouts() -> String {
     Layout::ALL.iter().fold(String::new(), |mut text, layout| {
         let n = layout.receivers();

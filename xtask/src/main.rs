@@ -1,7 +1,7 @@
 //! Workspace tasks: `cargo xtask <command>`.
 //!
 //! One binary builds both firmwares, runs them against each other on the bench, tests everything, checks sizes against
-//! budgets and flashes the boards. Each command has a module of its own; this file has the command line.
+//! budgets and flashes the boards. Each command has a module; this file has the command line.
 //!
 //! The exit codes are 0 for success, 1 for a failed check (reported on standard error), 2 for a wrong command line.
 
@@ -110,7 +110,7 @@ pub(crate) enum Board {
 impl Board {
     pub(crate) const ALL: [Self; 2] = [Self::Dpr, Self::Horus];
 
-    /// The package that holds this board's firmware, which is also its binary's name.
+    /// The name of this board's firmware package and of its binary.
     pub(crate) const fn package(self) -> &'static str {
         match self {
             Self::Dpr => "dpr-fw",
@@ -126,7 +126,6 @@ impl Board {
         }
     }
 
-    /// The board on the bench.
     pub(crate) const fn on_bench(self) -> Target {
         match self {
             Self::Dpr => Target::Dpr,
@@ -246,7 +245,6 @@ pub(crate) struct LiveArgs {
     pub(crate) loss: u64,
 }
 
-/// Parses a pace.
 fn pace(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(pace) if pace == 0.0 || (0.01..=100.0).contains(&pace) => Ok(pace),
@@ -298,7 +296,7 @@ fn flash(args: &FlashArgs) -> Result<ExitCode> {
     probe::flash(args)
 }
 
-/// Runs the same command line again in a binary that has the probe library, which this binary lacks.
+/// Runs this command line in a binary with the probe library.
 #[cfg(not(feature = "probe"))]
 fn flash(_args: &FlashArgs) -> Result<ExitCode> {
     workspace::again_with("probe")
@@ -309,7 +307,7 @@ fn live(args: &LiveArgs) -> Result<ExitCode> {
     live::live(args)
 }
 
-/// Runs the same command line again in a binary that has the page, which this binary lacks.
+/// Runs this command line in a binary with the page.
 #[cfg(not(feature = "live"))]
 fn live(_args: &LiveArgs) -> Result<ExitCode> {
     workspace::again_with("live")

@@ -1,9 +1,9 @@
-//! Writes a program's CRC into its ELF file, so that the firmware can check at its start whether its flash is as built.
+//! Writes a program's CRC into its ELF file, by which the firmware checks at its start that its flash is as built.
 //!
 //! The linker script `firmware-common/program_crc.x` reserves one word, section `.program_crc`, after everything that
 //! is loaded into flash. [`seal`] writes into it the frame CRC of all bytes from the vector table up to that word, most
-//! significant byte first. A gap between two sections counts as 0xFF, the value of erased flash. The firmware checks
-//! the CRC in `firmware_common::program`.
+//! significant byte first. A gap between two sections counts as 0xFF, as erased flash. `firmware_common::program`
+//! checks the CRC.
 
 use std::path::Path;
 
@@ -12,16 +12,13 @@ use object::elf::{FileHeader32, PT_LOAD};
 use object::read::elf::{FileHeader, ProgramHeader, SectionHeader};
 use object::{Endianness, SectionIndex};
 
-/// The section that holds the CRC.
 const CRC_SECTION: &str = ".program_crc";
 
 /// The section at which the CRC's range begins.
 const FIRST_SECTION: &str = ".vector_table";
 
-/// The value of erased flash.
 const ERASED: u8 = 0xFF;
 
-/// The size of the CRC, bytes.
 const CRC_SIZE: u64 = 4;
 
 /// Bytes that a programmer writes to a board: their address in memory, and their range in the file.
@@ -38,7 +35,7 @@ impl Loaded {
     }
 }
 
-/// Writes the ELF file `from` to `to` with its CRC. If the file cannot be sealed, nothing is written.
+/// Writes the ELF file `from` to `to` with its CRC, or writes nothing if it cannot be sealed.
 ///
 /// # Errors
 ///
@@ -75,8 +72,8 @@ fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
         .iter()
         .filter(|segment| segment.p_type(endian) == PT_LOAD && segment.p_filesz(endian) > 0)
         .map(|segment| Loaded {
-            // The physical address is used, because the initial values of variables are loaded into flash, although the
-            // variables are in RAM.
+            // The physical address is where variables' initial values are loaded into flash, although the variables are
+            // in RAM.
             address: segment.p_paddr(endian).into(),
             offset: segment.p_offset(endian).into(),
             len: segment.p_filesz(endian).into(),
@@ -125,7 +122,7 @@ mod tests {
     use super::*;
     use firmware_common::program::Comparison;
 
-    /// A section of the test's ELF file, which gets its own segment: name, load address, bytes.
+    /// A section of the test's ELF file, with its own segment: name, load address, bytes.
     type Part<'a> = (&'a str, u32, &'a [u8]);
 
     /// Returns a little-endian 32-bit ELF file: header, one program header for each part, the parts, section names,
@@ -140,9 +137,9 @@ mod tests {
         let (mut segments, mut sections) = (vec![], vec![0; 40]);
         for &(name, address, content) in parts {
             let (offset, len) = (body + bytes.len() as u32, content.len() as u32);
-            // The fields are type, offset, virtual and physical address, size in file and in memory, flags, alignment.
+            // Type, offset, virtual and physical address, size in file and in memory, flags, alignment.
             segments.extend(words(&[1, offset, address, address, len, len, 5, 4]));
-            // The fields are name, type, flags, address, offset, size, link, info, alignment, entry size.
+            // Name, type, flags, address, offset, size, link, info, alignment, entry size.
             sections.extend(words(&[names.len() as u32, 1, 2, address, offset, len, 0, 0, 4, 0]));
             names.extend(name.bytes().chain([0]));
             bytes.extend_from_slice(content);
@@ -160,13 +157,13 @@ mod tests {
     const CODE: [u8; 6] = [0x70, 0x47, 0x00, 0xBF, 0x12, 0x34];
     const UNSEALED: [u8; 4] = [0xFF; 4];
 
-    /// Returns the ELF file of a program with a vector table at 0x1000, two bytes of gap after the code, and the word
-    /// for the CRC after the gap.
+    /// Returns the ELF file of a program with a vector table at 0x1000, two bytes of gap after the code, and then the
+    /// CRC.
     fn image() -> Vec<u8> {
         elf(&[(FIRST_SECTION, 0x1000, &VECTORS), (".text", 0x1008, &CODE), (CRC_SECTION, 0x1010, &UNSEALED)])
     }
 
-    /// The contents of flash when the program of [`image`] has been written, in the order of addresses.
+    /// The contents of flash with the program of [`image`].
     fn flash() -> Vec<u8> {
         [&VECTORS[..], &CODE[..], &[0xFF, 0xFF]].concat()
     }
@@ -210,7 +207,7 @@ mod tests {
         for byte in 0..VECTORS.len() + CODE.len() {
             for bit in 0..8 {
                 let mut elf = image();
-                // The parts begin behind the file header and three program headers.
+                // The sections begin behind the file header and three program headers.
                 elf[52 + 3 * 32 + byte] ^= 1 << bit;
                 assert_ne!(seal(&mut elf).unwrap(), crc, "byte {byte}, bit {bit}");
             }

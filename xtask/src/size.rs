@@ -1,9 +1,8 @@
 //! Compares the sizes of both firmwares with the budgets in each firmware's `Cargo.toml`.
 //!
-//! Flash is what a program takes of flash: code, constants and the initial values of statics. RAM is all statics,
-//! whether they have initial values or not. The rest of the RAM budget is for the stack, which flip-link places so that
-//! an overflow leads to a fault. Code that is copied to RAM has a RAM region of its own, whose size the linker limits.
-//! Such code counts in flash, and has a separate column.
+//! Flash is what a program takes of it: code, constants and the initial values of statics. RAM is all statics. The rest
+//! of the RAM budget is for the stack, which flip-link places so that an overflow leads to a fault. Code that is copied
+//! to RAM counts in flash and has a separate column; the linker limits its own RAM region.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -20,12 +19,12 @@ use crate::{Board, Receivers, firmware};
 pub(crate) struct Footprint {
     pub(crate) flash: u64,
     pub(crate) ram: u64,
-    /// The code that is copied from flash to RAM at the start and runs there; it counts in flash too.
+    /// The code that is copied from flash to RAM at the start; it counts in flash too.
     pub(crate) code_in_ram: u64,
 }
 
-/// The greatest number of bytes that a firmware may have in each kind of memory. The linker limits the code that runs
-/// from RAM.
+/// The greatest number of bytes that a firmware may have in flash and in RAM. The linker limits the code that runs from
+/// RAM.
 struct Budget {
     flash: u64,
     ram: u64,
@@ -84,7 +83,7 @@ pub(crate) fn footprint(elf: &Path) -> Result<Footprint> {
 fn measure(data: &[u8]) -> Result<Footprint> {
     let header = object::elf::FileHeader32::<object::Endianness>::parse(data)?;
     let endian = header.endian()?;
-    // A programmer writes, for each loadable segment, the bytes that the file has for it.
+    // A programmer writes the bytes that the file has for each loadable segment.
     let segments = header.program_headers(endian, data)?;
     let loaded = || segments.iter().filter(|segment| segment.p_type(endian) == PT_LOAD);
     let flash = loaded().map(|segment| u64::from(segment.p_filesz(endian))).sum();

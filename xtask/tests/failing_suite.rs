@@ -1,21 +1,19 @@
-//! Tests a suite that fails on a board, through a debug probe: the failure is reported, and the command fails.
+//! Tests that a suite's failure on a board is reported through a debug probe, and that the command fails.
 //!
-//! The board is one of the bench, of which only the wires to the probe are used (`--probe bench`).
+//! The board is one of the bench (`--probe bench`).
 #![cfg(feature = "probe")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Builds the suite `tests/tests/failing.rs` and returns the path of its ELF file.
 fn suite() -> PathBuf {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut command = Command::new(env!("CARGO"));
     command.args(["test", "--no-run", "--release", "--target", "thumbv7em-none-eabihf", "--message-format=json"]);
     command.args(["--package", "on-target-tests", "--test", "failing", "--features", "failing"]);
-    // The linker is the one that flip-link would call. flip-link is not needed, because this suite's stack never
-    // overflows.
+    // This suite's stack never overflows, so flip-link's linker suffices.
     command.args(["--config", "target.thumbv7em-none-eabihf.linker='rust-lld'"]);
-    // The variables that cargo sets for this test's package are removed, because they would be wrong for the suite.
+    // The variables that cargo sets for this test's package would be wrong for the suite.
     for (key, _) in std::env::vars_os() {
         let name = key.to_string_lossy();
         if name.starts_with("CARGO_") && name != "CARGO_HOME" && name != "CARGO_TARGET_DIR" {
@@ -36,7 +34,7 @@ fn suite() -> PathBuf {
 
 #[test]
 fn a_failing_suite_reports_its_message_and_earlier_restarts() {
-    // The board's flash is a file below this folder, so the board is a new one that no other test uses.
+    // A folder of its own makes the board a new one that no other test uses.
     let folder = std::env::temp_dir().join(format!("failing-suite-{}", std::process::id()));
     let ran = Command::new(env!("CARGO_BIN_EXE_xtask"))
         .args(["run", "--board", "dpr", "--on", "hardware", "--probe", "bench", "--erase-all"])

@@ -1,5 +1,4 @@
-//! Measures the objects: which fields they have, at the offsets that `profile` uses. Writes them as C structures of
-//! bytes; `cargo xtask layout` writes them in other forms.
+//! Measures the objects' fields, at the offsets that `profile` uses, and writes them as C structures of bytes.
 
 use std::fmt::Write as _;
 
@@ -29,23 +28,19 @@ pub(crate) enum Kind {
     U32,
     F32,
     F64,
-    /// The object's identifier, a u16.
     Identifier,
     /// Three F32, one along each axis.
     Axes,
     /// A u16 for each kind of access violation.
     Counts,
-    /// The acknowledgements of both writers' commands, each a number and an outcome, u16.
+    /// A number and an outcome, u16, for each writer's last command.
     Acknowledged,
-    /// A status word, a u16, by the prefix of its bits in C.
+    /// A status word, u16, with the prefix of its bits in C.
     Status(&'static str),
-    /// A command's word, a u32.
     Word,
-    /// Bytes that the writer may use freely.
     Bytes,
-    /// Bytes that are zero.
     Zero,
-    /// A CRC, by its name; the bytes that it covers begin at `from` and end before it.
+    /// A CRC of this name over the bytes from the field `from` up to the CRC.
     Crc {
         name: &'static str,
         from: usize,
@@ -53,7 +48,7 @@ pub(crate) enum Kind {
 }
 
 impl Kind {
-    /// The type, as a comment in C has it.
+    /// The type in a C comment.
     const fn c(self) -> &'static str {
         match self {
             Self::U16 | Self::Identifier | Self::Status(_) => "u16",
@@ -68,7 +63,6 @@ impl Kind {
     }
 }
 
-/// A number on the wire.
 trait Number {
     const KIND: Kind;
 }
@@ -93,7 +87,7 @@ fn kind_of<T: Number>(_: T) -> Kind {
     T::KIND
 }
 
-/// A field that was found: its name, its bytes, its content, its unit if it has one, its meaning.
+/// A field that was found, with its meaning and, if it has one, its unit.
 pub(crate) struct Field {
     pub(crate) name: &'static str,
     pub(crate) place: std::ops::Range<usize>,
@@ -103,7 +97,7 @@ pub(crate) struct Field {
 }
 
 impl Field {
-    /// The comment about it in C.
+    /// The C comment about the field.
     fn comment(&self) -> String {
         let what = match self.kind {
             Kind::Status(prefix) if !prefix.is_empty() => format!("HORUS_DPR_{prefix}_..."),
@@ -115,13 +109,13 @@ impl Field {
     }
 }
 
-/// An object, with those of its fields that have been found.
+/// An object, with the fields found so far.
 pub(crate) struct Object {
     pub(crate) name: &'static str,
     pub(crate) title: &'static str,
-    /// The identifiers that it can have.
+    /// The identifiers that the object can have.
     pub(crate) identifiers: &'static [Identifier],
-    /// Their names in C.
+    /// The identifiers' names in C.
     names: &'static str,
     pub(crate) size: usize,
     pub(crate) fields: Vec<Field>,
@@ -137,7 +131,7 @@ impl Object {
         Self { name, title, identifiers, names, size, fields: vec![] }
     }
 
-    /// Adds the field in which `sealed` holds `value`. The bytes of `value` must occur in `sealed` only once.
+    /// Adds the field in which `sealed` holds `value`, whose bytes must occur only once.
     fn field(
         mut self,
         name: &'static str,
@@ -155,7 +149,7 @@ impl Object {
         Ok(self)
     }
 
-    /// Adds the field that has the identifier `value`, and the status word whose bits have this prefix in C.
+    /// Adds the field with the identifier `value`, and the status word whose bits have this prefix in C.
     fn head(self, value: Identifier, prefix: &'static str, status: u16, sealed: &[u8]) -> Result<Self> {
         self.field("identifier", Kind::Identifier, ("", ""), &value.0.to_le_bytes(), sealed)?.field(
             "status",
@@ -166,14 +160,14 @@ impl Object {
         )
     }
 
-    /// Adds a field whose value cannot be set: it follows the fields before it.
+    /// Adds a field whose value cannot be set, behind the fields before it.
     fn rest(mut self, name: &'static str, kind: Kind, what: &'static str, bytes: usize) -> Self {
         let start = self.fields.iter().map(|field| field.place.end).max().unwrap_or(0);
         self.fields.push(Field { name, place: start..start + bytes, kind, unit: "", what });
         self
     }
 
-    /// Adds the field of a CRC. The bytes that it covers begin with a field, and end where the CRC begins.
+    /// Adds the field of a CRC, whose bytes begin with a field and end at the CRC.
     fn crc(
         self,
         name: &'static str,
@@ -195,7 +189,7 @@ impl Object {
         Ok(object)
     }
 
-    /// Returns the object with its fields in their order, which fill it without a gap.
+    /// Returns the object with its fields in order, if they fill it without a gap.
     fn whole(mut self) -> Result<Self> {
         self.fields.sort_by_key(|field| field.place.start);
         let mut end = 0;
@@ -227,7 +221,6 @@ impl Object {
     }
 }
 
-/// Returns all objects.
 pub(crate) fn all() -> Result<Vec<Object>> {
     [link_status()?, reported()?, gps()?, port_status()?, uplink()?, command()?, hold_status()?]
         .into_iter()
@@ -247,7 +240,6 @@ pub(crate) fn request() -> Result<Object> {
         .whole()
 }
 
-/// Returns the C structures of all objects.
 pub(super) fn structs() -> Result<String> {
     Ok(all()?.iter().map(Object::structure).collect())
 }
@@ -303,7 +295,7 @@ fn reported() -> Result<Object> {
     let blank = ReportedValues::absent(0);
     let all = ReportedStatus::from_bits(u16::MAX);
     let status = ReportedPosition::seal(&ReportedValues { status: all, ..blank });
-    // Both CRCs of an object in which latitude and longitude are unknown could cover other rows of fields as well.
+    // Latitude and longitude are set, because unknown ones could make both CRCs cover other fields.
     let sealed = ReportedPosition::seal(&ReportedValues { latitude: F64, longitude: -F64, ..blank });
     let axes = [F32, -F32, F32 + 1.0];
     let accelerated = ReportedPosition::seal(&ReportedValues { acceleration: axes, ..blank });

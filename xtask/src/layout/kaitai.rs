@@ -40,7 +40,6 @@ const ACKNOWLEDGEMENT: &str = "  acknowledgement:
         enum: outcome
 ";
 
-/// Returns the whole description.
 pub(super) fn description() -> Result<String> {
     let mut text = HEAD.to_owned();
     let [first, ..] = Layout::ALL;

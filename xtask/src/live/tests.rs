@@ -11,12 +11,11 @@ use serde_json::Value;
 
 use super::*;
 
-/// How long it takes from power-on until HORUS's clock starts, s. HORUS compares its flash with the CRC and sets up for
-/// 8 to 9 ms.
+/// The time from power-on until HORUS's clock starts, s: HORUS checks its flash and sets up for 8 to 9 ms.
 const HORUS_STARTS: f64 = 0.008_5;
 
-/// Both firmwares for three receivers. If `cargo xtask test` has not built them, returns `None` with a message, and
-/// fails the test where the environment has `CI`.
+/// Both firmwares for three receivers. If `cargo xtask test` has not built them, prints a message and, where the
+/// environment has `CI`, fails the test.
 fn images() -> Option<Images> {
     let folder = std::env::var_os("LINK_IMAGES").map(|folder| PathBuf::from(folder).join("gps-3"));
     if let Some(folder) = folder.filter(|folder| folder.is_dir()) {
@@ -38,7 +37,7 @@ fn ask(address: SocketAddr, method: &str, path: &str, headers: &str) -> (u16, St
     (head.split(' ').nth(1).unwrap().parse().unwrap(), body.to_owned())
 }
 
-/// Reads the state of the page or of the panel over HTTP.
+/// Returns the state of the page or of the panel.
 fn state(address: SocketAddr) -> Value {
     let (status, body) = ask(address, "GET", "/state", "");
     assert_eq!(status, 200, "{body}");
@@ -51,12 +50,12 @@ fn command(panel: SocketAddr, path: &str) {
     assert_eq!(status, 204, "{path}: {body}");
 }
 
-/// Runs a flight while `watch` runs, which gets the addresses of page and panel. The run ends when `watch` returns.
+/// Runs a flight while `watch` runs, which gets the addresses of page and panel.
 fn watched(setup: &Setup, pace: f64, watch: impl FnOnce(SocketAddr, SocketAddr)) -> Outcome {
     watched_by(Page::start(0, pace, false, |_, _| {}).unwrap(), setup, watch)
 }
 
-/// Runs a flight with the given page while `watch` runs. [`watched`] does the same with a page of its own.
+/// Does what [`watched`] does, with the given page.
 fn watched_by(mut page: Page, setup: &Setup, watch: impl FnOnce(SocketAddr, SocketAddr)) -> Outcome {
     let (panel, address) = (page.panel.clone(), page.server.address());
     panel.begin(setup.gps, setup.duration_ns);
@@ -81,7 +80,7 @@ fn the_page_shows_the_aircrafts_true_position_and_link_status() {
     let outcome = page.run(&setup).unwrap();
     assert_eq!(outcome.report.violations, [""; 0]);
     let shown = page.settle();
-    // With three receivers, three messages are sent when the flight starts or later, and then three more every 100 ms.
+    // With three receivers, three messages are sent at about the flight's start, and then three every 100 ms.
     assert!(shown.is_whole() && (57..=63).contains(&shown.sent), "{shown:?}");
 
     let drone = &state(page.server.address())["drone"];
@@ -150,7 +149,6 @@ fn each_fault_from_the_panel_shows_on_the_page_and_passes() {
         until(page, "bits wrong", |drone| count(drone, "link", "rejected") > before + 20);
         calm(page, panel);
 
-        // The fault lasts until the user ends it.
         command(panel, "/break?what=field");
         until(page, "without a field", |drone| drone["link"]["up"] == false && drone["stale"] == true);
         let broke = state(panel)["now_s"].as_f64().unwrap();
@@ -176,7 +174,6 @@ fn each_fault_from_the_panel_shows_on_the_page_and_passes() {
             until(page, what, |drone| drone["link"]["reset"] == reset && drone["stale"] == false);
             calm(page, panel);
         }
-        // HORUS and the DPR log the fault.
         let lines = state(panel)["lines"].clone();
         for board in ["horus", "dpr"] {
             assert!(lines.as_array().unwrap().iter().any(|line| line[1] == board), "{board}: {lines}");
@@ -301,7 +298,7 @@ fn a_board_hangs_once_its_watchdog_runs_and_not_without_a_supply() {
         faults.episodes().iter().filter(of_hang).map(|episode| episode.at - piece * PIECE).collect()
     };
     assert_eq!(hangs(10, &["hang-dpr", "hang-horus"]), [AHEAD_NS; 2]);
-    // The board hangs already. Its next hang is delayed until the watchdog has had 190 ms to restart the board.
+    // The board hangs already. Its next hang is delayed until the watchdog has had 190 ms to restart it.
     assert_eq!(hangs(11, &["hang-dpr"]), [AHEAD_NS + HANG_LENGTH.0 - PIECE]);
     // A board that is restarted at the same time hangs only once its watchdog runs again.
     assert_eq!(hangs(20, &["hang-dpr", "reset-dpr"]), [AHEAD_NS + WATCHDOG_STARTS]);
@@ -324,7 +321,7 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
     let outcome = page.run(&setup).unwrap();
     assert_eq!(outcome.report.violations, [""; 0]);
     assert!(page.settle().is_whole());
-    // The station sends the last state with its next update, and then the page shows it.
+    // The page gets the last state with the station's next update.
     let last = state(page.server.address())["drone"]["time_ms"].as_f64().unwrap() / 1e3;
     tab.until(&format!("document.getElementById('time').textContent === '{last:.1} s'"));
 
@@ -335,8 +332,8 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
         let [north, east, _] = TangentPlane::new(was).to_ned(shown);
         north.hypot(east)
     };
-    // The numbers on the page are compared with the aircraft's position at the time that the page shows. That time is
-    // the newest object's. The displayed position may be older by up to a period of the forwarder.
+    // The page's numbers are compared with the aircraft's position at the time that the page shows, the newest
+    // object's. The displayed position may be older by up to a period of the forwarder.
     let degrees = |text: String| -> f64 {
         let (number, side) = text.split_once("° ").unwrap();
         number.parse::<f64>().unwrap() * if matches!(side, "S" | "W") { -1.0 } else { 1.0 }
@@ -345,7 +342,6 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
     let times = (-25..=6).map(|tick| last + HORUS_STARTS + f64::from(tick) * 0.01);
     let off = times.map(|time| apart(shown, flight.state(time).position)).fold(f64::INFINITY, f64::min);
     assert!(off <= 1.0, "{off} m");
-    // The track that the page draws is checked too.
     let drawn = tab.eval("history.filter((point) => point.voted).map((point) => point.voted.slice(0, 2))");
     let drawn: Vec<[f64; 2]> = serde_json::from_value(drawn).unwrap();
     assert!(drawn.len() >= 50, "{} points in 15 s", drawn.len());

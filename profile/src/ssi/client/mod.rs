@@ -154,6 +154,7 @@ impl Client {
         })
     }
 
+    /// The configuration of the client.
     #[must_use]
     pub const fn config(&self) -> &Config {
         &self.config
