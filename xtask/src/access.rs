@@ -1,6 +1,6 @@
 //! Explains why a debug probe has no access to a board, and what must be written to keep a board accessible.
 //!
-//! All of it are pure functions of what [`crate::probe`] reads from the board.
+//! These functions do no I/O. [`crate::probe`] reads from the board what they need.
 
 use crate::Board;
 
@@ -18,7 +18,6 @@ pub(crate) const HW_DISABLED: u32 = 0x5A;
 /// The first letter of the build codes of parts that start with a locked debug port (`dpr-fw/src/debug_port.rs`).
 const FIRST_LOCKED: u8 = b'F';
 
-/// The reason why the probe library did not reach the part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Refusal {
     /// The debug port is locked, and the library was not allowed to unlock it by erasing everything.
@@ -42,7 +41,6 @@ const NRF52840: u32 = 0x52840;
 /// The device number of STM32F42x and STM32F43x in DBGMCU's IDCODE.
 const STM32F42X: u32 = 0x419;
 
-/// Returns why the part at the probe cannot be this board's; `None` if it can be.
 pub(crate) fn wrong_chip(board: Board, seen: Seen, probe: &str) -> Option<String> {
     let what = match (board, seen) {
         (Board::Dpr, Seen::Nordic(None | Some(NRF52840))) | (Board::Horus, Seen::St(STM32F42X)) => return None,
@@ -61,7 +59,6 @@ pub(crate) fn wrong_chip(board: Board, seen: Seen, probe: &str) -> Option<String
     ))
 }
 
-/// Returns the message for a user whose command for this board was refused.
 pub(crate) fn explain(refusal: Refusal, board: Board, probe: &str) -> String {
     let (chip, connection) = (chip(board), connection(board));
     match refusal {
@@ -82,7 +79,6 @@ pub(crate) fn explain(refusal: Refusal, board: Board, probe: &str) -> String {
     }
 }
 
-/// The chip's name in the probe library's list of targets.
 pub(crate) const fn chip(board: Board) -> &'static str {
     match board {
         Board::Dpr => "nRF52840_xxAA",
@@ -97,14 +93,14 @@ pub(crate) const fn connection(board: Board) -> &'static str {
     }
 }
 
-/// The change of UICR.APPROTECT that keeps an nRF52840's debug port open after the next power-on.
+/// The change of UICR.APPROTECT with which an nRF52840's debug port is open after the next power-on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Approtect {
-    /// None: the value is right, or the part is of the older kind, which is open while UICR is erased.
+    /// No change: the value is right, or the part is of the older kind, which is open while UICR is erased.
     Leave,
     /// The word is erased, so [`HW_DISABLED`] must be programmed.
     Program,
-    /// The word holds another value, which only erasing UICR can change; the part will be locked.
+    /// The word holds another value, which only erasing UICR can change, so the part will be locked.
     WillLock,
 }
 

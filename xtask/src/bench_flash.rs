@@ -1,4 +1,4 @@
-//! The memory that the bench's boards keep without their supply, one file for each board below `target/bench`.
+//! The memory that the bench's boards keep without their supply: one file for each board below `target/bench`.
 //!
 //! A file holds the result of [`bench::debug_port::Wire::kept`]: for the DPR 1 MiB of flash and 4 KiB of UICR, for
 //! HORUS 2 MiB of flash and 16 bytes of options. Without its file, a board starts like a new one.
@@ -21,7 +21,7 @@ pub(crate) fn file(board: Board) -> PathBuf {
     workspace::target_dir().join("bench").join(board.name()).with_extension("flash")
 }
 
-/// Reads the kept memory from `file`; `None` if there is no such file, because the board is new.
+/// Reads the kept memory from `file`, or returns `None` for a new board, which has no file.
 pub(crate) fn read(board: Board, file: &Path) -> Result<Option<Vec<u8>>> {
     let bytes = match std::fs::read(file) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),

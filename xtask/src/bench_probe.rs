@@ -1,8 +1,8 @@
 //! A board of the bench behind a debug probe of the probe-rs library: `--probe bench`.
 //!
 //! The board, its debug port and its time are those of the bench ([`bench::debug_port`]). Like a CMSIS-DAP probe, this
-//! module converts the library's requests to transfers on the wires, and takes time for each. A file keeps the part's
-//! non-volatile memory for the next command. Each command of xtask switches the board on.
+//! module converts the library's requests to transfers on the wires, each of which takes time. A file keeps the board's
+//! non-volatile memory. Each command of xtask switches the board on.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -20,14 +20,13 @@ use probe_rs::probe::{DebugProbe, DebugProbeError, WireProtocol};
 use crate::Board;
 use crate::bench_flash::{self, desk};
 
-/// The probe's time from a command to its answer, ns: full-speed USB's frames are 1 ms apart (USB 2.0, 5.3.3).
+/// The time from a command to the probe's answer, ns: full-speed USB's frames are 1 ms apart (USB 2.0, 5.3.3).
 const COMMAND_NS: u64 = 1_000_000;
 
 /// The number of clocks of a transfer: request 8, turnaround 1, acknowledge 3, data 33, turnaround 1 (ADIv5.2 B4.1),
 /// and two idle clocks.
 const TRANSFER_CLOCKS: u64 = 48;
 
-/// The default frequency of SWCLK, kHz.
 const DEFAULT_KHZ: u32 = 4_000;
 /// The highest frequency of SWCLK that the nRF52840 allows, kHz (PS v1.7, 4.8.6).
 const MOST_KHZ: u32 = 8_000;
@@ -35,13 +34,12 @@ const MOST_KHZ: u32 = 8_000;
 /// The bit of nRESET among the pins of [`RawDapAccess::swj_pins`].
 const RESET_PIN: u32 = 1 << 7;
 
-/// The address at which both parts' RAM begins. The firmwares' code runs below it, so an instruction above it is one
+/// The address at which both boards' RAM begins. The firmwares' code runs below it, so an instruction above it is one
 /// that the probe has put into RAM.
 const RAM: u64 = 0x2000_0000;
 
 const READ_BUFFER: u8 = 0xC;
 
-/// A board on the bench, shared by this program and the probe library.
 #[derive(Clone, Debug)]
 pub(crate) struct BenchBoard(Arc<Mutex<Switched>>);
 
@@ -49,7 +47,6 @@ pub(crate) struct BenchBoard(Arc<Mutex<Switched>>);
 struct Switched {
     wire: Box<dyn Wire>,
     file: PathBuf,
-    /// The number of commands after which the probe is unplugged.
     unplugged_after: Option<u64>,
     commands: u64,
 }
@@ -62,7 +59,6 @@ impl BenchBoard {
         Ok(Self(Arc::new(Mutex::new(Switched { wire, file, unplugged_after: None, commands: 0 }))))
     }
 
-    /// The board's probe, which is unplugged when the board's last user drops it.
     pub(crate) fn probe(&self) -> Box<dyn DebugProbe> {
         let name = format!("bench ({})", self.with(|on| on.wire.part_name()));
         Box::new(BenchProbe { board: self.clone(), name, khz: DEFAULT_KHZ, protocol: None })
@@ -77,7 +73,6 @@ impl BenchBoard {
         self.with(Switched::save)
     }
 
-    /// The virtual time since the board was switched on, ns.
     pub(crate) fn now(&self) -> u64 {
         self.with(|on| on.wire.now())
     }
@@ -106,7 +101,6 @@ impl BenchBoard {
         self.with(|on| on.unplugged_after = None);
     }
 
-    /// Switches the board's supply off and on, which loses the contents of its RAM.
     pub(crate) fn switch_off_and_on(&self) {
         self.with(|on| {
             let board = if on.wire.part_name().starts_with("nRF") { Board::Dpr } else { Board::Horus };
@@ -118,12 +112,10 @@ impl BenchBoard {
         self.with(|on| on.commands)
     }
 
-    /// Returns the causes of all restarts of the part since the board was switched on.
     pub(crate) fn restarts(&self) -> Vec<String> {
         self.with(|on| on.wire.resets().iter().map(|reset| format!("{} {}", reset.at, reset.why())).collect())
     }
 
-    /// Lets `ns` nanoseconds pass on the board.
     pub(crate) fn run(&self, ns: u64) {
         self.with(|on| on.wire.pass(ns));
     }
@@ -167,7 +159,6 @@ struct BenchProbe {
     protocol: Option<WireProtocol>,
 }
 
-/// Makes one transfer on the wires; the board runs for the time that the transfer takes.
 fn transfer(on: &mut Switched, khz: u32, request: Request) -> Result<u32, ArmError> {
     on.wire.pass(TRANSFER_CLOCKS * 1_000_000 / u64::from(khz));
     match on.wire.transfer(request) {

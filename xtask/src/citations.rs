@@ -31,7 +31,7 @@ fn is_checked(path: &str) -> bool {
     (text || path == ".ci/run") && !data
 }
 
-/// Checks every tracked file, and prints each citation whose target is missing as `file:line: what`.
+/// Checks every tracked file, and prints each missing target as `file:line: what`.
 ///
 /// # Errors
 ///
@@ -50,7 +50,6 @@ pub(crate) fn check() -> Result<()> {
     Ok(())
 }
 
-/// Returns the citations in `files` (path and text) whose targets are missing, each as `file:line: what`.
 fn broken(files: &BTreeMap<String, String>) -> Vec<String> {
     let mut broken = vec![];
     for (path, text) in files {
@@ -84,7 +83,7 @@ fn broken(files: &BTreeMap<String, String>) -> Vec<String> {
     broken
 }
 
-/// Whether a line cites a section of the design by its number, perhaps beginning in the line before, `before`.
+/// Whether a line cites a section of the design by its number. The citation may begin in the previous line, `before`.
 fn is_by_number(before: &str, line: &str) -> bool {
     let ends = |text: &str| text.to_lowercase().trim_end_matches([' ', ',']).ends_with("design");
     let begins = |text: &str| text.starts_with("section ");
@@ -92,15 +91,13 @@ fn is_by_number(before: &str, line: &str) -> bool {
     wrapped || line.match_indices("section ").any(|(at, _)| line[..at].ends_with(' ') && ends(&line[..at]))
 }
 
-/// A path from the root of the workspace, and an anchor in that file.
 type Cited = (String, Option<String>);
 
-/// The paths below docs/ that a line names.
 fn paths(line: &str) -> Vec<Cited> {
     let belongs = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.' | '/' | '#');
     line.match_indices("docs/")
         .filter(|(at, _)| {
-            // `../docs/` in this workspace is the folder docs/ too; a folder docs/ of another site or project is not.
+            // `../docs/` in this workspace is docs/ too. A folder docs/ of another site or project is not.
             let before = line[..*at].trim_end_matches("../");
             !before.ends_with(belongs)
         })
@@ -115,7 +112,6 @@ fn paths(line: &str) -> Vec<Cited> {
         .collect()
 }
 
-/// The targets of a Markdown line's links that are not on another site.
 fn links(page: &str, line: &str) -> Vec<Cited> {
     let folder = Path::new(page).parent().unwrap_or(Path::new(""));
     line.split("](")
@@ -137,7 +133,6 @@ fn split(target: &str) -> Cited {
     }
 }
 
-/// The path without `.` and `..`, joined by `/`.
 fn normal(path: &Path) -> String {
     let mut parts = PathBuf::new();
     for part in path.components() {
@@ -180,7 +175,6 @@ fn anchors(page: &str) -> BTreeSet<String> {
     anchors
 }
 
-/// The text of a heading, with the text of links in it.
 fn text_of(heading: &str) -> String {
     let mut text = String::new();
     let mut rest = heading.trim();
@@ -195,8 +189,8 @@ fn text_of(heading: &str) -> String {
 mod tests {
     use super::*;
 
-    /// The broken citations in one file, checked together with a page of the design and a decision. `^` is removed
-    /// first, so that this file itself has no broken citations.
+    /// Returns the broken citations in a file, checked together with a page of the design and a decision. `^` is
+    /// removed from the text first, so that this test's source has no broken citations.
     fn broken_in(path: &str, text: &str) -> Vec<String> {
         let mut files = BTreeMap::from([
             ("docs/design.md".to_owned(), "# Design\n\n## Air frame\n\n```\n# no heading\n```\n".to_owned()),

@@ -1,10 +1,10 @@
 //! Runs a table of defects against the judge: each must lead to the violation that the table names.
 //!
 //! The table is in `bench/tests/defects/table.rs`. All of its changes are made at once, in a copy of the workspace
-//! below the target folder. Each becomes a choice between the old text and the new one by a number, so two firmwares
-//! and one bench suffice for the whole table. In a firmware the number is a constant in flash, which is written into
-//! the built file before the CRC. In the bench, with the flight controller's client and the base station, it is an
-//! environment variable. With number 0 the copy behaves like the checkout, and must pass every run without a violation.
+//! below the target folder. A number then chooses between the old text and the new text of each, so two firmwares and
+//! one bench suffice. In a firmware the number is a constant in flash, written into the built file before the CRC. In
+//! the bench, which includes the flight controller's client and the base station, it is an environment variable. With
+//! number 0 the copy behaves like the checkout and must pass every run without a violation.
 //!
 //! `cargo xtask test` runs a sample without the defects of the bench, which takes longest to build.
 
@@ -36,10 +36,9 @@ pub(crate) struct DefectsArgs {
 
 /// The suffix of the copy's packages and binaries, which must not replace the checkout's files.
 const SUFFIX: &str = "-with-defects";
-/// The two words in a firmware before the number of the chosen defect, by which the number is found.
+/// Two words that stand before the number of the chosen defect in a firmware, by which that number is found.
 const MARK: [u32; 2] = [0x4445_4645, 0x4354_3A20];
 const VARIABLE: &str = "HORUS_DEFECT";
-/// The placeholder for the choice in the new text of an edit.
 const CHOICE: &str = "DEFECT";
 const CRATES: [&str; 7] =
     ["profile", "st25r3916", "firmware-common", "horus-tx-fw", "horus-tx-fw/voter", "dpr-fw", "base-station"];
@@ -56,7 +55,6 @@ const SAMPLE: [&str; 8] = [
     "uplink-ages-exchanged",
 ];
 
-/// The source of the copy's crate that has the number of the chosen defect.
 fn chooser() -> String {
     let [first, second] = MARK;
     format!(
@@ -80,12 +78,10 @@ fn chooser() -> String {
     )
 }
 
-/// The number of the defect at index `place` of the table; 0 stands for none.
 const fn number(place: usize) -> u32 {
     place as u32 + 1
 }
 
-/// The text that replaces the old text of an edit in the copy.
 fn changed(number: u32, old: &str, new: &str) -> String {
     let choice = format!("::defect::is({number})");
     if new.contains(CHOICE) {
@@ -97,7 +93,6 @@ fn changed(number: u32, old: &str, new: &str) -> String {
     }
 }
 
-/// Returns the `text` of `file` with all defects that the table has for that file.
 fn with_defects(file: &str, text: &str) -> Result<String> {
     let mut edits = vec![];
     for (place, defect) in DEFECTS.iter().enumerate().filter(|(_, defect)| defect.edit.file == file) {
@@ -120,7 +115,6 @@ fn with_defects(file: &str, text: &str) -> Result<String> {
     Ok(result)
 }
 
-/// Returns the manifest of the copy's package in `folder`, made from the original's `text`.
 fn manifest(folder: &str, text: &str) -> String {
     let dependencies = "[dependencies]\n";
     let mut text = text.to_owned();
@@ -150,8 +144,7 @@ fn copy_folder() -> PathBuf {
     target_dir().join("defects").join("copy")
 }
 
-/// Makes the copy with all defects. Files that are equal already are not written, so that cargo does not build them
-/// again.
+/// Makes the copy with all defects. Equal files are not written again, because cargo would build them again.
 fn copy() -> Result<()> {
     let (from, to) = (root(), copy_folder());
     let mut kept = vec![];
@@ -168,7 +161,6 @@ fn copy() -> Result<()> {
     Ok(())
 }
 
-/// Copies the folder `inside` of `from`, which must be in the workspace.
 fn copy_into(from: &Path, to: &Path, inside: &Path, kept: &mut Vec<PathBuf>) -> Result<()> {
     let folder = from.join(inside);
     for entry in fs::read_dir(&folder).with_context(|| format!("could not read {}", folder.display()))? {
@@ -203,7 +195,7 @@ fn write_changed(path: &Path, bytes: &[u8]) -> Result<()> {
     fs::write(path, bytes).with_context(|| format!("could not write {}", path.display()))
 }
 
-/// Both firmwares as built in the copy, without a chosen defect and without a CRC.
+/// Both firmwares of the copy, with no defect chosen and without a CRC.
 struct Built(Vec<(Board, Vec<u8>)>);
 
 impl Built {
@@ -222,7 +214,6 @@ impl Built {
         Ok(Self(built.into_iter().collect::<Result<_>>()?))
     }
 
-    /// Writes both firmwares to `folder`, with defect `number` chosen.
     fn choose(&self, number: u32, folder: &Path) -> Result<()> {
         fs::create_dir_all(folder).with_context(|| format!("could not make {}", folder.display()))?;
         for (board, elf) in &self.0 {
@@ -249,7 +240,6 @@ fn build_bench() -> Result<PathBuf> {
     Ok(target_dir().join("debug").join(package))
 }
 
-/// The violations in a run of `cargo xtask sim` with defect `number` chosen.
 fn violations(bench: &Path, images: &Path, number: u32, run: &str) -> Result<Vec<String>> {
     let output = Command::new(bench)
         .args(["sim", "--threads", "1", "--json", "-", "--images"])
@@ -326,8 +316,8 @@ impl Case {
     }
 }
 
-/// Runs these defects, and their runs without a defect, on all processors. Prints each outcome, and returns how many
-/// differed from the table.
+/// Runs these defects, and their runs without a defect, on all processors. Prints the outcomes, and returns how many
+/// differ from the table.
 fn run(chosen: &[(usize, &'static Defect)], bench: &Path, built: &Built) -> Result<usize> {
     let cases = Case::of(chosen);
     let (next, wrong) = (AtomicUsize::new(0), AtomicUsize::new(0));
@@ -350,7 +340,6 @@ fn run(chosen: &[(usize, &'static Defect)], bench: &Path, built: &Built) -> Resu
     Ok(wrong.into_inner())
 }
 
-/// The selected defects, each with its index in the table.
 fn chosen(is_chosen: impl Fn(&Defect) -> bool) -> Vec<(usize, &'static Defect)> {
     DEFECTS.iter().enumerate().filter(|(_, defect)| is_chosen(defect)).collect()
 }

@@ -29,7 +29,6 @@ const SAMPLE: [&str; 10] = [
     "violations ",
 ];
 
-/// The lines in README before and after the sample.
 const MARKS: [&str; 2] =
     ["<!-- written by `cargo xtask figures` -->\n", "<!-- end of what `cargo xtask figures` writes -->\n"];
 
@@ -65,7 +64,6 @@ fn write(check: bool, path: PathBuf, text: &str) -> Result<()> {
     Ok(())
 }
 
-/// Returns the reports, or an error if a run has a violation.
 fn sound(reports: Vec<Report>) -> Result<Vec<Report>> {
     for report in &reports {
         ensure!(report.violations.is_empty(), "the {} clock: {}", report.clock, report.violations.join("; "));
@@ -73,7 +71,6 @@ fn sound(reports: Vec<Report>) -> Result<Vec<Report>> {
     Ok(reports)
 }
 
-/// The reports of `sim` with these options, one on each clock.
 fn on_all_clocks(options: &[&str]) -> Result<Vec<Report>> {
     let run = |clock: Clock| {
         let clock = clock.to_string();
@@ -85,7 +82,6 @@ fn on_all_clocks(options: &[&str]) -> Result<Vec<Report>> {
     [Clock::Fast, Clock::Optimistic, Clock::Pessimistic].into_iter().map(run).collect()
 }
 
-/// A row of a table: its label, and the function that gets its figure from a report.
 type Row = (&'static str, fn(&Report) -> String);
 
 const ROWS: [Row; 8] = [
@@ -124,8 +120,7 @@ const MEETING: [Row; 2] = [
     ("SSI ready for the next transaction, worst, µs", |it| or_none(it.ssi.ready_ns.map(|it| thousandths(it.max)))),
 ];
 
-/// Returns a table with a column for each report. If `slipping` is given, those reports have the figures of the rows
-/// [`MEETING`].
+/// Returns a table with a column for each report. The rows [`MEETING`] have the figures of `slipping`, if given.
 fn table(reports: &[Report], slipping: Option<&[Report]>) -> String {
     let mut text = String::from("| |");
     reports.iter().for_each(|report| text += &format!(" {} |", report.clock));
@@ -152,7 +147,7 @@ fn violations(report: &Report) -> String {
     if report.violations.is_empty() { "none".into() } else { report.violations.join("; ") }
 }
 
-/// Converts nanoseconds to microseconds, as text.
+/// Converts ns to µs, as text.
 fn thousandths(ns: u64) -> String {
     format!("{}.{:03}", ns / 1_000, ns % 1_000)
 }

@@ -9,13 +9,13 @@ use anyhow::{Context, Result, bail};
 use crate::workspace::{FLIP_LINK, TARGET, cargo, install, target_dir};
 use crate::{Board, Receivers, seal};
 
-/// The folder of the built firmwares, with a subfolder for each profile, called like its cargo feature.
+/// The folder of the built firmwares. Each profile has a subfolder with the name of its cargo feature.
 pub(crate) fn folder() -> PathBuf {
     target_dir().join("firmware")
 }
 
-/// Builds one board's firmware in release, writes its CRC into it, and returns the path of the ELF file, which builds
-/// for other profiles do not change.
+/// Builds one board's firmware in release with its CRC, and returns the path of its ELF file. Builds for other profiles
+/// do not change that file.
 pub(crate) fn build(board: Board, gps: Receivers) -> Result<PathBuf> {
     let package = board.package();
     let feature = gps.feature();
@@ -32,7 +32,6 @@ pub(crate) fn build_pair(gps: Receivers) -> Result<(PathBuf, PathBuf)> {
     Ok((build(Board::Horus, gps)?, build(Board::Dpr, gps)?))
 }
 
-/// Runs cargo for the target in release and returns the path of the executable of this name.
 pub(crate) fn build_for_target(args: &[&str], name: &str) -> Result<PathBuf> {
     install(&FLIP_LINK)?;
     let mut command = cargo();

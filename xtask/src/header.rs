@@ -2,11 +2,10 @@
 //!
 //! # Design
 //!
-//! This generator replaces cbindgen: the objects of `profile` are arrays of bytes whose fields are private, and a macro
-//! defines their status words, so a tool that reads the source finds neither. It makes `profile` seal each object with
-//! a value that occurs in one field only, and searches for the value's bytes. Fields must fill their object without a
-//! gap, and bits must fill their status word; otherwise nothing is generated. So a new field or bit in Rust cannot be
-//! missing from the header.
+//! cbindgen cannot read these objects: they are arrays of bytes with private fields, and a macro defines their status
+//! words. So this generator makes `profile` seal each object with a value that occurs in one field only, and searches
+//! for the value's bytes. Nothing is generated unless fields fill their object and bits their status word, so a new
+//! field or bit in Rust cannot be missing from the header.
 //!
 //! `profile/c/horus_dpr.h` is `template.h` with the measured values inserted. `profile/c/horus_dpr_crc.h` has the
 //! tables of the two CRCs.
@@ -86,7 +85,6 @@ fn client_header() -> Result<String> {
     Ok(text)
 }
 
-/// Returns `#define` lines with their values in one column, each with a comment about its meaning.
 fn defines(lines: &[(String, String, impl AsRef<str>)]) -> String {
     let name = lines.iter().map(|(name, _, _)| name.len()).max().unwrap_or(0);
     let value = lines.iter().map(|(_, value, _)| value.len()).max().unwrap_or(0);
@@ -224,7 +222,6 @@ fn constants() -> String {
     text
 }
 
-/// Returns assertions that each layout's macros give the measured sizes.
 fn layouts() -> String {
     Layout::ALL.iter().fold(String::new(), |mut text, layout| {
         let n = layout.receivers();

@@ -4,8 +4,8 @@
 //! # Design
 //!
 //! All three come from the table of the C header: `header::objects` measures the fields, and `header::status` names
-//! bits and codes. So a new field or bit in Rust is in all of them, or none is generated. The JSON Schema of the
-//! description, `python/horus_profile/layout.schema.json`, is written by hand.
+//! bits and codes. So a new field or bit in Rust is in all of them. The JSON Schema,
+//! `python/horus_profile/layout.schema.json`, is written by hand.
 
 mod json;
 mod kaitai;
@@ -38,14 +38,13 @@ fn files() -> Result<[(PathBuf, String); 3]> {
     ])
 }
 
-/// An object's name, identifier and bytes in a map.
 struct Place {
     object: &'static str,
     identifier: Identifier,
     bytes: std::ops::Range<usize>,
 }
 
-/// Returns the objects of this layout's map, in order, if they have no gap.
+/// Returns the objects of this layout's map, in order. Fails if they have a gap.
 fn places(layout: Layout) -> Result<Vec<Place>> {
     let profile = (0..layout.objects()).map(|index| {
         let object = if index == 0 { "reported" } else { "gps" };
@@ -104,7 +103,7 @@ mod tests {
         check().unwrap();
     }
 
-    /// Returns the Python that has the packages of some tests, or the system's.
+    /// Returns the Python interpreter that has the packages of some tests, or else the system's.
     fn python() -> PathBuf {
         let named = std::env::var_os("PYMAVLINK_PYTHON").map(PathBuf::from);
         let own = crate::workspace::root().join("target/pymavlink/bin/python");

@@ -43,7 +43,7 @@ pub(crate) fn lint() -> Result<ExitCode> {
             step(format!("clippy ({} for {TARGET}, {feature})", board.package()), &args);
         }
     }
-    // The name of a suite's feature is that of the suite. The last one fails on purpose.
+    // Each suite has a feature of its own name. The last suite fails on purpose.
     for name in Board::ALL.map(Board::name).into_iter().chain(["failing"]) {
         let args = [
             "clippy",

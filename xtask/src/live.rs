@@ -2,10 +2,9 @@
 //!
 //! # Design
 //!
-//! Both programs run on the bench, and the bench's flight controller reads the DPR. Each image that it has read
-//! undamaged, with Link-Status, is offered to the forwarder of [`base_station::carrier::mavlink`], which has the budget
-//! of a fast telemetry radio. The forwarder's messages go through a UDP socket to the station and the page of
-//! `horus-base serve`, in this process.
+//! Both firmwares run on the bench, and the bench's flight controller reads the DPR. It offers each undamaged image to
+//! the forwarder of [`base_station::carrier::mavlink`], which has the budget of a fast telemetry radio. The forwarder's
+//! messages go through a UDP socket to the station and the page of `horus-base serve`, in this process.
 //!
 //! **Pace.** The bench reads no clock. Every 10 ms of virtual time this module stops the bench until real time has come
 //! as far, and then sends the messages of these 10 ms. So nothing is shown early, and everything up to 10 ms late. If
@@ -17,9 +16,9 @@
 //! **Panel.** A second address injects faults into the running flight and shows both boards' logs ([`panel`]). The base
 //! station does not depend on it.
 //!
-//! **The way back.** With `--uplink` the page sends signed uplinks to the flight controller through the same socket,
-//! where [`base_station::carrier::mavlink::Inbound`] receives them. The flight controller writes them to the DPR, and
-//! forwards what the DPR then shows. With `--loss` messages are lost in both directions, drawn from the seed.
+//! **The way back.** With `--uplink` the page sends signed uplinks through the same socket to the flight controller,
+//! which receives them with [`base_station::carrier::mavlink::Inbound`], writes them to the DPR, and forwards what the
+//! DPR then shows. With `--loss` messages are lost in both directions, drawn from the seed.
 
 mod panel;
 #[cfg(test)]
@@ -50,25 +49,23 @@ use profile::Uplink;
 
 const SYSTEM: u8 = 1;
 
-/// MAV_COMP_ID_AUTOPILOT1.
 const COMPONENT: u8 = 1;
 
 /// The rates of a fast telemetry radio, which carries all objects at 10 Hz.
 const RATES: Rates = Rates { bytes_per_s: 6_000, period_us: 100_000, standard_us: 0 };
 
-/// The virtual time, ns, between two instants at which the run can be ended.
+/// The length of a step of the run, virtual ns. The run can be ended after each step.
 const PIECE: u64 = 100_000_000;
 
-/// The greatest lag behind real time at which a run still keeps its pace: one period of the forwarder, a quarter of the
-/// age at which the page marks a position as old.
+/// The greatest lag behind real time at which a run still keeps its pace: one period of the forwarder, or a quarter of
+/// the age at which the page marks a position as old.
 const HELD: Duration = Duration::from_millis(100);
 
-/// How long to wait for messages after the last one was sent. Later ones are lost.
+/// The time after the last message within which each message arrives or is lost.
 const ARRIVES_WITHIN: Duration = Duration::from_secs(2);
 
 const LOCAL: Ipv4Addr = Ipv4Addr::LOCALHOST;
 
-/// The longest flight, s: a day.
 const LONGEST: f64 = 86_400.0;
 
 pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
@@ -119,7 +116,8 @@ fn tell(_: DroneId, change: Change) {
     eprintln!("{} {}", if change.raised { "ALARM" } else { "over " }, change.alarm);
 }
 
-/// Counts of sent messages with objects, of those that arrived, and of objects that arrived with a wrong CRC.
+/// The number of messages with objects that were sent, the number that arrived, and the number of objects with a wrong
+/// CRC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Shown {
     sent: u64,
@@ -140,7 +138,6 @@ impl std::fmt::Display for Shown {
     }
 }
 
-/// A base station with its page, and the forwarder that sends to it.
 struct Page {
     server: Server,
     station: Station,
@@ -149,13 +146,12 @@ struct Page {
     to: SocketAddr,
     /// Virtual time divided by real time; 0 for as fast as possible.
     pace: f64,
-    /// The elapsed virtual time, µs: the clock of a station that does not read the system's.
+    /// The elapsed virtual time, µs. A station that does not read the system's clock uses it.
     passed_us: Arc<AtomicU64>,
-    /// The real time at which the run began, without its first step, which loads the programs.
+    /// The real time at which the run's second step began. The first step loads the programs.
     began: Option<Instant>,
     behind: Duration,
     sent: u64,
-    /// Why a message could not be sent.
     unsent: Option<std::io::Error>,
     panel: Panel,
     inbound: Option<Inbound>,
@@ -168,7 +164,7 @@ impl Page {
     fn start(port: u16, pace: f64, uplink: bool, told: impl FnMut(DroneId, Change) + Send + 'static) -> Result<Self> {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = if pace == 1.0 { Clock::begin() } else { Clock::told(Arc::clone(&passed_us)) };
-        // The station ends with its inlet, which ends with this process.
+        // The station ends with its inlet, and the inlet ends with this process.
         let key = uplink.then(key);
         let verifier = || key.clone().map(Verifier::new);
         let (inlet, station, _) = live::start(verifier(), None, Time::Clock(clock.clone()), told);
@@ -207,7 +203,6 @@ impl Page {
         })
     }
 
-    /// Makes the radio lose this percentage of the messages each way, drawn from this seed.
     fn with_loss(self, percent: u64, seed: u64) -> Self {
         Self { loss: (percent, Rng::new(seed)), ..self }
     }
@@ -217,7 +212,7 @@ impl Page {
         rng.below(100) < *percent
     }
 
-    /// Runs the link, and sends the messages that the link's flight controller forwards to the station.
+    /// Runs the link, and forwards the messages of its flight controller to the station.
     fn run(&mut self, setup: &Setup) -> Result<Outcome> {
         self.panel.begin(setup.gps, setup.duration_ns);
         let outcome = bench::sim::run(setup, self)?;
@@ -243,7 +238,6 @@ impl Page {
         }
     }
 
-    /// A line about whether the run kept its pace.
     fn pace(&self) -> String {
         let behind = self.behind.as_secs_f64() * 1e3;
         let held = match self.pace {
@@ -284,7 +278,7 @@ impl Observer for Page {
                 continue;
             }
             match self.socket.send_to(&message, self.to) {
-                // The messages are counted as a receiver of the datagram counts them.
+                // A receiver counts the messages in the datagram.
                 Ok(_) => self.sent += Receiver::default().datagram(0, &message).len() as u64,
                 Err(error) => self.unsent = Some(error),
             }

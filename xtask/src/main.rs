@@ -110,7 +110,6 @@ pub(crate) enum Board {
 impl Board {
     pub(crate) const ALL: [Self; 2] = [Self::Dpr, Self::Horus];
 
-    /// The name of this board's firmware package and of its binary.
     pub(crate) const fn package(self) -> &'static str {
         match self {
             Self::Dpr => "dpr-fw",
@@ -118,7 +117,7 @@ impl Board {
         }
     }
 
-    /// The name used on the command line and by the on-target test suite.
+    /// The name on the command line and in the on-target test suite.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Dpr => "dpr",
@@ -142,7 +141,6 @@ impl Receivers {
     pub(crate) const ALL: [Self; 4] = [Self(1), Self(2), Self(3), Self(5)];
     pub(crate) const DEFAULT: Self = Self(3);
 
-    /// The cargo feature of both firmware packages that selects this profile.
     pub(crate) fn feature(self) -> String {
         format!("gps-{}", self.0)
     }
@@ -296,7 +294,6 @@ fn flash(args: &FlashArgs) -> Result<ExitCode> {
     probe::flash(args)
 }
 
-/// Runs this command line in a binary with the probe library.
 #[cfg(not(feature = "probe"))]
 fn flash(_args: &FlashArgs) -> Result<ExitCode> {
     workspace::again_with("probe")
@@ -307,7 +304,6 @@ fn live(args: &LiveArgs) -> Result<ExitCode> {
     live::live(args)
 }
 
-/// Runs this command line in a binary with the page.
 #[cfg(not(feature = "live"))]
 fn live(_args: &LiveArgs) -> Result<ExitCode> {
     workspace::again_with("live")

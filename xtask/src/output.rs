@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use tempfile::TempPath;
 
-/// A file that is written beside its final path and moved there at the end. A path that exists and is no regular file
+/// A file that is written beside its final path and moved there at the end. An existing path that is no regular file
 /// (`/dev/stdout`, a named pipe) is written to directly.
 pub(crate) struct Output {
     place: PathBuf,
@@ -20,7 +20,7 @@ impl Output {
     ///
     /// `place` is a folder, or its folder cannot be written to.
     pub(crate) fn new(option: &str, place: &Path) -> Result<Self> {
-        // A symbolic link stays, and the file that it leads to is written.
+        // A symbolic link is kept. The file that it leads to is written.
         let place = place.canonicalize().unwrap_or_else(|_| place.to_owned());
         if place.is_dir() {
             bail!("{option}: {} is a folder", place.display());
@@ -40,7 +40,7 @@ impl Output {
         self.beside.as_deref().unwrap_or(&self.place)
     }
 
-    /// Moves the file, which is whole now, to its final path.
+    /// Moves the whole file to its final path.
     ///
     /// # Errors
     ///

@@ -19,7 +19,7 @@ const PACKAGES: [&str; 8] = [
 ];
 
 /// Packages [`PACKAGES`] and builds each from its tarball. Cargo resolves packages of one workspace against each other
-/// only if they may be published, so a copy of the committed files allows that.
+/// only if they may be published, which a copy of the committed files allows.
 pub(crate) fn package() -> Result<ExitCode> {
     const OFF: &str = "publish = false";
     let folder = target_dir().join("package");

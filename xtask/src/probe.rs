@@ -1,7 +1,7 @@
 //! Handles real boards through the probe-rs library: writes and verifies a program, shows its log, runs a test suite.
 //!
-//! The board determines the chip. The probe is the only one that is connected, or the one that `--probe` names: writing
-//! to the wrong board is worse than failing.
+//! The board determines the chip. The probe is the only connected one, or the one that `--probe` names. With several
+//! probes and no name, the command fails, because it must not write to the wrong board.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -50,13 +50,12 @@ const MSP: RegisterId = RegisterId(17);
 /// The number of PSP in DCRSR.
 const PSP: RegisterId = RegisterId(18);
 
-/// The interval at which the log is polled: far shorter than a firmware takes to fill the log's buffer of 1 KiB.
+/// The interval at which the log is polled. A firmware takes far longer to fill the log's buffer of 1 KiB.
 const LOG_POLL: Duration = Duration::from_millis(10);
 
-/// The longest time after reset that a firmware may take to set up its log.
 const LOG_START: Duration = Duration::from_secs(3);
 
-/// How long the log of a board on the bench is shown by default, s, since no user could interrupt it.
+/// How long the log of a board on the bench is shown by default, s.
 const BENCH_LOG: f64 = 1.0;
 
 #[derive(Debug)]
@@ -74,7 +73,6 @@ impl std::fmt::Display for Found {
     }
 }
 
-/// How long a log is shown: until it ends or is interrupted, or for a given time of the board.
 #[derive(Debug)]
 enum Span<'a> {
     Endless,
@@ -103,7 +101,7 @@ impl<'a> Span<'a> {
 }
 
 pub(crate) fn flash(args: &FlashArgs) -> Result<ExitCode> {
-    // Without a probe, the build would be in vain.
+    // The probe is chosen before the build, which would be in vain without a probe.
     let probe = choose(args.board, &args.probe)?;
     let elf = firmware::build(args.board, args.gps)?;
     flash_elf(args, &probe, &elf)
@@ -128,7 +126,7 @@ fn flash_elf(args: &FlashArgs, probe: &Found, elf: &Path) -> Result<ExitCode> {
     Ok(if say_findings(probe) { ExitCode::FAILURE } else { code })
 }
 
-/// Prints what the bench has found wrong on its board. Returns whether there was anything.
+/// Prints the errors that the bench has found on its board. Returns whether there were any.
 fn say_findings(probe: &Found) -> bool {
     let Found::Bench(board) = probe else { return false };
     let found = board.take_findings();
@@ -136,7 +134,7 @@ fn say_findings(probe: &Found) -> bool {
     !found.is_empty()
 }
 
-/// Writes an ELF file to a board, runs it and shows its log. Exits with the code of the program's semihosting exit.
+/// Writes an ELF file to a board, runs it and shows its log. The exit code is that of the program's semihosting exit.
 pub(crate) fn run(board: Board, elf: &Path, args: &ProbeArgs) -> Result<ExitCode> {
     let probe = choose(board, args)?;
     let (mut session, feeding) = attach(board, &probe, args)?;
@@ -182,7 +180,7 @@ fn listing(probes: &[DebugProbeInfo]) -> String {
 }
 
 fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<(Session, Feeding)> {
-    // The library does not check the part: an STM32 has no access port 1, and would look like a locked nRF52840.
+    // The library does not check which part it is: an STM32 without access port 1 would look like a locked nRF52840.
     if let Some(wrong) = look(probe, args)?.and_then(|seen| wrong_chip(board, seen, &probe.to_string())) {
         bail!(wrong);
     }
@@ -205,13 +203,13 @@ fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<(Session, Fee
     Ok((session, feeding))
 }
 
-/// Opens the probe. Returns it with the SWD clock in kHz, if requested, and the handle that ends the feeding of an
+/// Opens the probe. Returns the probe, the requested SWD clock in kHz, and the handle that ends the feeding of an
 /// nRF52840's watchdog.
 fn open(probe: &Found, args: &ProbeArgs) -> Result<(Probe, Option<u32>, Feeding)> {
     let opened = match probe {
         Found::Usb(info) => {
-            // The library's drivers of these probes make single transfers, so the watchdog can be fed between two of
-            // them.
+            // The library's drivers of these probes make single transfers. The watchdog can be fed between two
+            // transfers.
             let drivers: [&dyn ProbeFactory; 2] = [&JLinkFactory, &CmsisDapFactory];
             let selector = DebugProbeSelector::from(info);
             drivers.into_iter().find_map(|driver| driver.open(&selector).ok())
@@ -266,7 +264,8 @@ fn look(probe: &Found, args: &ProbeArgs) -> Result<Option<Seen>> {
     }))
 }
 
-/// Returns the meaning of an error of the library's `attach`, which `erase_all` may have allowed to erase everything.
+/// Returns the meaning of an error of the library's `attach`. With `erase_all`, the library was allowed to erase
+/// everything.
 fn refusal(error: &probe_rs::Error, erase_all: bool) -> Refusal {
     match error {
         probe_rs::Error::MissingPermissions(_) | probe_rs::Error::Arm(ArmError::MissingPermissions(_)) => {
@@ -280,19 +279,19 @@ fn refusal(error: &probe_rs::Error, erase_all: bool) -> Refusal {
 
 /// Programs UICR.APPROTECT of an nRF52840 that would otherwise be locked after the next power-on.
 ///
-/// The NVMC programs this one word (PS v1.7, NVMC). The library would first erase all of UICR, and with it the settings
-/// of the reset pin and the regulator.
+/// The NVMC programs only this word (PS v1.7, NVMC). The library would first erase all of UICR, with the settings of
+/// the reset pin and the regulator.
 fn keep_debug_port_open(session: &mut Session) -> Result<()> {
     const NVMC_READY: u64 = 0x4001_E400;
     const NVMC_CONFIG: u64 = 0x4001_E504;
     const READ_ONLY: u32 = 0;
     const WRITE: u32 = 1;
-    // The NVMC takes 41 us to program a word (PS v1.7, NVMC, electrical specification). Reading its state once through
-    // the probe takes longer.
+    // The NVMC takes 41 us to program a word (PS v1.7, NVMC, electrical specification). One reading of its state
+    // through the probe takes longer.
     const LOOKS: usize = 1_000;
 
     let mut core = session.core(0).context("could not reach the core")?;
-    // The firmware must not use the NVMC at the same time.
+    // The core is halted, because the firmware must not use the NVMC at the same time.
     core.halt(CORE_TIMEOUT).context("the core does not halt")?;
     match Approtect::of(core.read_word_32(VARIANT)?, core.read_word_32(UICR_APPROTECT)?) {
         Approtect::Leave => return Ok(()),
@@ -353,7 +352,7 @@ fn set_brown_out_level(session: &mut Session) -> Result<()> {
     let is_done = |core: &mut Core<'_>| core.read_word_32(SR).is_ok_and(|status| status & BSY == 0);
     let done = (0..LOOKS).any(|_| is_done(&mut core));
     core.write_word_32(OPTCR, wanted | OPTLOCK)?;
-    // The next start loads the programmed option bytes, which may differ from the register's value.
+    // This start loads the programmed option bytes. The register may hold other values.
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not halt")?;
     let loaded = core.read_word_32(OPTCR)?;
     if !done || loaded & BOR_LEV != 0 {
@@ -418,7 +417,6 @@ const fn verb(operation: &ProgressOperation) -> &'static str {
     }
 }
 
-/// The kind of program whose log is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Follow {
     /// A firmware that runs for ever and handles a HardFault or a restart itself.
@@ -428,7 +426,7 @@ enum Follow {
     Suite,
 }
 
-/// The number of restarts after which a suite is taken for one that never ends.
+/// A suite that restarts more often never ends.
 const MOST_RESTARTS: usize = 10;
 
 /// The address of DHCSR. Its bit S_RESET_ST is set if the core was reset since the register's last read (ARMv7-M ARM
@@ -436,11 +434,11 @@ const MOST_RESTARTS: usize = 10;
 const DHCSR: u64 = 0xE000_EDF0;
 const S_RESET_ST: u32 = 1 << 25;
 
-/// The address of CPUID, which identifies the core (ARMv7-M ARM B3.2.3).
+/// The address of CPUID, which is never zero (ARMv7-M ARM B3.2.3).
 const CPUID: u64 = 0xE000_ED00;
 
 /// Resets the core and shows its defmt log until the program exits through semihosting, the time is over, or the user
-/// interrupts. Returns the code of the semihosting exit. If the part restarts, the log continues with the new start.
+/// interrupts. Returns the exit code. The log continues if the part restarts.
 fn follow(
     (session, feeding): (&mut Session, &Feeding),
     elf: &Path,
@@ -453,14 +451,14 @@ fn follow(
     let mut decoder = table.new_stream_decoder();
     let mut core = session.core(0).context("could not reach the core")?;
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not reset")?;
-    // The control block in RAM may still be that of the last run.
+    // The control block of the last run's log may still be in RAM.
     core.write_8(block, &[0; 16]).context("could not clear the old log")?;
     // An earlier run may have set the vector catch, which not every reset clears.
     core.disable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
     if follow == Follow::Suite {
         core.enable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
     }
-    // This reset must not be counted as a restart.
+    // The reset above must not be counted as a restart.
     was_reset(&mut core)?;
     core.run().context("the core does not run")?;
     // From here on the program must feed the watchdog itself.
@@ -470,11 +468,11 @@ fn follow(
     loop {
         let mut restarted = was_reset(&mut core)?;
         let status = core.status().context("lost the core")?;
-        // The log is read after the status, so that the lines before a halt are shown.
+        // The log is read after the status, so that it includes the lines before a halt.
         if !restarted {
             match drain(&mut rtt, &mut core, decoder.as_mut()) {
                 Ok(()) => {}
-                // The part has restarted, and its start-up code initialises the control block again.
+                // The part has restarted. Its start-up code initialises the log's control block again.
                 Err(probe_rs::rtt::Error::ReadPointerChanged | probe_rs::rtt::Error::ControlBlockCorrupted(_)) => {
                     restarted = true;
                 }
@@ -490,7 +488,7 @@ fn follow(
             if follow == Follow::Suite && restarts == MOST_RESTARTS {
                 bail!("the part restarted {restarts} times: the suite does not come to its end");
             }
-            // An incomplete log message is lost with the part's log buffer.
+            // An incomplete log message is lost in a restart.
             decoder = table.new_stream_decoder();
             if follow == Follow::Suite && catch_again(&mut core)? {
                 // The HardFault occurred before the vector catch was set. Its log is still in the buffer.
@@ -499,7 +497,7 @@ fn follow(
                 eprintln!("error: the image ended in a HardFault");
                 return Ok(ExitCode::FAILURE);
             }
-            // The sleep is far longer than the start-up code takes to initialise the control block.
+            // The start-up code takes far less time than this to initialise the log's control block.
             std::thread::sleep(LOG_POLL);
             rtt = attach_log(&mut core, block)?;
             continue;
@@ -513,7 +511,7 @@ fn follow(
                 }
                 _ => core.run().context("the core does not go on")?,
             },
-            // The library may report several reasons, because it cannot clear those of earlier halts.
+            // The reason for the halt is not evaluated, because the library cannot clear the reasons of earlier halts.
             CoreStatus::Halted(_) if follow == Follow::Suite && in_hard_fault(&mut core)? => {
                 eprintln!("error: the image ended in a HardFault{}", faulted(&mut core, elf)?);
                 return Ok(ExitCode::FAILURE);
@@ -521,7 +519,7 @@ fn follow(
             CoreStatus::Halted(reason) => bail!("the core stopped: {reason:?}"),
             CoreStatus::LockedUp => bail!("the core locked up"),
             _ if span.is_over() => return Ok(ExitCode::SUCCESS),
-            // The virtual time of a board on the bench advances with each access, so it needs no pause.
+            // A board on the bench needs no pause, because its virtual time advances with each access.
             _ if matches!(span, Span::Virtual(..)) => {}
             _ => std::thread::sleep(LOG_POLL),
         }
@@ -532,11 +530,11 @@ fn was_reset(core: &mut Core<'_>) -> Result<bool> {
     Ok(core.read_word_32(DHCSR).context("lost the core")? & S_RESET_ST != 0)
 }
 
-/// Makes the core halt again at a HardFault and at semihosting calls: on an nRF52840 only a soft reset keeps that
-/// setting (PS v1.7, 5.3.7.8). Returns whether a HardFault occurred before.
+/// Makes the core halt again at a HardFault and at semihosting calls. On an nRF52840 only a soft reset keeps that
+/// setting (PS v1.7, 5.3.7.8). Returns whether a HardFault occurred before the setting was made.
 fn catch_again(core: &mut Core<'_>) -> Result<bool> {
     // After any reset but a soft one, an nRF52840's debug port is closed until the program opens it. Until then a
-    // request to halt is lost, and every read returns zero. CPUID is never zero, so it shows when the debug port is
+    // request to halt is lost, and every read returns zero. CPUID is never zero, so a read of it shows that the port is
     // open.
     let since = Instant::now();
     while core.read_word_32(CPUID).context("lost the core")? == 0 {
@@ -567,11 +565,10 @@ fn in_hard_fault(core: &mut Core<'_>) -> Result<bool> {
 fn faulted(core: &mut Core<'_>, elf: &Path) -> Result<String> {
     /// Bit 2 of EXC_RETURN, set if the exception's frame is on the process stack (ARMv7-M ARM table B1-8).
     const PROCESS_STACK: u32 = 1 << 2;
-    /// The offset of the return address in the exception's frame.
     const RETURN_ADDRESS: u64 = 24;
     let returns: u32 = core.read_core_reg(LR)?;
     let stack: u32 = core.read_core_reg(if returns & PROCESS_STACK != 0 { PSP } else { MSP })?;
-    // The stack pointer may point outside memory, which may also be the cause of the fault.
+    // The stack pointer may point outside memory, which may be the cause of the fault.
     let Ok(pc) = core.read_word_32(u64::from(stack) + RETURN_ADDRESS) else { return Ok(String::new()) };
     let place = emulator_node::Firmware::read(elf)?.place_of(u64::from(pc));
     Ok(place.map_or_else(|| format!(" at {pc:#010x}"), |place| format!(" in {place}")))

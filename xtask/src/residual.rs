@@ -115,7 +115,6 @@ fn committed() -> Result<Vec<(Code, DualWeights)>> {
     Code::all().into_iter().map(dual).collect()
 }
 
-/// Counts the words of all dual codes, and prints how long each code took.
 fn count(threads: NonZero<usize>) -> Vec<(Code, DualWeights)> {
     let all = Code::all();
     let style = ProgressStyle::with_template("{bar:40} {percent} % of {msg}, {eta} left").expect("a constant template");

@@ -1,4 +1,4 @@
-//! Writes a program's CRC into its ELF file, by which the firmware checks at its start that its flash is as built.
+//! Writes a program's CRC into its ELF file, so that the firmware can check its flash at the start.
 //!
 //! The linker script `firmware-common/program_crc.x` reserves one word, section `.program_crc`, after everything that
 //! is loaded into flash. [`seal`] writes into it the frame CRC of all bytes from the vector table up to that word, most
@@ -14,7 +14,6 @@ use object::{Endianness, SectionIndex};
 
 const CRC_SECTION: &str = ".program_crc";
 
-/// The section at which the CRC's range begins.
 const FIRST_SECTION: &str = ".vector_table";
 
 const ERASED: u8 = 0xFF;
@@ -63,7 +62,7 @@ pub(crate) fn seal(elf: &mut [u8]) -> Result<u32> {
     Ok(crc)
 }
 
-/// The bytes in flash from the vector table up to the CRC, and the offset of the CRC in the file.
+/// Returns the bytes in flash from the vector table up to the CRC, and the offset of the CRC in the file.
 fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
     let header = FileHeader32::<Endianness>::parse(elf).context("not a 32-bit ELF file")?;
     let endian = header.endian()?;
@@ -72,8 +71,8 @@ fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
         .iter()
         .filter(|segment| segment.p_type(endian) == PT_LOAD && segment.p_filesz(endian) > 0)
         .map(|segment| Loaded {
-            // The physical address is where variables' initial values are loaded into flash, although the variables are
-            // in RAM.
+            // The physical address is the one in flash. A variable's initial value is loaded there, although the
+            // variable is in RAM.
             address: segment.p_paddr(endian).into(),
             offset: segment.p_offset(endian).into(),
             len: segment.p_filesz(endian).into(),
@@ -125,8 +124,7 @@ mod tests {
     /// A section of the test's ELF file, with its own segment: name, load address, bytes.
     type Part<'a> = (&'a str, u32, &'a [u8]);
 
-    /// Returns a little-endian 32-bit ELF file: header, one program header for each part, the parts, section names,
-    /// section headers.
+    /// Returns a little-endian 32-bit ELF file with these sections.
     fn elf(parts: &[Part<'_>]) -> Vec<u8> {
         let words = |words: &[u32]| -> Vec<u8> { words.iter().flat_map(|word| word.to_le_bytes()).collect() };
         let halves = |halves: &[u16]| -> Vec<u8> { halves.iter().flat_map(|half| half.to_le_bytes()).collect() };
@@ -157,13 +155,11 @@ mod tests {
     const CODE: [u8; 6] = [0x70, 0x47, 0x00, 0xBF, 0x12, 0x34];
     const UNSEALED: [u8; 4] = [0xFF; 4];
 
-    /// Returns the ELF file of a program with a vector table at 0x1000, two bytes of gap after the code, and then the
-    /// CRC.
+    /// Returns the ELF file of a program: a vector table at 0x1000, code, two bytes of gap, and the CRC.
     fn image() -> Vec<u8> {
         elf(&[(FIRST_SECTION, 0x1000, &VECTORS), (".text", 0x1008, &CODE), (CRC_SECTION, 0x1010, &UNSEALED)])
     }
 
-    /// The contents of flash with the program of [`image`].
     fn flash() -> Vec<u8> {
         [&VECTORS[..], &CODE[..], &[0xFF, 0xFF]].concat()
     }
@@ -172,7 +168,6 @@ mod tests {
         bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word))
     }
 
-    /// The word of the CRC in the file, as the processor would load it.
     fn stored(elf: &[u8]) -> u32 {
         let at = layout(elf).unwrap().1 as usize;
         u32::from_le_bytes(elf[at..at + 4].try_into().unwrap())

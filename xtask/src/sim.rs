@@ -18,11 +18,11 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::output::Output;
 use crate::{Receivers, bench_flash, firmware};
 
-/// The limit for the error of a crystal, ppm. Real crystals have tens of ppm, so a far larger number is taken for a
-/// typing error.
+/// The limit for the error of a crystal, ppm. Real crystals have tens of ppm, so a larger number is probably a typing
+/// error.
 const MAX_PPM: f64 = 1000.0;
 
-/// The virtual time, ns, after which the run ends if Ctrl-C was pressed.
+/// The length of a step of the run, virtual ns. Ctrl-C ends the run after the present step.
 const PIECE: u64 = 500_000_000;
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
@@ -135,14 +135,12 @@ fn ppm(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A terminal that shows the progress of a run and, if requested, the boards' logs.
 pub(crate) struct Screen {
     bar: ProgressBar,
     log: bool,
 }
 
 impl Screen {
-    /// Prints a message without disturbing the progress bar.
     pub(crate) fn say(&self, text: &str) {
         if self.bar.is_hidden() {
             eprintln!("{text}");
@@ -183,20 +181,19 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
     run(args, |setup, screen| Ok(Some(bench::sim::run(setup, screen)?)))
 }
 
-/// Builds both images, runs the link with them, and returns only the report.
 pub(crate) fn report(args: &SimArgs) -> Result<Report> {
     let (horus, dpr) = firmware::build_pair(args.gps)?;
     Ok(bench::sim::run(&setup(args, vec![], Images { horus, dpr }), &mut ())?.report)
 }
 
-/// Builds both firmwares, calls `go` to run the link with them, and shows the result. If `go` returns `None`, the run
-/// was ended early and the command fails.
+/// Builds both firmwares, calls `go` to run the link with them, and shows the result. The command fails if `go` returns
+/// `None`, which means that the run was ended early.
 pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result<Option<Outcome>>) -> Result<ExitCode> {
     let recordings = vec![args.ubx1.clone(), args.ubx2.clone(), args.ubx3.clone()];
     if let Some(beyond) = recordings.iter().skip(args.gps.0).position(Option::is_some) {
         bail!("--ubx{}: this profile has {} receiver(s) only (--gps {})", args.gps.0 + beyond + 1, args.gps, args.gps);
     }
-    // Unreadable inputs and outputs that cannot be written are reported before anything is built.
+    // Inputs that cannot be read and outputs that cannot be written are reported before anything is built.
     for (option, path) in (1..).zip(&recordings).filter_map(|(number, path)| Some((number, path.as_ref()?))) {
         gnss_sim::Log::open(path).with_context(|| format!("--ubx{option}: {} cannot be played", path.display()))?;
     }
@@ -278,7 +275,6 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     Ok(ExitCode::FAILURE)
 }
 
-/// Flips every bit of the front ends' registers, or every `every`-th bit, each on a copy of the bench.
 fn flip_all(setup: &Setup, every: usize) -> Result<Flips> {
     let style = ProgressStyle::with_template("{spinner} {pos} bits flipped, {elapsed}").expect("a constant template");
     let bar = ProgressBar::new_spinner().with_style(style);
@@ -287,7 +283,6 @@ fn flip_all(setup: &Setup, every: usize) -> Result<Flips> {
     Ok(flipped)
 }
 
-/// Returns the memory of a bench's board, as `flash --probe bench` has written it.
 fn flashed(board: crate::Board) -> Result<Vec<u8>> {
     let name = board.name();
     bench_flash::read(board, &bench_flash::file(board))?.with_context(|| {
@@ -328,8 +323,8 @@ fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Se
     }
 }
 
-/// How long a copy of the bench runs after an upset, ns: the watchdogs reset a board within 200 ms, and 40 ms later the
-/// restarted board's cycles are accepted again.
+/// How long a copy of the bench runs after an upset, ns. The watchdogs reset a board within 200 ms, and 40 ms later the
+/// board's cycles are accepted again.
 const AFTER_UPSET: u64 = 400_000_000;
 
 fn upsets(args: &SimArgs, setup: &Setup) -> Result<Campaign> {
@@ -346,8 +341,7 @@ fn upsets(args: &SimArgs, setup: &Setup) -> Result<Campaign> {
     Ok(bench::sim::campaign(&setup, &options)?)
 }
 
-/// Returns a line about the instant at which Reported-Position ceased to be valid, and about the receivers that were
-/// silent by then.
+/// Returns a line about when Reported-Position ceased to be valid, and which receivers were silent at that instant.
 fn reported_position(reported: &Reported) -> String {
     let seconds = |ns: u64| format!("{:.3} s", ns as f64 / 1e9);
     let cycles = reported.valid_cycles;
@@ -357,7 +351,7 @@ fn reported_position(reported: &Reported) -> String {
     };
     let silent: Vec<String> = (1..)
         .zip(&reported.last_solution_ns)
-        // A receiver that gave a solution after that instant was not silent.
+        // A receiver that gave a solution later was not silent.
         .filter(|(_, last)| last.is_none_or(|last| last < since))
         .map(|(receiver, last)| match last {
             Some(last) => format!("GPS{receiver} silent since {}", seconds(*last)),
@@ -367,7 +361,6 @@ fn reported_position(reported: &Reported) -> String {
     format!("invalid since {} ({}), valid in {cycles} cycles read", seconds(since), silent.join(", "))
 }
 
-/// Returns lines about the number of receivers that agreed, and about the error of the voted position.
 fn vote(voter: &Voter) -> String {
     let agree = voter.agree.iter().rev().filter(|(agree, cycles)| **agree > 0 && **cycles > 0);
     let agree: Vec<String> = agree
@@ -381,10 +374,8 @@ fn vote(voter: &Voter) -> String {
     format!("{agree}; none in {}{error}", voter.none)
 }
 
-/// The greatest number of exclusions of receivers that are listed.
 const MOST_EXCLUSIONS: usize = 5;
 
-/// Returns lines about the first exclusions of receivers: beginning, end, and error at the beginning.
 fn exclusions(voter: &Voter) -> String {
     let seconds = |ns: u64| format!("{:.2} s", ns as f64 / 1e9);
     let mut text = String::new();
@@ -425,7 +416,6 @@ fn faults_in_words(faults: &bench::report::Faults) -> String {
     )
 }
 
-/// Returns the report as text that fits on one screen.
 pub(crate) fn table(report: &Report) -> String {
     let ms = |ns: u64| format!("{:.3} ms", ns as f64 / 1e6);
     let us = |ns: u64| format!("{:.3} us", ns as f64 / 1e3);

@@ -1,8 +1,8 @@
 //! Compares the sizes of both firmwares with the budgets in each firmware's `Cargo.toml`.
 //!
-//! Flash is what a program takes of it: code, constants and the initial values of statics. RAM is all statics. The rest
-//! of the RAM budget is for the stack, which flip-link places so that an overflow leads to a fault. Code that is copied
-//! to RAM counts in flash and has a separate column; the linker limits its own RAM region.
+//! Flash counts code, constants and the initial values of statics. RAM counts all statics; the rest of the RAM budget
+//! is for the stack, which flip-link places so that an overflow leads to a fault. Code that is copied to RAM counts in
+//! flash and has a separate column; the linker limits its own RAM region.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -14,7 +14,6 @@ use object::read::elf::{FileHeader, ProgramHeader, SectionHeader};
 use crate::workspace::metadata;
 use crate::{Board, Receivers, firmware};
 
-/// The number of bytes that a firmware has in each kind of memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Footprint {
     pub(crate) flash: u64,
@@ -23,8 +22,7 @@ pub(crate) struct Footprint {
     pub(crate) code_in_ram: u64,
 }
 
-/// The greatest number of bytes that a firmware may have in flash and in RAM. The linker limits the code that runs from
-/// RAM.
+/// The greatest number of bytes that a firmware may have in flash and in RAM.
 struct Budget {
     flash: u64,
     ram: u64,

@@ -56,8 +56,8 @@ pub(crate) fn speed(args: &SpeedArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Runs the example `speed` of the core's crate and shows its output. Returns the time of an instruction in the
-/// computing loop on the fast clock, ns.
+/// Runs the example `speed` of the core's crate. Returns the time of an instruction in the computing loop on the fast
+/// clock, ns.
 fn core_alone() -> Result<f64> {
     let mut cargo = workspace::cargo();
     cargo.args(["run", "--quiet", "--package", "cortex-m4", "--example", "speed"]);
@@ -72,7 +72,6 @@ fn core_alone() -> Result<f64> {
     per_instruction(&text).context("the core's example did not say how fast it is")
 }
 
-/// Returns the time of an instruction, ns, from the line `compute fast <n> M/s, ...`.
 fn per_instruction(text: &str) -> Option<f64> {
     text.lines().find_map(|line| {
         let mut words = line.split_whitespace();

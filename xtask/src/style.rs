@@ -9,10 +9,9 @@ use anyhow::{Context, Result, bail, ensure};
 
 use crate::workspace::{root, tracked};
 
-/// The longest line, in characters.
 const COLUMNS: usize = 120;
 
-/// Returns whether the file at `path` is checked: hand-written sources are; Markdown, recorded data, test corpora and
+/// Returns whether the file at `path` is checked. Hand-written sources are; Markdown, recorded data, test corpora and
 /// generated files are not.
 fn is_checked(path: &str) -> bool {
     let data = path.split('/').any(|folder| matches!(folder, "data" | "corpus"));
@@ -29,7 +28,7 @@ const TEST_NAME: (usize, usize) = (12, 80);
 /// Words with which a comment may not begin, because its first sentence would be incomplete.
 const OPENINGS: [&str; 7] = ["As", "Of", "Not", "Nothing of", "So long", "So many", "So much"];
 
-/// Returns the names of tests in `text` that are too long, each with the number of its line, from 1.
+/// Returns the names of tests in `text` that are too long, each with its line number, from 1.
 fn long_names(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let mut is_test = false;
     text.lines().enumerate().filter_map(move |(index, line)| {
@@ -43,8 +42,7 @@ fn long_names(text: &str) -> impl Iterator<Item = (usize, &str)> {
     })
 }
 
-/// Returns the numbers, from 1, of the lines of `text` in which a paragraph of a comment begins with one of
-/// [`OPENINGS`].
+/// Returns the numbers, from 1, of lines in `text` at which a paragraph of a comment begins with one of [`OPENINGS`].
 fn torn_openings(text: &str) -> impl Iterator<Item = usize> {
     let mut goes_on = false;
     text.lines().enumerate().filter_map(move |(index, line)| {
@@ -56,7 +54,7 @@ fn torn_openings(text: &str) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Returns the numbers, from 1, of the lines of `text` that are too long, each with its width in characters.
+/// Returns the numbers, from 1, of lines in `text` that are too long, each with the line's width in characters.
 fn too_long(text: &str) -> impl Iterator<Item = (usize, usize)> + '_ {
     text.lines()
         .enumerate()

@@ -42,7 +42,7 @@ fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<(Vec<String>
     for package in metadata["packages"].as_array().into_iter().flatten() {
         let Some(of_package) = package["name"].as_str() else { continue };
         let mut args = vec!["--package".to_owned(), of_package.to_owned()];
-        // The tests of xtask may need code that only these cargo features include.
+        // These cargo features include the code that some tests of xtask need.
         if of_package == "xtask" {
             args.extend(["--features".into(), "live,probe".into()]);
         }
@@ -63,7 +63,8 @@ fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<(Vec<String>
     Ok(found)
 }
 
-/// Runs the tests that [`selected`] selects, with both images; with `test`, those with this text in their names.
+/// Runs the tests that [`selected`] selects, with both images. With `test`, runs only those that have this text in
+/// their names.
 fn only(name: &str, test: Option<&String>) -> Result<ExitCode> {
     let selected = selected(&metadata()?, name)?;
     for gps in Receivers::ALL {
@@ -104,8 +105,8 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     if let Some(name) = args.only.first() {
         return only(name, args.only.get(1));
     }
-    // The path is read first: building the host tests replaces the running program's file, after which the system
-    // appends " (deleted)" to its path.
+    // The path is read before the build, which replaces the running program's file. The system then appends "
+    // (deleted)" to the path.
     let runner = std::env::current_exe().context("could not find out where this program is")?;
     let mut ran = 0;
     let mut failed = vec![];
@@ -125,7 +126,7 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
             _ => anyhow::bail!("over budget"),
         });
         step("a sample of the defects", &mut crate::defects::sample);
-        // Tests that run both firmwares get the firmwares' folder. Without it they would be skipped, or fail if CI is
+        // Tests that run both firmwares need the firmwares' folder. Without it they would be skipped, or fail if CI is
         // set.
         let images = firmware::folder();
         step("host tests", &mut || {
@@ -147,8 +148,8 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     Ok(verdict("test", ran, &failed))
 }
 
-/// Runs one board's defmt-test suite. With a clock, the suite is built for the bench with that clock, on which the
-/// suite's bounds depend. Without a clock, it is built for the board. `runner` is the path of this program.
+/// Runs one board's defmt-test suite: on the bench with `clock`, for which the suite is built because its bounds depend
+/// on the clock, or on the real board without a clock. `runner` is the path of this program.
 fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArgs) -> Result<()> {
     crate::workspace::install(&crate::workspace::FLIP_LINK)?;
     let runner = runner.to_str().with_context(|| format!("{} is not Unicode", runner.display()))?;
@@ -183,7 +184,7 @@ fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArg
             "--features",
             board.name(),
         ])
-        // A list does not split a path with a space in it. Its form in JSON is the same as in TOML.
+        // A list is used because the path may contain a space. JSON and TOML write such a list in the same way.
         .arg("--config")
         .arg(format!("target.{TARGET}.runner={}", serde_json::to_string(&runner)?))
         .env("DEFMT_LOG", "info");

@@ -23,7 +23,7 @@ pub(crate) const FLIP_LINK: Tool = Tool { name: "flip-link", version: "0.1.12" }
 pub(crate) const CARGO_FUZZ: Tool = Tool { name: "cargo-fuzz", version: "0.13.2" };
 
 pub(crate) fn root() -> PathBuf {
-    // The root is found from xtask's own folder at build time or, if the checkout has moved since, from cargo's.
+    // The root is found from xtask's folder at build time or, if the checkout has moved, by cargo.
     let manifest =
         std::env::var_os("CARGO_MANIFEST_DIR").map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")), PathBuf::from);
     manifest.parent().map_or(manifest.clone(), Path::to_path_buf)
@@ -46,7 +46,7 @@ pub(crate) fn target_dir() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |dir| root().join(PathBuf::from(dir)))
 }
 
-/// Returns the command `cargo`, to be run in the workspace's root, with the installed tools on its PATH.
+/// Returns the command `cargo`, which runs in the workspace's root with the installed tools on its PATH.
 pub(crate) fn cargo() -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(root()).env("PATH", path_with_tools());
@@ -69,7 +69,6 @@ pub(crate) fn check(what: &str, command: &mut Command) -> Result<()> {
     Ok(())
 }
 
-/// Installs a pinned tool under `target/tools` unless that version is installed there.
 pub(crate) fn install(tool: &Tool) -> Result<()> {
     let tools = tools_dir();
     let stamp = tools.join(format!(".{}-{}", tool.name, tool.version));
@@ -87,8 +86,8 @@ pub(crate) fn install(tool: &Tool) -> Result<()> {
     std::fs::write(&stamp, "").with_context(|| format!("could not write {}", stamp.display()))
 }
 
-/// Runs this command line again in a binary with a feature of xtask. On Unix the new process replaces this one, so that
-/// an interrupt from the keyboard reaches only one process.
+/// Runs this command line again in a binary that has a further feature of xtask. On Unix the new process replaces this
+/// one, so that an interrupt from the keyboard reaches only one process.
 #[cfg(not(all(feature = "probe", feature = "live")))]
 pub(crate) fn again_with(feature: &str) -> Result<ExitCode> {
     let mut command = cargo();
@@ -113,7 +112,6 @@ fn tools_dir() -> PathBuf {
 fn path_with_tools() -> OsString {
     let old = std::env::var_os("PATH").unwrap_or_default();
     let parts = std::iter::once(tools_dir().join("bin")).chain(std::env::split_paths(&old));
-    // A PATH that cannot be joined was not usable before either.
     std::env::join_paths(parts).unwrap_or(old)
 }
 
@@ -149,7 +147,7 @@ mod tests {
         }
     }
 
-    /// Returns each module of the files in `folder`: its path, and its code without tests and comments.
+    /// Returns each module in `folder`: its path, and its code without tests and comments.
     fn modules(folder: &str) -> BTreeMap<Vec<String>, String> {
         let of_file = |file: String| {
             let within = file
@@ -164,7 +162,7 @@ mod tests {
         tracked().unwrap().into_iter().filter_map(of_file).collect()
     }
 
-    /// Returns all paths in `code`, one for each name within braces.
+    /// Returns all paths in `code`. A path with braces gives one path for each name in the braces.
     fn paths(code: &str) -> Vec<Vec<&str>> {
         let (mut all, mut groups, mut path, mut rest) = (vec![], vec![], vec![], code);
         while let Some(first) = rest.chars().next() {
@@ -189,7 +187,7 @@ mod tests {
     }
 
     /// Returns the dependencies between modules of one folder that are part of a circle, or lead to one. A folder
-    /// counts as one module for the modules beside it. A module does not depend on the module that contains it.
+    /// counts as one module. A module does not depend on the module that contains it.
     fn circles(modules: &BTreeMap<Vec<String>, String>) -> BTreeSet<String> {
         let mut arrows = BTreeSet::new();
         for (module, code) in modules {

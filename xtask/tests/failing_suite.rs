@@ -1,4 +1,4 @@
-//! Tests that a suite's failure on a board is reported through a debug probe, and that the command fails.
+//! Tests that a failing suite on a board makes the command fail, with the failure reported through a debug probe.
 //!
 //! The board is one of the bench (`--probe bench`).
 #![cfg(feature = "probe")]
@@ -11,7 +11,7 @@ fn suite() -> PathBuf {
     let mut command = Command::new(env!("CARGO"));
     command.args(["test", "--no-run", "--release", "--target", "thumbv7em-none-eabihf", "--message-format=json"]);
     command.args(["--package", "on-target-tests", "--test", "failing", "--features", "failing"]);
-    // This suite's stack never overflows, so flip-link's linker suffices.
+    // flip-link is not needed, because this suite's stack never overflows.
     command.args(["--config", "target.thumbv7em-none-eabihf.linker='rust-lld'"]);
     // The variables that cargo sets for this test's package would be wrong for the suite.
     for (key, _) in std::env::vars_os() {
@@ -34,7 +34,7 @@ fn suite() -> PathBuf {
 
 #[test]
 fn a_failing_suite_reports_its_message_and_earlier_restarts() {
-    // A folder of its own makes the board a new one that no other test uses.
+    // The new folder makes the board a new one.
     let folder = std::env::temp_dir().join(format!("failing-suite-{}", std::process::id()));
     let ran = Command::new(env!("CARGO_BIN_EXE_xtask"))
         .args(["run", "--board", "dpr", "--on", "hardware", "--probe", "bench", "--erase-all"])

@@ -1,7 +1,7 @@
 //! Tests the runner from another project's folder, as in docs/bench.md#your-own-firmware: `cargo run` builds the
 //! project's firmware and runs it on a board of the bench.
 //!
-//! The project is made in a separate folder outside this workspace. It uses only crates of this workspace's lock file.
+//! The project is made in a folder outside this workspace, with crates of this workspace's lock file only.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -59,8 +59,8 @@ fn panic(_: &core::panic::PanicInfo) -> ! {
 }
 "#;
 
-/// Runs the project's built firmware with the real gdb. Returns the run's output, without the lines about connecting
-/// gdb, and gdb's output.
+/// Runs the project's firmware with the real gdb. Returns the output of the run, without the lines about connecting
+/// gdb, and the output of gdb.
 fn run_with_gdb(folder: &Path, arguments: &str, script: &[&str]) -> (Output, String) {
     let elf = folder.join("target/thumbv7em-none-eabihf/debug/blinky");
     let mut run = Command::new(env!("CARGO_BIN_EXE_xtask"));
@@ -123,7 +123,7 @@ fn a_project_elsewhere_runs_its_firmware_on_the_bench_by_cargo_run() {
     let edges = |level: &str| out.lines().filter(|line| line.ends_with(&format!("P0.13 {level}"))).count();
     assert_eq!((edges("high"), edges("low")), (2, 3), "low when it becomes an output, then two pulses: {out}");
     assert!(err.contains("still running after 0.1 s of virtual time, as it should (--seconds)"), "{err}");
-    // The stack has all of RAM that the statics leave free, and the firmware used a little of it.
+    // The stack has all of RAM that the statics leave free. The firmware uses a little of it.
     let stack = err.split("stack ").nth(1).and_then(|rest| rest.split(" bytes at worst").next()).unwrap();
     let (used, size) = stack.split_once(" of ").unwrap();
     let (used, size): (usize, usize) = (used.parse().unwrap(), size.parse().unwrap());
@@ -133,7 +133,7 @@ fn a_project_elsewhere_runs_its_firmware_on_the_bench_by_cargo_run() {
         assert!(std::env::var_os("CI").is_none(), "there is no gdb-multiarch: apt-get install gdb-multiarch");
         eprintln!("not run: there is no gdb-multiarch: apt-get install gdb-multiarch");
     } else {
-        // The run gives the same output when gdb inspects it, and gdb gets the run's exit status.
+        // The output is the same when gdb inspects the run, and gdb gets the run's exit status.
         let looks = ["set language c", "tbreak main", "continue", "info registers pc", "monitor pin P0.11"];
         let watches = ["watch *(unsigned *)0x50000508", "continue", "stepi", "monitor pin P0.13", "delete", "continue"];
         let script = [&looks[..], &watches].concat();

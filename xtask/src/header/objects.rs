@@ -12,7 +12,6 @@ use profile::{
     ReportedValues, Uplink, UplinkStatus, UplinkValues, Violation, Violations, crc,
 };
 
-/// The number of bytes that a command reserves, between its word and its CRC.
 pub(super) const COMMAND_RESERVED: usize = CommandObject::SIZE - 12 - 4;
 
 /// Values whose bytes occur nowhere else in an object.
@@ -21,7 +20,6 @@ const U32: u32 = 0xA1B2_C3D4;
 const F32: f32 = f32::from_bits(0x41A1_B2C3);
 const F64: f64 = f64::from_bits(0x4031_A2B3_C4D5_E6F7);
 
-/// The content of a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     U16,
@@ -29,18 +27,15 @@ pub(crate) enum Kind {
     F32,
     F64,
     Identifier,
-    /// Three F32, one along each axis.
     Axes,
-    /// A u16 for each kind of access violation.
     Counts,
-    /// A number and an outcome, u16, for each writer's last command.
     Acknowledged,
-    /// A status word, u16, with the prefix of its bits in C.
+    /// A status word, with the prefix of its bits in C.
     Status(&'static str),
     Word,
     Bytes,
     Zero,
-    /// A CRC of this name over the bytes from the field `from` up to the CRC.
+    /// A CRC of this name, over the bytes from the field `from` up to the CRC.
     Crc {
         name: &'static str,
         from: usize,
@@ -48,7 +43,6 @@ pub(crate) enum Kind {
 }
 
 impl Kind {
-    /// The type in a C comment.
     const fn c(self) -> &'static str {
         match self {
             Self::U16 | Self::Identifier | Self::Status(_) => "u16",
@@ -87,7 +81,7 @@ fn kind_of<T: Number>(_: T) -> Kind {
     T::KIND
 }
 
-/// A field that was found, with its meaning and, if it has one, its unit.
+/// A field that was found.
 pub(crate) struct Field {
     pub(crate) name: &'static str,
     pub(crate) place: std::ops::Range<usize>,
@@ -97,7 +91,6 @@ pub(crate) struct Field {
 }
 
 impl Field {
-    /// The C comment about the field.
     fn comment(&self) -> String {
         let what = match self.kind {
             Kind::Status(prefix) if !prefix.is_empty() => format!("HORUS_DPR_{prefix}_..."),
@@ -113,7 +106,6 @@ impl Field {
 pub(crate) struct Object {
     pub(crate) name: &'static str,
     pub(crate) title: &'static str,
-    /// The identifiers that the object can have.
     pub(crate) identifiers: &'static [Identifier],
     /// The identifiers' names in C.
     names: &'static str,
@@ -131,7 +123,7 @@ impl Object {
         Self { name, title, identifiers, names, size, fields: vec![] }
     }
 
-    /// Adds the field in which `sealed` holds `value`, whose bytes must occur only once.
+    /// Adds the field in which `sealed` holds `value`. The bytes of `value` must occur only once.
     fn field(
         mut self,
         name: &'static str,
@@ -149,7 +141,8 @@ impl Object {
         Ok(self)
     }
 
-    /// Adds the field with the identifier `value`, and the status word whose bits have this prefix in C.
+    /// Adds the fields of the identifier and the status word. The names of the status word's bits begin with `prefix`
+    /// in C.
     fn head(self, value: Identifier, prefix: &'static str, status: u16, sealed: &[u8]) -> Result<Self> {
         self.field("identifier", Kind::Identifier, ("", ""), &value.0.to_le_bytes(), sealed)?.field(
             "status",
@@ -160,14 +153,14 @@ impl Object {
         )
     }
 
-    /// Adds a field whose value cannot be set, behind the fields before it.
+    /// Adds a field whose value cannot be set. It follows the fields before it.
     fn rest(mut self, name: &'static str, kind: Kind, what: &'static str, bytes: usize) -> Self {
         let start = self.fields.iter().map(|field| field.place.end).max().unwrap_or(0);
         self.fields.push(Field { name, place: start..start + bytes, kind, unit: "", what });
         self
     }
 
-    /// Adds the field of a CRC, whose bytes begin with a field and end at the CRC.
+    /// Adds the field of a CRC, which covers the bytes from a field up to the CRC.
     fn crc(
         self,
         name: &'static str,
@@ -189,7 +182,7 @@ impl Object {
         Ok(object)
     }
 
-    /// Returns the object with its fields in order, if they fill it without a gap.
+    /// Sorts the fields, and fails unless they fill the object without a gap.
     fn whole(mut self) -> Result<Self> {
         self.fields.sort_by_key(|field| field.place.start);
         let mut end = 0;
@@ -201,7 +194,6 @@ impl Object {
         Ok(self)
     }
 
-    /// Returns the C structure of the object with assertions about its layout.
     fn structure(&self) -> String {
         let member = |field: &Field| format!("uint8_t {}[{}];", field.name, field.place.len());
         let width = self.fields.iter().map(|field| member(field).len()).max().unwrap_or(0);
@@ -244,7 +236,7 @@ pub(super) fn structs() -> Result<String> {
     Ok(all()?.iter().map(Object::structure).collect())
 }
 
-/// Adds the fields of a value type. Each is found by sealing an object in which only that field is set.
+/// Adds the fields of a value type. Each is found in an object in which only that field is set.
 macro_rules! fields {
     ($object:ident, $blank:expr, $seal:expr; $($name:ident: $value:expr, $unit:literal, $what:literal;)*) => {
         $object$(.field(
@@ -295,7 +287,7 @@ fn reported() -> Result<Object> {
     let blank = ReportedValues::absent(0);
     let all = ReportedStatus::from_bits(u16::MAX);
     let status = ReportedPosition::seal(&ReportedValues { status: all, ..blank });
-    // Latitude and longitude are set, because unknown ones could make both CRCs cover other fields.
+    // Latitude and longitude are set: unknown ones could make the CRCs seem to cover other fields.
     let sealed = ReportedPosition::seal(&ReportedValues { latitude: F64, longitude: -F64, ..blank });
     let axes = [F32, -F32, F32 + 1.0];
     let accelerated = ReportedPosition::seal(&ReportedValues { acceleration: axes, ..blank });

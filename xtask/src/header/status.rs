@@ -28,12 +28,11 @@ pub(crate) enum Code {
 /// A code of several bits in a status word: name, mask, meaning, reading.
 type Codes = (&'static str, u16, &'static str, Code);
 
-/// A bit or a code in a status word.
 pub(crate) struct Bits {
     pub(crate) name: &'static str,
     pub(crate) mask: u16,
     pub(crate) what: &'static str,
-    /// How a code is read; `None` for a bit.
+    /// How the code is read; `None` for a bit.
     pub(crate) code: Option<Code>,
 }
 
@@ -45,11 +44,10 @@ pub(crate) struct Word {
     pub(crate) bits: Vec<Bits>,
 }
 
-/// An enumeration: the name, the number and the meaning of each value.
 pub(crate) struct Enumeration {
     pub(crate) name: &'static str,
     pub(crate) title: &'static str,
-    /// The beginning of each value's name in C, behind HORUS_DPR_.
+    /// The beginning of each value's name in C, after HORUS_DPR_.
     prefix: &'static str,
     pub(crate) values: Vec<(&'static str, u8, &'static str)>,
 }

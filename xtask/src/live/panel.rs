@@ -2,14 +2,14 @@
 //!
 //! # Design
 //!
-//! The panel is on the bench's side of the radio, at a separate address, and affects the base station only through the
-//! faults. The bench gets them as in tests, between two steps of the run
-//! ([`Observer::faults`](bench::sim::Observer::faults)), and so does the judge.
+//! The panel is at a separate address, and affects the base station only through the faults. It passes them to the
+//! bench between two steps of the run ([`Observer::faults`](bench::sim::Observer::faults)), as tests do. The judge is
+//! told of them too.
 //!
 //! **Duration.** A fault lasts for a number of seconds of flight, or until the user ends it. It is a chain of episodes
-//! of [`LINK_NS`], each of which begins before the last one ends. So the judge always has an end and checks the link's
-//! recovery from it; the report counts each episode. A supply that is switched off has a fixed end instead, because two
-//! such episodes would not join without a gap.
+//! of [`LINK_NS`], each of which begins before the last one ends. So each episode has an end, from which the judge
+//! checks the link's recovery. A supply that is switched off has one fixed end instead, because two such episodes would
+//! not join without a gap.
 //!
 //! **Hangs.** A firmware starts its watchdog a few microseconds after its own start; a board that hung before that
 //! would hang for ever. So the hang of a board that has just been restarted from the panel, or hangs already, is
@@ -41,10 +41,9 @@ use bench::faults::{AirFaults, Board, Fault, Faults, PowerFault, ReceiverFault, 
 use bench::sim::AHEAD_NS;
 use serde_json::{Value, json};
 
-/// The length of one episode of a lasting fault, virtual ns.
 const LINK_NS: u64 = 1_000_000_000;
 
-/// How long before an episode's end the next episode begins, virtual ns: two steps of the run.
+/// How long before an episode's end the next episode of a fault begins, virtual ns: two steps of the run.
 const RENEW_NS: u64 = 2 * super::PIECE;
 
 const LONGEST: f64 = 600.0;
@@ -57,32 +56,24 @@ const LOST: f64 = 0.4;
 /// The bit error rate on the air. A frame has about 2000 bits, so about one in three survives.
 const BIT_ERROR: f64 = 5e-4;
 
-/// The seed of the contents of RAM after its supply was off.
 const NOISE: u64 = 1;
 
-/// A fault that the panel can inject.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Thing {
-    /// A receiver, from 0, is silent.
     Silent(usize),
     /// A receiver, from 0, finds no position, as if it were jammed.
     Jammed(usize),
-    /// Frames on the air are lost.
     Frames,
-    /// Bits of frames on the air are wrong.
     Bits,
     /// HORUS's carrier does not reach the DPR.
     Field,
-    /// A board has no supply.
     Off(Board),
-    /// A board's reset pin is pulled low.
     Reset(Board),
     /// A board hangs, and its watchdog restarts it.
     Hang(Board),
 }
 
 impl Thing {
-    /// All faults that the panel offers for a flight with `receivers` receivers.
     fn all(receivers: usize) -> Vec<Self> {
         let boards = [Board::Horus, Board::Dpr];
         let mut all: Vec<Self> = (0..receivers).flat_map(|of| [Self::Silent(of), Self::Jammed(of)]).collect();
@@ -135,9 +126,9 @@ impl fmt::Display for Thing {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum How {
     Once,
-    /// For a number of seconds of flight.
+    /// The fault lasts for a number of seconds of flight.
     ForSeconds,
-    /// For a number of seconds of flight, or until the user ends it.
+    /// The fault lasts for a number of seconds of flight, or until the user ends it.
     Lasting,
 }
 
@@ -156,7 +147,7 @@ struct Broken {
     thing: Thing,
     /// The instant at which the fault ends, virtual ns; `u64::MAX` until the user has ended it.
     until: u64,
-    /// The end of the last episode that was passed to the bench, virtual ns.
+    /// The end of the fault's last episode that was passed to the bench, virtual ns.
     told: u64,
 }
 
@@ -173,14 +164,13 @@ struct Inner {
     end_ns: u64,
     now_ns: u64,
     over: bool,
-    /// The requested faults with their durations, ns, which begin after the present step of the run.
+    /// The requested faults, which begin after the present step of the run, with their durations, ns.
     asked: Vec<(Thing, u64)>,
     broken: Vec<Broken>,
     /// The instants from which on HORUS's and the DPR's watchdogs certainly run, virtual ns.
     watched: [u64; 2],
     log: VecDeque<Line>,
     forgotten: u64,
-    /// Log lines whose instant is not known yet.
     unstamped: Vec<(String, String)>,
 }
 
@@ -190,7 +180,6 @@ impl Inner {
         self.end_ns.saturating_sub(LAST_BEFORE_END)
     }
 
-    /// Returns the faults that begin after `now`, virtual ns.
     fn faults(&mut self, now: u64) -> Faults {
         let (at, last) = ((now + AHEAD_NS).max(FIRST_AT), self.last_ns());
         let mut faults = Faults::none();
@@ -230,7 +219,8 @@ impl Inner {
                 },
             }
         }
-        // Only the last of several episodes on the air has effect, so each contains all faults that are present.
+        // Only the last of several episodes on the air has effect, so each episode contains all present faults of the
+        // air.
         let air = AirFaults {
             lost: if self.lasts(Thing::Frames, now) { LOST } else { 0.0 },
             bit_error: if self.lasts(Thing::Bits, now) { BIT_ERROR } else { 0.0 },
@@ -258,7 +248,7 @@ impl Inner {
         self.broken.iter().any(|broken| broken.thing == thing && broken.until > now)
     }
 
-    /// Returns the panel's state as JSON for its page, with the log's lines from number `from` on.
+    /// Returns the panel's state as JSON, with the log's lines from number `from` on.
     fn state(&self, from: u64) -> Value {
         let seconds = |ns: u64| ns as f64 / 1e9;
         let broken = self.broken.iter().map(|broken| {
@@ -295,13 +285,11 @@ impl Panel {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Serves the panel at `address`, with a link to the base station's page.
     pub(super) fn serve(&self, address: SocketAddr, page: SocketAddr) -> io::Result<Server> {
         let panel = self.clone();
         Server::of(address, |address| router(panel, address, page))
     }
 
-    /// Begins a run with `receivers` receivers, which ends at `end_ns`.
     pub(super) fn begin(&self, receivers: usize, end_ns: u64) {
         *self.inner() = Inner { receivers, end_ns, ..Inner::default() };
     }
@@ -310,7 +298,6 @@ impl Panel {
         self.inner().unstamped.push((board.to_owned(), line.to_owned()));
     }
 
-    /// Records that the run and its log have reached `now_ns`, virtual ns.
     pub(super) fn progress(&self, now_ns: u64) {
         let mut inner = self.inner();
         inner.now_ns = now_ns;
@@ -323,7 +310,6 @@ impl Panel {
         }
     }
 
-    /// Returns the faults that begin after `now_ns`, the end of a step of the run.
     pub(super) fn faults(&self, now_ns: u64) -> Faults {
         self.inner().faults(now_ns)
     }
@@ -376,7 +362,7 @@ async fn state(State(panel): State<Panel>, RawQuery(query): RawQuery) -> Respons
     json(&panel.inner().state(from))
 }
 
-/// Returns whether a request comes from the panel's own page, as the browser's headers state.
+/// Returns whether a request comes from the panel's own page, by the browser's headers.
 fn is_from_here(headers: &HeaderMap) -> bool {
     let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
     match (text(header::ORIGIN), text(header::HOST)) {
@@ -386,7 +372,7 @@ fn is_from_here(headers: &HeaderMap) -> bool {
     }
 }
 
-/// Answers `POST /break?what=CODE&seconds=N`: begins a fault, without seconds until the user ends it.
+/// Answers `POST /break?what=CODE&seconds=N`: begins a fault. Without seconds it lasts until the user ends it.
 async fn break_thing(State(panel): State<Panel>, headers: HeaderMap, RawQuery(query): RawQuery) -> Response {
     if !is_from_here(&headers) {
         return (StatusCode::FORBIDDEN, "this is for the panel's own page").into_response();

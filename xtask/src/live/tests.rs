@@ -11,11 +11,11 @@ use serde_json::Value;
 
 use super::*;
 
-/// The time from power-on until HORUS's clock starts, s: HORUS checks its flash and sets up for 8 to 9 ms.
+/// The time from power-on until HORUS's clock starts, s. HORUS checks its flash and sets up in 8 to 9 ms.
 const HORUS_STARTS: f64 = 0.008_5;
 
-/// Both firmwares for three receivers. If `cargo xtask test` has not built them, prints a message and, where the
-/// environment has `CI`, fails the test.
+/// Both firmwares for three receivers. If they were not built, prints a message and, where the environment has `CI`,
+/// fails the test.
 fn images() -> Option<Images> {
     let folder = std::env::var_os("LINK_IMAGES").map(|folder| PathBuf::from(folder).join("gps-3"));
     if let Some(folder) = folder.filter(|folder| folder.is_dir()) {
@@ -26,7 +26,6 @@ fn images() -> Option<Images> {
     None
 }
 
-/// Sends a request to `address` and returns the status and the body of the answer.
 fn ask(address: SocketAddr, method: &str, path: &str, headers: &str) -> (u16, String) {
     let mut stream = TcpStream::connect(address).unwrap();
     let length = "Connection: close\r\nContent-Length: 0";
@@ -37,25 +36,21 @@ fn ask(address: SocketAddr, method: &str, path: &str, headers: &str) -> (u16, St
     (head.split(' ').nth(1).unwrap().parse().unwrap(), body.to_owned())
 }
 
-/// Returns the state of the page or of the panel.
 fn state(address: SocketAddr) -> Value {
     let (status, body) = ask(address, "GET", "/state", "");
     assert_eq!(status, 200, "{body}");
     serde_json::from_str(&body).unwrap()
 }
 
-/// Sends a command to the panel, as its own page does.
 fn command(panel: SocketAddr, path: &str) {
     let (status, body) = ask(panel, "POST", path, &format!("Origin: http://{panel}\r\n"));
     assert_eq!(status, 204, "{path}: {body}");
 }
 
-/// Runs a flight while `watch` runs, which gets the addresses of page and panel.
 fn watched(setup: &Setup, pace: f64, watch: impl FnOnce(SocketAddr, SocketAddr)) -> Outcome {
     watched_by(Page::start(0, pace, false, |_, _| {}).unwrap(), setup, watch)
 }
 
-/// Does what [`watched`] does, with the given page.
 fn watched_by(mut page: Page, setup: &Setup, watch: impl FnOnce(SocketAddr, SocketAddr)) -> Outcome {
     let (panel, address) = (page.panel.clone(), page.server.address());
     panel.begin(setup.gps, setup.duration_ns);
@@ -99,7 +94,6 @@ fn the_page_shows_the_aircrafts_true_position_and_link_status() {
     assert!(north.hypot(east) <= 1.0, "{north} m north, {east} m east of the truth at {time} s");
 }
 
-/// Waits until `wanted` returns true for the page's state.
 fn until(page: SocketAddr, what: &str, wanted: impl Fn(&Value) -> bool) {
     let began = Instant::now();
     loop {
@@ -112,7 +106,6 @@ fn until(page: SocketAddr, what: &str, wanted: impl Fn(&Value) -> bool) {
     }
 }
 
-/// Waits until all faults are over and the link has recovered.
 fn calm(page: SocketAddr, panel: SocketAddr) {
     let began = Instant::now();
     while state(panel)["broken"] != serde_json::json!([]) {
@@ -275,7 +268,7 @@ fn a_fault_from_the_panel_is_one_gapless_chain_of_episodes() {
     assert!(episodes.len() > 15 && joined(&episodes), "{episodes:?}");
     command(server.address(), "/well?what=silent-2");
     assert_eq!(fly(200..300), [], "the last one comes to its end");
-    // The fault ends before the run does, so that the end of the run is undisturbed.
+    // The fault must end before the run does.
     command(server.address(), "/break?what=field");
     let episodes = fly(300..600);
     assert!(joined(&episodes) && episodes.last().unwrap().1 == 59_400_000_000, "{episodes:?}");
@@ -321,7 +314,6 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
     let outcome = page.run(&setup).unwrap();
     assert_eq!(outcome.report.violations, [""; 0]);
     assert!(page.settle().is_whole());
-    // The page gets the last state with the station's next update.
     let last = state(page.server.address())["drone"]["time_ms"].as_f64().unwrap() / 1e3;
     tab.until(&format!("document.getElementById('time').textContent === '{last:.1} s'"));
 
@@ -332,8 +324,8 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
         let [north, east, _] = TangentPlane::new(was).to_ned(shown);
         north.hypot(east)
     };
-    // The page's numbers are compared with the aircraft's position at the time that the page shows, the newest
-    // object's. The displayed position may be older by up to a period of the forwarder.
+    // The page's numbers are compared with the aircraft's position at the time that the page shows. The displayed
+    // position may be older by up to a period of the forwarder.
     let degrees = |text: String| -> f64 {
         let (number, side) = text.split_once("° ").unwrap();
         number.parse::<f64>().unwrap() * if matches!(side, "S" | "W") { -1.0 } else { 1.0 }

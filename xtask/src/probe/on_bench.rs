@@ -11,8 +11,8 @@ use probe_rs::probe::{DebugProbe, DebugProbeError, ProbeCreationError, ProbeFact
 use super::*;
 use crate::Receivers;
 
-/// Returns a new board that no other test uses, and the ELF file for it. If the firmwares were not built, prints a
-/// message.
+/// Returns a new board that no other test uses, and its ELF file; `None` with a message if the firmwares were not
+/// built.
 fn board(board: Board) -> Option<(BenchBoard, PathBuf)> {
     static COUNT: AtomicUsize = AtomicUsize::new(0);
     let Some(folder) = std::env::var_os("LINK_IMAGES").map(PathBuf::from) else {
@@ -60,7 +60,7 @@ fn a_new_dpr_board_needs_a_full_erase_before_writing() {
     assert!(on.kept().iter().all(|&byte| byte == 0xFF), "nothing was written");
     assert_eq!(flash(&on, Board::Dpr, &elf, true), Ok(()));
     assert!(holds(&on, &elf, 0));
-    // The board keeps UICR behind the flash. The compared word is UICR.APPROTECT.
+    // UICR follows the flash in the kept memory. The compared word is UICR.APPROTECT.
     assert_eq!(on.kept()[(1 << 20) + 0x208..][..4], [0x5A, 0, 0, 0]);
 }
 
@@ -71,13 +71,12 @@ fn a_running_dpr_board_is_written_again_without_a_full_erase() {
     on.switch_off_and_on();
     on.run(500_000_000);
     assert_eq!(flash(&on, Board::Dpr, &elf, false), Ok(()));
-    // The watchdog continues after a soft reset and is fed while the flash algorithm runs, so only soft resets occur.
+    // The watchdog continues after a soft reset, and is fed while the flash algorithm runs. So only soft resets occur.
     let restarts = on.restarts();
     assert!(restarts.len() >= 2 && restarts.iter().all(|why| why.ends_with("by software")), "{restarts:?}");
     assert!(holds(&on, &elf, 0));
 }
 
-/// The offset of the option bytes in the memory that HORUS's board keeps.
 const OPTIONS: usize = 2 << 20;
 /// The option bytes of a new board (RM0090, "Option bytes").
 const AS_DELIVERED: [u8; 16] = *b"\xEC\xAA\xFF\xFF\xFF\xFF\xFF\xFF\xFF\x0F\xFF\xFF\xFF\xFF\xFF\xFF";
@@ -91,7 +90,7 @@ fn flashing_horus_sets_brown_out_level_3_and_leaves_the_other_options() {
         let mut level_3 = AS_DELIVERED;
         level_3[0] &= !0x0C;
         assert_eq!(on.kept()[OPTIONS..], level_3);
-        // With the programmed brown-out level, the firmware does not stop at its start.
+        // Without the programmed brown-out level, the firmware would stop at its start.
         on.switch_off_and_on();
         on.run(500_000_000);
         assert_eq!(on.restarts(), [""; 0]);
@@ -163,7 +162,6 @@ fn a_board_can_be_written_again_after_its_probe_was_unplugged() {
     assert!(holds(&on, &elf, 0x0800_0000));
 }
 
-/// A probe on USB that cannot be opened.
 #[derive(Debug)]
 struct Plugged;
 
