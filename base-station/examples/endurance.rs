@@ -1,4 +1,4 @@
-//! Records a day of one drone's profiles, then reads and judges it again; checks memory and that all data are there.
+//! Records a day of one drone's profiles, reads it, and judges it again. Checks memory, and that no data are missing.
 //!
 //!     cargo run -p base-station --example endurance -- [HOURS] [FOLDER]
 //!
@@ -24,8 +24,8 @@ const HOUR: u64 = 360_000;
 
 const START_US: u64 = 1_790_000_000_000_000;
 
-/// The limit for the growth of memory, kB, after the first tenth of the work. The index of a recording's part grows
-/// until the part ends.
+/// The limit for the growth of memory after the first tenth of the work, kB. The index of a recording's part grows
+/// until the part is finished.
 pub(crate) const GROWTH_KB: u64 = 16 << 10;
 
 #[derive(Debug, Default)]
@@ -38,7 +38,7 @@ pub(crate) struct Figures {
     pub(crate) bytes: u64,
     /// The number of arrivals that were read back unchanged.
     pub(crate) read: u64,
-    /// The memory of the process, kB, at each tenth of the recording and then at each tenth of the reading.
+    /// The memory of the process at each tenth of the recording and then at each tenth of the reading, kB.
     pub(crate) memory_kb: Vec<u64>,
 }
 
@@ -55,7 +55,7 @@ impl Figures {
     }
 }
 
-/// The files of a recording, which are not forced to the disk.
+/// Files of a recording that are not forced to the disk.
 struct Unforced(Files);
 
 impl Parts for Unforced {
@@ -132,7 +132,6 @@ pub(crate) fn run(images: u64, folder: &Path, progress: impl Fn(f64)) -> io::Res
     Ok(figures)
 }
 
-/// Returns the arrival with this number, of a hundred a second.
 fn arrival(number: u64) -> Carried {
     let time = u32::try_from(number * 10).unwrap_or(u32::MAX);
     let angle = number as f64 / 3_000.0;

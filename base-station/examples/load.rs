@@ -1,13 +1,12 @@
-//! Measures the load that one `horus-base` carries: a thousand drones at once, as MAVLink over UDP, and the time from a
-//! datagram to its event on the page.
+//! Measures the load that one `horus-base` carries: a thousand drones as MAVLink over UDP, and the time from a datagram
+//! to its event on the page.
 //!
 //!     cargo run -p base-station --example load -- [DRONES] [SECONDS]
 //!
-//! Each drone has its own system id. MAVLink has 255 of them; the drones above that use ids of 32 bits, which the
-//! `mavlink` crate reads. Each drone sends {Link-Status, Reported-Position} and both messages of its three receivers
-//! ten times a second. The station and its page run on threads of this process, as in `horus-base serve`, and share the
-//! processors with the drones and the page's readers. Each event of a watched drone is compared with the instant at
-//! which its datagram was sent.
+//! MAVLink has 255 system ids; the drones above that use ids of 32 bits, which the `mavlink` crate reads. Each drone
+//! sends {Link-Status, Reported-Position} and both messages of its three receivers ten times a second. The station and
+//! its page run on threads of this process and share the processors with the drones and the page's readers. Each event
+//! of a watched drone is compared with the instant at which its datagram was sent.
 //!
 //! The program fails if a message was dropped, an object was not shown, or the 99th percentile of that time is above 50
 //! ms.
@@ -42,7 +41,7 @@ fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
     let bound = lines::udp("127.0.0.1:0".parse()?, Kind::MavlinkDatagrams, 0, clock, inlet.clone())?;
     let server = Server::start(station.clone(), "127.0.0.1:0".parse()?)?;
 
-    // `sent` holds the instant at which each sample of each watched drone was sent, ns since the beginning.
+    // The instant at which each sample of each watched drone was sent, ns since the beginning.
     let cycles = seconds as usize * 10;
     let sent: Arc<Vec<Vec<AtomicU64>>> =
         Arc::new((0..WATCHED).map(|_| (0..cycles).map(|_| AtomicU64::new(0)).collect()).collect());
@@ -72,7 +71,7 @@ fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
             for message in messages(system, cycle as u8, time)? {
                 if let Some(nth) = nth {
                     let now = u64::try_from(began.elapsed().as_nanos())?;
-                    // Only the first message has the position.
+                    // Only the first message of a cycle has the position.
                     let _ = sent[nth][cycle].compare_exchange(0, now, Ordering::Relaxed, Ordering::Relaxed);
                 }
                 socket.send(&message)?;
@@ -126,8 +125,7 @@ fn messages(system: u32, sequence: u8, time: u32) -> Result<Vec<Vec<u8>>, Box<dy
     units.into_iter().map(message).collect()
 }
 
-/// Reads the page's events of a drone. Returns the delay of each sample, from its datagram to the first event with it,
-/// ms.
+/// Reads the page's events of a drone. Returns the time from each sample's datagram to the sample's first event, ms.
 fn watch(
     address: std::net::SocketAddr,
     system: u32,

@@ -3,21 +3,22 @@
 //! # Design
 //!
 //! A sample's timestamp is HORUS's time; its arrival is the base station's. Their difference is the offset of the two
-//! clocks plus the delay on the way. A delay is never negative, so the smallest difference observed belongs to the
-//! sample with the shortest delay. The excess of a later sample's difference is its additional delay. So a sample that
-//! a radio held back for two seconds gets an age two seconds above that of a sample that passed at once.
+//! clocks plus the delay on the way. Delays are never negative, so the smallest difference belongs to the sample with
+//! the shortest delay. The age of any other sample is its difference minus the smallest one. So a sample that a radio
+//! held back for two seconds gets an age two seconds above that of a sample that passed at once.
 //!
 //! One sample must not define the shortest delay: an attacker who inserts one early sample could make all others look
-//! late, for hours. So a smaller difference is used only when [`AGREEING`] samples had a smaller one, the first and the
-//! last of them at least [`AGREE_US`] and at most [`WITHIN_US`] apart. The largest of their differences is then used.
-//! The first [`AGREEING`] samples count at once.
+//! late, for hours. So the smallest difference only changes when [`AGREEING`] samples have smaller ones, over at least
+//! [`AGREE_US`] and at most [`WITHIN_US`]. It becomes the largest of these. The first [`AGREEING`] samples count at
+//! once.
 //!
-//! The shortest delay itself remains unknown: about 5 ms from sample to readable (docs/figures.md), up to a control
-//! cycle of the flight controller, and the delay of the carrier. The true age exceeds each age here by it.
+//! The shortest delay itself remains unknown. It consists of about 5 ms from sample to readable (docs/figures.md), up
+//! to a control cycle of the flight controller, and the delay of the carrier. True ages exceed the ages here by the
+//! shortest delay.
 //!
-//! **Drift.** Two crystals differ, so the smallest difference may rise by [`CRYSTAL_DRIFT`] of the time that passes,
-//! and by [`NO_CRYSTAL_DRIFT`] while HORUS reports that it runs without its crystal. If HORUS's clock differs by more,
-//! its samples seem to come ever later or ever earlier; that is reported as an [implausible
+//! **Drift.** Two crystals differ, so the smallest difference rises by [`CRYSTAL_DRIFT`] of the time that passes, or by
+//! [`NO_CRYSTAL_DRIFT`] while HORUS reports that it runs without its crystal. With a clock of HORUS that differs by
+//! more, samples seem to come ever later or ever earlier; that is reported as an [implausible
 //! clock](Ages::is_clock_implausible).
 
 /// The greatest difference between HORUS's crystal and a computer's, parts per million: 100 for each of them.
@@ -29,16 +30,17 @@ pub const NO_CRYSTAL_DRIFT: i64 = 1_000_000 / profile::sequence::TOLERANCE_SHARE
 /// The length of the windows over which the two clocks are compared, µs.
 pub const WINDOW_US: u64 = 30_000_000;
 
-/// The number of samples with a smaller difference of arrival and timestamp after which that difference is used.
+/// The number of samples with a difference below the smallest one after which the smallest one changes.
 pub const AGREEING: u8 = 3;
 
-/// The shortest time, µs, over which these samples must be spread, so that one burst of messages does not suffice.
+/// The shortest time, µs, from the first to the last of the [`AGREEING`] samples, so that a burst of messages does not
+/// suffice.
 pub const AGREE_US: u64 = 1_000_000;
 
-/// The longest time, µs, over which these samples may be spread.
+/// The longest time, µs, from the first to the last of the [`AGREEING`] samples.
 pub const WITHIN_US: u64 = 10_000_000;
 
-/// Samples with a smaller difference of arrival and timestamp than all before, while they are too few to be used.
+/// Samples whose difference of arrival and timestamp is below the smallest one, while they are fewer than [`AGREEING`].
 #[derive(Clone, Copy, Debug)]
 struct Lower {
     began_us: u64,
@@ -46,7 +48,7 @@ struct Lower {
     largest_us: i64,
 }
 
-/// The smallest difference of arrival and timestamp, and the instant from which on the clocks' drift raises it.
+/// The smallest difference of arrival and timestamp, and the instant from which on drift raises it.
 #[derive(Clone, Copy, Debug)]
 struct Floor {
     difference_us: i64,
@@ -58,14 +60,13 @@ struct Floor {
 struct Window {
     began_us: u64,
     least: Floor,
-    /// The smallest difference of arrival and timestamp in the previous window, if there was one.
     before: Option<Floor>,
 }
 
-/// The state of the comparison of one HORUS's timestamps with their arrivals, since that HORUS started.
+/// Compares one HORUS's timestamps with their arrivals since that HORUS started.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Ages {
-    /// The last timestamp as it arrived, ms, and without wrapping, ms since the first timestamp.
+    /// The last timestamp, ms, as it arrived and without wrapping.
     last: Option<(u32, i64)>,
     floor: Option<Floor>,
     lower: Option<Lower>,
@@ -80,7 +81,7 @@ impl Ages {
     /// crystal. Returns the sample's delay beyond the shortest delay, µs.
     pub fn take(&mut self, timestamp: u32, at_us: u64, crystal: bool) -> u64 {
         let (unwrapped, difference_us) = self.difference(timestamp, at_us);
-        // An object with the last timestamp is of the same sample.
+        // Objects with one timestamp are of one sample.
         let another = self.last.is_none_or(|(last, _)| last != timestamp);
         self.last = Some((timestamp, unwrapped));
         let floor_us = self.floor_us(at_us, crystal);
@@ -111,7 +112,6 @@ impl Ages {
         (unwrapped, at_us.cast_signed().saturating_sub(unwrapped.saturating_mul(1_000)))
     }
 
-    /// Returns the smallest difference of arrival and timestamp, plus the clocks' drift until `at_us`.
     fn floor_us(&self, at_us: u64, crystal: bool) -> Option<i64> {
         let drift = if crystal { CRYSTAL_DRIFT } else { NO_CRYSTAL_DRIFT };
         self.floor.map(|floor| {
@@ -182,7 +182,7 @@ mod tests {
         for cycle in 0..10_u32 {
             ages.take(100 * cycle, 100_000 * u64::from(cycle), true);
         }
-        // First one sample comes too early, then a burst of three.
+        // First one sample comes too early, then a burst of three samples.
         for (at, timestamps) in [(1_000_000, &[2_900][..]), (1_100_000, &[2_980, 2_990, 3_000])] {
             for timestamp in timestamps {
                 assert_eq!(ages.take(*timestamp, at, true), 0);
@@ -251,7 +251,7 @@ mod tests {
 
     #[test]
     fn a_clock_off_by_just_2_percent_is_plausible() {
-        // `more` is the time, ms, by which HORUS's clock falls behind in each of two windows; 600 ms are 2 %.
+        // HORUS's clock falls behind by `more` ms in each of two windows; 600 ms are 2 %.
         for (more, implausible) in [(600, false), (601, true)] {
             let mut ages = Ages::default();
             for window in 0..=2_u32 {

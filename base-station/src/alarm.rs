@@ -23,7 +23,7 @@ macro_rules! alarms {
             /// All alarms, the gravest first.
             pub const ALL: &[Self] = &[$(Self::$name,)*];
 
-            /// Returns the alarm's name for programs, in lower case with dashes, which later versions keep.
+            /// Returns the alarm's name for programs, which does not change in later versions.
             #[must_use]
             pub const fn code(self) -> &'static str {
                 match self { $(Self::$name => $code,)* }
@@ -104,7 +104,7 @@ alarms! {
     Degraded, "degraded", Warning, "fewer receivers agree than the drone has, or on no altitude";
     /// HORUS runs on its internal oscillator, without its crystal.
     NoCrystal, "no-crystal", Warning, "HORUS runs without its crystal";
-    /// A damaged object, or one where another object belongs, arrived within the last
+    /// An object that is damaged or of another kind than expected arrived within the last
     /// [`RECENT_US`](crate::drone::RECENT_US).
     Damaged, "damaged", Warning, "damaged data arrived and were rejected";
 }
@@ -191,7 +191,7 @@ impl Board {
         self.held
     }
 
-    /// Returns each alarm that holds with its beginning, the gravest first.
+    /// Returns each alarm that holds, with the instant at which it began, the gravest first.
     pub fn raised(&self) -> impl Iterator<Item = Raised> {
         self.held.iter().map(|alarm| Raised { alarm, since_us: self.since_us[alarm as usize] })
     }

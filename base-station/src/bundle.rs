@@ -1,7 +1,7 @@
 //! Finds the objects in a message that carries several.
 //!
-//! The message's length and, over MAVLink, its payload type determine which objects it contains and where. The objects'
-//! own bytes do not, so a damaged identifier makes only its own object unreadable.
+//! The message's length and, over MAVLink, its payload type determine which objects are in it. So a damaged identifier
+//! makes only its own object unreadable.
 
 use core::ops::Range;
 
@@ -27,8 +27,8 @@ impl<'a> Bundle<'a> {
         (count > 0 && length == bytes.len()).then_some(Self { bytes, first, count })
     }
 
-    /// Returns the objects from `first` on, in the order of the map, that fill `bytes`; `None` if no number of them
-    /// does.
+    /// Returns the objects from `first` on, in the order of the map, that fill `bytes`; `None` if the length of `bytes`
+    /// does not fit.
     #[must_use]
     pub fn from_first(first: Place, bytes: &'a [u8]) -> Option<Self> {
         (1..=Place::COUNT).find_map(|count| Self::new(first, count, bytes))
@@ -40,7 +40,7 @@ impl<'a> Bundle<'a> {
         Self::new(Place::Reported, layout.objects(), bytes)
     }
 
-    /// Returns the objects of a datagram: of a profile, or of an image, by the length, which differs for all eight.
+    /// Returns the objects of a datagram, a profile or an image. The lengths of all profiles and images differ.
     #[must_use]
     pub fn datagram(bytes: &'a [u8]) -> Option<Self> {
         Layout::ALL.into_iter().find_map(|layout| {

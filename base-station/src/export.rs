@@ -25,11 +25,11 @@ use crate::{DroneId, Place, Verdict};
 /// The form of an export.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// A row for each object.
+    /// The export has a row for each object.
     Csv,
-    /// A track for GPS tools.
+    /// The export has a track for GPS tools.
     Gpx,
-    /// A track for programs that show a globe.
+    /// The export has a track for programs that show a globe.
     Kml,
 }
 
@@ -40,8 +40,8 @@ pub const COLUMNS: &str = "time,drone,object,timestamp_ms,age_ms,status,latitude
 /// The time without valid positions after which a track is interrupted, µs.
 pub const GAP_US: u64 = 2_000_000;
 
-/// Writes the recording that `reader` reads; `progress` gets the number of bytes read. Returns the number of objects
-/// (CSV) or points (GPX, KML).
+/// Writes the recording that `reader` reads; `progress` gets the number of bytes read. Returns the number of written
+/// objects (CSV) or points (GPX, KML).
 ///
 /// # Errors
 ///
@@ -87,12 +87,12 @@ pub fn export<R: Read, W: Write>(
     Ok(written)
 }
 
-/// Judges a record again and returns the objects that were judged when it was recorded: none if the signature was
-/// refused.
+/// Judges a record again and returns the objects that were judged when it was recorded. If the signature was refused,
+/// there are none.
 pub fn judge(intake: &mut Intake, record: &Record) -> Vec<Judged> {
     intake.take_if(&record.carried, |who, place| {
         let who = who.to_string();
-        // A sender may have another number than when it was recorded.
+        // The sender's number may differ from the recorded one.
         let is_of = |drone: &str| drone.strip_prefix(&who).is_some_and(|rest| rest.is_empty() || rest.starts_with('-'));
         record.found.iter().any(|found| found.place == place && is_of(&found.drone))
     })
@@ -134,7 +134,7 @@ fn row(intake: &Intake, judged: &Judged, at_us: u64) -> String {
             let words = if status.last_refused() { "last refused" } else { "none refused" };
             write!(row, ",{},{age_ms},0x{:04x},,,,,,,,,,{words}", held.timestamp, status.bits())
         }),
-        // An uplink has the time of the base station that sent it, so its age is not known.
+        // The uplink's timestamp is on the clock of the base station that sent it, so its age is not known.
         Place::Uplink => drone.uplink().map_or(Ok(()), |uplink| {
             write!(row, ",{},,0x{:04x},,,,,,,,,,", uplink.timestamp(), uplink.values().status.bits())
         }),
@@ -167,7 +167,6 @@ fn position(intake: &Intake, judged: &Judged) -> Option<[f64; 3]> {
     values.status.position_valid().then_some([values.latitude, values.longitude, values.altitude])
 }
 
-/// For each drone, the instants at which a new Reported-Position arrived, with the position if it was valid.
 type Tracks = BTreeMap<DroneId, Vec<(u64, Option<[f64; 3]>)>>;
 
 fn segments(points: &[(u64, Option<[f64; 3]>)]) -> impl Iterator<Item = Vec<(u64, [f64; 3])>> {

@@ -43,7 +43,7 @@ pub enum Who {
 }
 
 impl Who {
-    /// Returns the drone of the first sender with this id.
+    /// Returns the id of the drone of the first sender that uses this id.
     #[must_use]
     pub const fn first(self) -> DroneId {
         DroneId { who: self, sender: 1 }
@@ -61,7 +61,7 @@ impl fmt::Display for Who {
     }
 }
 
-/// A drone: its id, and one of the senders that use that id.
+/// Identifies a drone: by its own id, and by the sender among those that use that id.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct DroneId {
     /// The id that the sender states for its drone.
@@ -99,7 +99,6 @@ struct Sender {
 }
 
 impl Sender {
-    /// Returns the rank of a sender. The sender with the least rank is dropped first.
     fn worth(&self) -> (bool, u64) {
         (self.drone.counts().messages >= u64::from(SEARCH_CYCLES), self.drone.heard_us())
     }
@@ -157,7 +156,7 @@ impl Fleet {
         self.drones.range(all).map(|(id, sender)| (*id, sender))
     }
 
-    /// Records in each recent sender with this drone's id that another sender uses the id too.
+    /// Tells each recent sender with this drone's id that another sender uses the id too.
     fn note_rivals(&mut self, id: DroneId, at_us: u64, verdicts: &[Verdict]) {
         if !verdicts.iter().any(|verdict| verdict.is_intact()) {
             return;
@@ -173,7 +172,7 @@ impl Fleet {
         }
     }
 
-    /// Makes room for another sender with this id, and returns that sender's drone id.
+    /// Makes room for another sender with this id, and returns its drone id.
     fn room(&mut self, who: Who, at_us: u64) -> Option<DroneId> {
         let least = |senders: &mut dyn Iterator<Item = (DroneId, &Sender)>| {
             senders
@@ -229,7 +228,7 @@ impl Fleet {
         changes
     }
 
-    /// Returns whether a sender is silent while another sender with its id continues the data of its HORUS.
+    /// Returns whether a sender is silent, while another sender with its id continues the data of the same HORUS.
     fn has_moved(&self, id: DroneId, sender: &Sender, now_us: u64) -> bool {
         let silent = |sender: &Sender, span_us| now_us.saturating_sub(sender.drone.heard_us()) > span_us;
         let same = |other: &Sender| {

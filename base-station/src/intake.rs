@@ -10,22 +10,23 @@ use crate::carrier::published::{Name, Published};
 use crate::carrier::stream::Deframer;
 use crate::{Bundle, Change, DroneId, Fleet, Place, Source, Verdict, Who};
 
-/// The length of the longest datagram with objects, bytes: more than an Ethernet frame. A longer one is refused unread.
+/// The length of the longest datagram with objects, bytes: more than an Ethernet frame. Longer datagrams are refused
+/// unread.
 pub const MAX_DATAGRAM: usize = 2_048;
 
 /// The form in which a line brings objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Kind {
-    /// MAVLink in datagrams.
+    /// The line brings MAVLink in datagrams.
     MavlinkDatagrams = 1,
-    /// MAVLink in a byte stream.
+    /// The line brings MAVLink in a byte stream.
     MavlinkStream = 2,
-    /// Profiles or images in datagrams.
+    /// The line brings profiles or images in datagrams.
     Datagrams = 3,
-    /// Profiles or images in a byte stream, in frames that end with a zero byte.
+    /// The line brings profiles or images in a byte stream, in frames that end with a zero byte.
     Stream = 4,
-    /// Messages that another base station published.
+    /// The line brings messages that another base station published.
     Published = 5,
 }
 
@@ -74,7 +75,6 @@ pub struct Judged {
 enum Line {
     Mavlink(Box<Receiver>),
     Stream(Deframer),
-    /// Each message is complete in itself, so nothing is kept.
     Messages,
 }
 
@@ -93,7 +93,7 @@ pub struct Intake {
 pub struct Refused {
     /// The number of messages that were not signed with this station's key, or were replayed.
     pub unsigned: u64,
-    /// The number of TUNNEL messages whose payload type or length no message with objects has.
+    /// The number of TUNNEL messages whose payload type or length fits no objects.
     pub malformed: u64,
     /// The number of TUNNEL messages with a wrong MAVLink checksum.
     pub bad_crc: u64,
@@ -119,14 +119,14 @@ impl Intake {
         self.take_if(carried, |_, _| true)
     }
 
-    /// Does what [`take`](Self::take) does, for the objects for which `wanted` is true. For a recording, these are the
+    /// Judges like [`take`](Self::take), but only objects for which `wanted` is true. For a recording, these are the
     /// objects that were judged when it was made.
     pub fn take_if(&mut self, carried: &Carried, wanted: impl Fn(Who, Place) -> bool) -> Vec<Judged> {
         self.take_each(carried, wanted, |_, _, _| {})
     }
 
-    /// Does what [`take_if`](Self::take_if) does; `told` gets the objects of each message of a known drone, with the
-    /// verdict on each.
+    /// Judges like [`take_if`](Self::take_if). `told` gets the objects of each message of a known drone, with the
+    /// verdicts.
     pub fn take_each(
         &mut self,
         carried: &Carried,

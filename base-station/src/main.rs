@@ -232,7 +232,6 @@ fn serve(listen: &Listen, uplink: bool, Output { page, record }: Output) -> Resu
     let (inlet, station, ended) = live::start(verifier(listen)?, files(record)?, Time::Clock(clock.clone()), tell);
     speak(listen, uplink, &station)?;
     open(listen, &clock, &inlet)?;
-    // Each line has an inlet of its own, which ends with the station.
     show(station.clone(), None, &page)?;
     finish(inlet, &station, ended)
 }
@@ -373,7 +372,7 @@ fn export(file: &Path, form: Option<Forms>, output: &Path) -> Result<()> {
     bar.finish_and_clear();
     eprintln!("{} {}", written?, if form == Form::Csv { "objects" } else { "points" });
     told_torn(&reader);
-    // A user may name only the first part, although the newest recording is in a file with a higher number.
+    // A user may name only the first part. The newest recording is then in a file with a higher number.
     let more: Vec<_> = (1..).map(|number| Files::name(file, number)).take_while(|part| part.exists()).collect();
     if let Some(last) = more.last() {
         eprintln!("{} alone: there are {} more beside it, the last is {}", file.display(), more.len(), last.display());
@@ -437,7 +436,7 @@ fn verifier(listen: &Listen) -> Result<Option<Verifier>> {
     Ok(key(listen)?.map(Verifier::new))
 }
 
-/// The number of the link in this station's signatures. Each sender that has the key needs another number.
+/// The number of the link in this station's signatures. Each sender with the same key needs a different number.
 const SIGNING_LINK: u8 = 254;
 
 fn speak(listen: &Listen, uplink: bool, station: &Station) -> Result<()> {
@@ -477,7 +476,6 @@ fn files(file: Option<PathBuf>) -> Result<Option<Files>> {
     Ok(Some(Files::new(file)))
 }
 
-/// Opens the lines, numbered in the order of the arguments.
 fn open(listen: &Listen, clock: &Clock, inlet: &Inlet) -> Result<()> {
     let mut number = 0_u16;
     let default = [SocketAddr::from(([0, 0, 0, 0], 14_550))];
@@ -533,7 +531,7 @@ async fn interrupted(seconds: Option<u64>) -> Result<()> {
             None => std::future::pending().await,
         }
     };
-    // A service manager ends the program by the signal TERM, after which the recording must be whole, too.
+    // A service manager ends the program by the signal TERM. The recording must then be whole as well.
     #[cfg(unix)]
     let mut term = signal(SignalKind::terminate())?;
     #[cfg(unix)]
@@ -547,7 +545,7 @@ async fn interrupted(seconds: Option<u64>) -> Result<()> {
     }
 }
 
-/// Prints when the recorder or a line begins to fail, and when it works again: the user may have no page open.
+/// Prints when the recorder or a line begins to fail, and when it works again, because the user may have no page open.
 fn complain(station: Station) {
     thread::spawn(move || {
         let mut told = BTreeMap::<String, String>::new();
@@ -594,7 +592,7 @@ fn show(station: Station, player: Option<Arc<playback::Player>>, page: &Page) ->
         let address = listener.local_addr()?;
         println!("http://{address}/");
         let router = page::router(station, player, access);
-        // A graceful end would wait for the open event streams.
+        // A graceful shutdown would wait for the event streams, which do not end.
         tokio::select! {
             served = serve::serve(listener, router, Limits::default()) => served.context("the page ended"),
             ended = interrupted(page.seconds) => ended,

@@ -7,7 +7,7 @@ use profile::ssi::Request;
 use profile::ssi::client::{Shown, View};
 use profile::{Identifier, Layout, LinkStatus, MAX_RECEIVERS, Object, PortStatus, Uplink, image};
 
-/// A kind of object that a base station knows, named by its place in the DPR's map.
+/// A kind of object that a base station knows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Place {
     /// Link-Status: 32 bytes.
@@ -82,7 +82,7 @@ impl Place {
         }
     }
 
-    /// Returns the kind of the object with this identifier, if a base station knows it.
+    /// Returns the kind of the object with this identifier; `None` if a base station does not know it.
     #[must_use]
     pub fn of(identifier: Identifier) -> Option<Self> {
         Self::ALL.into_iter().find(|place| place.identifier() == Some(identifier))
@@ -92,7 +92,7 @@ impl Place {
     #[must_use]
     pub fn judge(self, bytes: &[u8]) -> Shown<Intact<'_>> {
         let damaged = Shown::Damaged(profile::Rejection::Length);
-        // The layout with the most receivers contains every kind of object.
+        // This layout has the most receivers, and so every kind of object.
         let [.., layout] = Layout::ALL;
         let offset = match self {
             Self::LinkStatus => Some(image::LINK_STATUS),
@@ -143,8 +143,8 @@ pub enum Intact<'a> {
 }
 
 impl Intact<'_> {
-    /// Returns the object's timestamp, ms, which wraps. Link-Status and Port-Status count from the DPR's start, the
-    /// uplink has the base station's time, the others count from HORUS's start.
+    /// Returns the object's timestamp, ms, which wraps. That of Link-Status and Port-Status counts from the DPR's
+    /// start, that of the profile's objects from HORUS's start. The uplink's is on the base station's clock.
     #[must_use]
     pub const fn timestamp(self) -> u32 {
         match self {

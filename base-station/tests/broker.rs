@@ -72,7 +72,6 @@ fn free_port() -> u16 {
     TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
 }
 
-/// Starts `horus-base`; returns the address of its page, and the UDP address that it prints.
 fn horus_base(arguments: &[&str]) -> (Running, SocketAddr, Option<SocketAddr>) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_horus-base"));
     command.args(arguments).args(["--http", "127.0.0.1:0"]).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -105,7 +104,6 @@ fn state(page: SocketAddr) -> Value {
     serde_json::from_str(&body[begin..=end]).unwrap()
 }
 
-/// Returns the drones of a page that are not stale, in the page's order.
 fn fresh(page: SocketAddr) -> Vec<String> {
     let state = state(page);
     let drones = state["drones"].as_array().unwrap();
@@ -113,7 +111,7 @@ fn fresh(page: SocketAddr) -> Vec<String> {
     fresh.map(|drone| drone["id"].as_str().unwrap().to_owned()).collect()
 }
 
-/// Sends the data of flying drones to one port, ten times a second, until this value is dropped.
+/// Sends data of flying drones to one port, ten times a second, until this value is dropped.
 struct Flying(Arc<AtomicBool>, Option<thread::JoinHandle<()>>);
 
 impl Flying {
@@ -148,7 +146,6 @@ impl Drop for Flying {
     }
 }
 
-/// Returns every object of a recording: drone, kind, verdict, bytes.
 fn objects(file: PathBuf, station: &str) -> Vec<(String, String, String, Vec<u8>)> {
     let mut objects = vec![];
     let mut intake = base_station::intake::Intake::default();
@@ -193,7 +190,6 @@ fn a_page_fed_by_the_broker_shows_the_drones_of_all_stations() {
     let (south, _, south_udp) = publish("south", names[1]);
     let (all, page, _) = horus_base(&["subscribe", "--broker", &at, "--record", names[2]]);
 
-    // Two drones have the system id 3; each station receives one of them.
     let flying = [Flying::start(1..=3, north_udp.unwrap()), Flying::start(3..=4, south_udp.unwrap())];
     let drones = ["north/1", "north/2", "north/3", "south/3", "south/4"];
     until("all drones are shown", || fresh(page) == drones);
@@ -283,7 +279,6 @@ fn what_somebody_else_publishes_there_changes_nothing() {
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
-/// Returns a certificate authority of this name, and writes its certificate to `NAME.pem`.
 fn authority(folder: &Path, name: &str) -> CertifiedIssuer<'static, KeyPair> {
     let mut params = CertificateParams::default();
     params.distinguished_name.push(DnType::CommonName, name);
@@ -334,7 +329,7 @@ fn over_tls_only_an_authenticated_broker_and_station_exchange_data() {
     let (_all, page, _) = horus_base(&[&["subscribe", "--broker", &at][..], &known].concat());
     let _flying = Flying::start(7..=7, udp.unwrap());
     until("the drone is shown", || fresh(page) == ["north/7"]);
-    // A station reports for a while the arrivals that could not be published before there was a connection.
+    // A station still reports the arrivals that could not be published before it was connected.
     let is_well = |page| state(page)["station"]["lines"].as_array().unwrap().is_empty();
     until("nothing is wrong", || is_well(page) && is_well(north_page));
 

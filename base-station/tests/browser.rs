@@ -29,13 +29,12 @@ use serde_json::{Value, json};
 
 const PERIOD: Duration = Duration::from_millis(50);
 
-/// The longest time until a page reports that data are old, ms: within half a second, as required.
 const SAYS_OLD_WITHIN: f64 = 500.0;
 
-/// The longest pause, ms, of a script that is due every 10 ms; a longer one shows that the machine was busy.
+/// The longest pause, ms, of a script that runs every 10 ms. A longer pause shows that the machine was busy.
 const UNDISTURBED: f64 = 60.0;
 
-/// The instants of an image, ms since 1970: it was taken at `taken`, and had been sent by `gone`.
+/// An image was taken at `taken`, and had been sent by `gone`, both ms since 1970.
 #[derive(Clone, Copy, Debug)]
 struct Sent {
     taken: f64,
@@ -46,8 +45,7 @@ fn now_ms() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64() * 1e3
 }
 
-/// Records the time every 10 ms, ms since 1970. A gap shows that the machine did not run this process, so that a
-/// measurement at that time is not valid.
+/// Records the time every 10 ms, ms since 1970. During a gap this process did not run, so a measurement is not valid.
 struct Beats {
     instants: Arc<Mutex<Vec<f64>>>,
 }
@@ -71,7 +69,7 @@ impl Beats {
     }
 }
 
-/// Two browsers at a time would disturb each other's measurements.
+/// Only one browser runs at a time, because two would disturb each other's measurements.
 static ALONE: Mutex<()> = Mutex::new(());
 
 fn alone() -> MutexGuard<'static, ()> {
@@ -97,7 +95,6 @@ struct Scene {
     forwarder: Forwarder,
     began: Instant,
     sent: u64,
-    /// The elapsed time that the test sets, µs, unless the station reads the system's clock.
     passed_us: Arc<AtomicU64>,
 }
 
@@ -106,8 +103,8 @@ impl Scene {
         Self::with_key(clock, None)
     }
 
-    /// Starts a station with this clock. With a key, the station accepts only messages signed with that key, and sends
-    /// uplinks.
+    /// Starts a station with this clock. With a key, the station sends uplinks and accepts only messages signed with
+    /// the key.
     fn with_key(clock: impl FnOnce(Arc<AtomicU64>) -> Clock, key: Option<Key>) -> Self {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = clock(Arc::clone(&passed_us));
@@ -171,7 +168,6 @@ impl Scene {
         }
     }
 
-    /// Sends images at their usual pace until `wanted` holds on the page. Returns the instants of the last one.
     fn fly_until(&mut self, tab: &mut Tab, wanted: &str) -> Sent {
         let began = Instant::now();
         loop {
@@ -196,7 +192,7 @@ impl Scene {
 
 const PLACE: (f64, f64, f64) = (-33.456_789_12, -70.648_271_83, 1_234.56);
 
-/// Returns the DPR's image `ms` after HORUS's start. The second of its three receivers is excluded, and the third is
+/// Returns the DPR's image `ms` after HORUS's start. Of three receivers, the second is excluded and the third is
 /// silent.
 fn image(ms: u32) -> Vec<u8> {
     image_at(ms, PLACE)
@@ -309,7 +305,7 @@ fn every_value_shown_is_the_one_that_was_sent() {
         assert!(alarms.contains(words), "{words}: {alarms}");
     }
 
-    // Every displayed age is the time since the last image was sent, at an instant between these two.
+    // Displayed ages count from the sending of the last image. The page is read between these two instants.
     let before = now_ms() - last.gone;
     let read = "[document.getElementById('age-value').textContent, \
                 ...[...document.getElementById('receivers').rows].map((row) => row.cells[4].textContent), \
@@ -362,7 +358,7 @@ fn the_page_marks_data_as_old_within_half_a_second() {
     }
     println!("old after {took:?} ms; where the machine did not let the browser or the station run, {disturbed:?}");
     assert!(took.iter().all(|(_, since_gone)| *since_gone <= SAYS_OLD_WITHIN), "{took:?}");
-    // The last sample may be 10 ms older, because timestamps are those of cycles; `Date.now()` returns whole
+    // The last sample may be 10 ms older, because timestamps are those of cycles. `Date.now()` returns whole
     // milliseconds.
     assert!(took.iter().all(|(since_taken, _)| *since_taken >= 400.0 - 10.0 - 1.0), "{took:?}");
     screenshot(&mut tab, "stale");
@@ -401,7 +397,6 @@ fn a_page_that_lost_its_station_reconnects_by_itself() {
     scene.server = Some(Server::start(scene.station.clone(), scene.page).unwrap());
     scene.fly_until(&mut tab, FRESH);
     assert_eq!(tab.eval("performance.timeOrigin"), loaded, "it was not loaded anew");
-    // The failed connections are the only errors on the console.
     let troubles = tab.troubles();
     let network = |trouble: &String| trouble.starts_with("network: ") && trouble.contains("/events");
     assert!(troubles.iter().all(network), "{troubles:?}");
@@ -412,7 +407,6 @@ fn a_page_that_is_opened_late_shows_the_last_minutes() {
     let _alone = alone();
     let Some(mut tab) = tab("late") else { return };
     let mut scene = Scene::new(Clock::told);
-    // The drone flies for three minutes at 10 Hz, 900 m to the north and 45 m up.
     for cycle in 0..=1_800_u32 {
         let passed = Duration::from_millis(u64::from(cycle) * 100);
         scene.passed_us.store(u64::try_from(passed.as_micros()).unwrap(), Ordering::Relaxed);
@@ -445,7 +439,7 @@ fn the_page_is_readable_on_each_screen_in_light_and_dark() {
     let Some(mut tab) = tab("looks") else { return };
     let mut scene = Scene::begin();
     tab.open(&scene.address());
-    // Computes relative luminance and contrast by WCAG 2.2, against the nearest background that is not transparent.
+    // Computes relative luminance and contrast by WCAG 2.2. The background is the nearest one that is not transparent.
     let contrast = "window.contrast = (selector) => {
         const parts = (colour) => colour.match(/[\\d.]+/g).map(Number);
         const luminance = (colour) => {
@@ -484,7 +478,6 @@ fn the_page_is_readable_on_each_screen_in_light_and_dark() {
                 tab.eval("[document.documentElement.scrollWidth, document.documentElement.clientWidth, innerWidth]");
             assert_eq!(wide[0], wide[1], "{name}, {scheme}");
             assert_eq!(wide[2], screen.width);
-            // The screenshot is taken while the page is being drawn.
             scene.send(image);
             screenshot(&mut tab, &format!("{name}-{scheme}"));
             tab.until(OLD);
@@ -514,7 +507,7 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     while order.len() < 8 {
         tab.press("Tab");
         order.push(tab.eval(focused).as_str().unwrap_or_default().to_owned());
-        // The other drone is silent by now, so there may be an alarm to acknowledge, with a button.
+        // The other drone is silent by now, which may have added an alarm with its button.
         order.retain(|id| id != "acknowledge");
     }
     // The elements without a name are the list of changes and the two drones in the list of all drones.
@@ -591,8 +584,8 @@ type Change = fn(&mut ReportedValues, &mut [GpsValues; 3]);
 /// The longest time from a fault's first message until the page reports the fault.
 const SAYS_WITHIN: Duration = Duration::from_secs(2);
 
-/// Calls `send` until the page shows `said` with the class `level`, within the bound. Then takes screenshots of the
-/// page on a desk and on a phone, in light and in dark.
+/// Calls `send` until the page shows `said` with the class `level`, within the bound. Then takes screenshots on a desk
+/// and on a phone, in light and in dark.
 fn shows(tab: &mut Tab, name: &str, said: &str, level: &str, mut send: impl FnMut()) {
     let wanted = format!(
         "document.getElementById('verdict').textContent.startsWith({}) && document.body.dataset.level === '{level}'",
@@ -685,7 +678,6 @@ fn old_receivers_and_link_are_marked_beside_a_new_position() {
     let mut scene = Scene::begin();
     tab.open(&scene.address());
     shows(&mut tab, "old-before", "live", "well", || _ = scene.send(|ms| well(ms, |_, _| {})));
-    // From here on only Reported-Position arrives.
     let reported = |ms| well(ms, |_, _| {})[32..96].to_vec();
     let alone = Tunnel::of(&Bundle::new(Place::Reported, 1, &reported(0)).unwrap()).unwrap().payload_type;
     assert_eq!(alone, 0xC800);
@@ -837,7 +829,6 @@ fn a_new_critical_alarm_sounds_until_it_is_acknowledged() {
     assert!(words.as_str().unwrap().ends_with("7: HORUS has fired the emergency measure"), "{words}");
     assert!(tab.text("#verdict").starts_with("HORUS has fired"), "it is still the worst");
     fly(&mut scene, &mut tab, |_, _| {}, &format!("{first}.endsWith('measure – over')"));
-    // An acknowledged alarm that begins again is a new one.
     fly(&mut scene, &mut tab, emergency, &format!("{button}.textContent === 'Acknowledge 1'"));
     scene.is_clean(&mut tab);
 }
@@ -959,7 +950,6 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     let recording = record(folder.join("flight.mcap"), 600);
     let contents = recording.contents(|_| {}).unwrap();
     assert_eq!(contents.last_us, RECORDED + 600_000_000);
-    // The pace is not in the list of paces.
     let player = Arc::new(Player::new(&contents, RECORDED + 100_000_000, 3.0));
     let (inlet, station, _) = live::start(None, None, Time::Playback(Arc::clone(&player)), |_, _| {});
     let fed = Arc::clone(&player);
@@ -1025,7 +1015,7 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     tab.until(&format!("Math.abs(state.playback.at_s - {wanted}) < 0.001 && settled()"));
     let whole = wanted as u32;
     until(&mut tab, "did", &format!("at {}:{:02}", whole / 60, whole % 60));
-    // Selecting a pace does not start a playback that stands still.
+    // Selecting a pace must not start a playback that stands still.
     tab.press("f");
     until(&mut tab, "did", "5 times, when it plays");
     tab.press("s");
@@ -1060,7 +1050,8 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     tab.until("state.playback.at_s === 600");
     assert_eq!(player.now_us(), contents.last_us);
     tab.until("document.getElementById('at').getAttribute('aria-valuetext') === '10:00 of 10:00'");
-    // The display must equal the recording at the displayed instant, which the test finds by reading the recording.
+    // The display must equal the recording at the displayed instant. The test finds that instant by reading the
+    // recording.
     until(&mut tab, "time", "670.0 s");
     screenshot(&mut tab, "playback");
 

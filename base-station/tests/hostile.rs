@@ -18,7 +18,7 @@ use tokio::sync::oneshot;
 
 const BOUND: Duration = Duration::from_secs(30);
 
-/// The limits are short so that the tests take little time.
+/// Short limits save time in the tests.
 const LIMITS: Limits = Limits { connections: 200, head: Duration::from_millis(400), stall: Duration::from_millis(600) };
 
 /// The page of a station that receives data of one drone all the time.
@@ -66,7 +66,6 @@ impl Page {
         stream
     }
 
-    /// Opens a connection whose receive buffer is as small as possible.
     fn narrow(&self) -> TcpStream {
         let socket = Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
         socket.set_recv_buffer_size(2_048).unwrap();
@@ -91,7 +90,6 @@ impl Drop for Page {
     }
 }
 
-/// Returns the bytes that the other end sends until it closes or resets the connection.
 fn all(stream: &mut TcpStream) -> Vec<u8> {
     let mut bytes = vec![];
     let mut buffer = [0; 4_096];
@@ -105,7 +103,7 @@ fn all(stream: &mut TcpStream) -> Vec<u8> {
     }
 }
 
-/// Reads states as a browser does, and returns their number and the longest pause between two of them.
+/// Reads states as a browser does. Returns their number, and the longest pause between two of them.
 struct Watcher {
     ended: Arc<AtomicBool>,
     thread: thread::JoinHandle<(u64, Duration)>,
@@ -153,8 +151,8 @@ fn readers_that_take_nothing_are_given_up_and_hold_no_other_up() {
     for reader in &mut readers {
         write!(reader, "GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
     }
-    // The page closes each connection from which the client does not read; the system reports a reset at the client's
-    // next write.
+    // The page closes each connection from which the client does not read. The client's next write then fails with a
+    // reset.
     let began = Instant::now();
     while !readers.is_empty() {
         assert!(began.elapsed() < BOUND, "{} readers are still there", readers.len());
@@ -170,7 +168,7 @@ fn readers_that_take_nothing_are_given_up_and_hold_no_other_up() {
     assert!(page.answers());
 }
 
-/// Tries to write a byte, which shows whether the other end is still connected.
+/// Tries to write a byte, to see whether the other end is still connected.
 fn write_one(stream: &mut TcpStream) -> Result<(), ErrorKind> {
     match stream.write(b"x") {
         Ok(_) => Ok(()),
@@ -186,7 +184,7 @@ fn the_page_answers_again_after_a_thousand_idle_connections() {
     let watcher = Watcher::start(&page);
     for _ in 0..5 {
         let mut idle: Vec<TcpStream> = (0..200).map(|_| page.connect()).collect();
-        // The connections beyond the limit are closed at once, the others when they have sent no request for too long.
+        // The connections beyond the limit are closed at once. The others are closed after a time without a request.
         for stream in &mut idle {
             let bytes = all(stream);
             assert!(bytes.is_empty() || bytes.starts_with(b"HTTP/1.1 408"), "{}", String::from_utf8_lossy(&bytes));

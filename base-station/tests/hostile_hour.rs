@@ -1,5 +1,6 @@
-//! Tests an hour with a hostile neighbour: messages that are forged, replayed, reordered, truncated, oversized and from
-//! many senders come beside those of three true drones. Time is virtual, and the messages are drawn from a seed.
+//! Tests an hour with a hostile neighbour, whose messages come beside those of three true drones. They are forged,
+//! replayed, reordered, truncated, oversized or from many senders. Time is virtual, and the messages are drawn from a
+//! seed.
 
 use crate::common;
 
@@ -18,7 +19,7 @@ const BEGIN: u64 = 1_790_000_000_000_000;
 const HOUR: u64 = 3_600 * SECOND;
 const PERIOD: u64 = 100_000;
 
-/// The true drones: system id, and how long each HORUS has been running at the beginning, ms.
+/// The system id of each true drone, and how long its HORUS has been running at the beginning, ms.
 const TRUE: [(u8, u32); 3] = [(1, 70_000), (2, 3_000_000), (3, 500)];
 
 fn address(system: u32, port: u16) -> String {
@@ -66,7 +67,7 @@ struct Hour {
     intake: Intake,
     drawn: Drawn,
     now: u64,
-    /// The messages that have not arrived yet: the instant of arrival and a serial number, with source and bytes.
+    /// The messages that have not arrived yet, by the instant of arrival and a serial number, with source and bytes.
     on_the_way: BTreeMap<(u64, u64), (String, Vec<u8>)>,
     count: u64,
     kept: Vec<(String, Vec<u8>)>,
@@ -169,7 +170,7 @@ impl Hour {
         }
     }
 
-    /// Returns whether the station shows this true drone: its last sample, which is not old and has the true values.
+    /// Returns whether the station shows this true drone's last sample, which must not be old.
     fn is_shown_true(&self, system: u8, began: u32) -> bool {
         let time = self.time(began);
         let sent = image(time);

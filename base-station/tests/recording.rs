@@ -14,12 +14,12 @@ use common::image;
 
 const BOUND: Duration = Duration::from_secs(60);
 
-/// Starts `horus-base` from a shell that first sets a limit. Returns the process, its output, and the address at which
-/// it receives datagrams.
+/// Starts `horus-base` from a shell that first sets a limit. Returns the process, its output, and the address of its
+/// socket.
 fn start(arguments: &[&str], file: &Path, limit: &str) -> (Child, BufReader<ChildStderr>, SocketAddr) {
     let mut command = Command::new("sh");
-    // Without this trap, the system ends a process whose file must not grow. With it, the write fails, as on a full
-    // disk.
+    // When a file must not grow, the system ends the process by a signal. With this trap, the write fails instead, as
+    // on a full disk.
     command.arg("-c").arg(format!("trap '' XFSZ; {limit}; exec \"$0\" \"$@\"")).arg(env!("CARGO_BIN_EXE_horus-base"));
     command.args(arguments).args(["--datagrams", "127.0.0.1:0"]).arg(file);
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
@@ -53,7 +53,7 @@ fn a_recorder_that_is_killed_loses_less_than_a_second() {
     let file = folder.join("flight.mcap");
     let (mut child, _said, address) = start(&["record"], &file, "true");
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-    // The process is killed after three seconds at 100 Hz, and its recording compared with what was sent.
+    // The process is killed after three seconds at 100 Hz. Its recording is compared with what was sent.
     let began = Instant::now();
     let mut sent = vec![];
     while began.elapsed() < Duration::from_secs(3) {
@@ -93,7 +93,7 @@ fn a_recorder_survives_a_full_disk_and_keeps_what_it_wrote() {
     while !words.contains("recording works again") {
         assert!(said.read_line(&mut words).unwrap() > 0, "{words}");
     }
-    // A service manager ends a program by the signal TERM, after which the file must be whole, too.
+    // A service manager ends a program by the signal TERM. The file must then be whole as well.
     let end = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     assert!(end.success());
     assert!(child.wait().unwrap().success());

@@ -1,5 +1,5 @@
-//! Tests ten minutes, in virtual time, on carriers that lose half of all messages, repeat, reorder and damage messages,
-//! and carry foreign ones.
+//! Tests ten minutes, in virtual time, on carriers that lose half of all messages, and repeat, reorder and damage
+//! others.
 
 use std::collections::HashSet;
 
@@ -53,7 +53,7 @@ struct Message {
     foreign: bool,
 }
 
-/// Sends `bytes` at `now_us`. They may be lost, delayed, doubled or damaged.
+/// Sends `bytes` at `now_us`. The carrier may lose, delay, double or damage them.
 fn carry(drawn: &mut Drawn, now_us: u64, bytes: &[u8], on_the_way: &mut Vec<Message>) {
     let copies = if drawn.chance(15) { 2 } else { 1 };
     for _ in 0..copies {
@@ -79,8 +79,8 @@ fn carry(drawn: &mut Drawn, now_us: u64, bytes: &[u8], on_the_way: &mut Vec<Mess
     }
 }
 
-/// Returns the messages that carry ten minutes of HORUS's objects, with the instants of their arrival, and all objects
-/// that were sent.
+/// Returns the messages with ten minutes of HORUS's objects and the instants of their arrival, and all objects that
+/// were sent.
 fn flight(seed: u64, mavlink: bool) -> (Vec<Message>, HashSet<(Place, Vec<u8>)>) {
     let mut drawn = Drawn(seed);
     let (mut on_the_way, mut sent) = (vec![], HashSet::new());

@@ -4,11 +4,11 @@
 //!
 //! Chromium is controlled by its [DevTools protocol](https://chromedevtools.github.io/devtools-protocol/) over two
 //! pipes (`--remote-debugging-pipe`): JSON, each message ended by a zero byte. No port is opened, and Chromium ends
-//! with the pipes, so no test leaves a browser behind. The libraries for this protocol, `headless_chrome` and
-//! `chromiumoxide`, bring 141 and 150 crates; a dozen commands are used here.
+//! with the pipes. The libraries `headless_chrome` and `chromiumoxide` would bring 141 and 150 crates for the dozen
+//! commands that are used here.
 //!
-//! Every host name except this machine's resolves to nothing, so a page's request to another machine fails
-//! ([`Tab::requests`]).
+//! Chromium resolves no host name except this machine's, so a page's request to another machine fails and shows in
+//! [`Tab::requests`].
 
 #![forbid(unsafe_code)]
 
@@ -25,7 +25,7 @@ use serde_json::{Value, json};
 
 const NAMES: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
-/// The time limit for an answer of the browser, also on a busy machine.
+/// The time limit for an answer of the browser.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 const LOOK: Duration = Duration::from_millis(10);
@@ -35,7 +35,7 @@ const LOOK: Duration = Duration::from_millis(10);
 ///
 /// # Panics
 ///
-/// Panics if there is no browser and the environment has `CI`: it must be installed there.
+/// Panics if there is no browser and the environment has `CI`, where a browser must be installed.
 #[must_use]
 pub fn program() -> Option<PathBuf> {
     let named = std::env::var_os("CHROMIUM").map(PathBuf::from);
@@ -84,7 +84,7 @@ pub struct Tab {
 }
 
 impl Tab {
-    /// Starts the browser with an empty page. `folder` is emptied for the browser's files.
+    /// Starts the browser with an empty page. The browser's files are below `folder`, which is emptied first.
     ///
     /// # Panics
     ///
@@ -92,12 +92,13 @@ impl Tab {
     #[must_use]
     pub fn start(program: &Path, folder: &Path) -> Self {
         let _ = std::fs::remove_dir_all(folder);
-        // The browser needs the pipes as file descriptors 3 and 4, which only the shell can set up here.
+        // The browser needs the pipes as file descriptors 3 and 4. The shell can set them up; the standard library
+        // cannot.
         let mut command = Command::new("/bin/sh");
         command.args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null 2>&1", "sh"]).arg(program);
         command.args(["--headless", "--remote-debugging-pipe", "--disable-gpu", "--no-first-run", "--mute-audio"]);
-        // In a container the browser lacks shared memory, and as root it cannot use its sandbox. The page is trusted,
-        // so it needs none.
+        // In a container the browser lacks shared memory. As root it cannot use its sandbox, which a trusted page does
+        // not need.
         command.args(["--disable-dev-shm-usage", "--no-sandbox", "--disable-background-networking"]);
         command.args(["--disable-component-update", "--disable-default-apps", "--disable-sync"]);
         command.arg("--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1");
@@ -278,7 +279,7 @@ impl Tab {
         }
     }
 
-    /// Returns the role and the name of each element of the page that a screen reader reads out.
+    /// Returns the role and the name of each element that a screen reader reads out.
     pub fn spoken(&mut self) -> Vec<(String, String)> {
         let tree = self.command("Accessibility.getFullAXTree", json!({}));
         let nodes = tree["nodes"].as_array().cloned().unwrap_or_default();
@@ -314,7 +315,7 @@ impl Tab {
 
 impl Drop for Tab {
     fn drop(&mut self) {
-        // The browser may have ended already. Its helper processes end with it.
+        // The browser may have ended already, so the error is ignored. The browser's helper processes end with it.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }

@@ -55,8 +55,8 @@ pub struct Name {
 }
 
 impl Name {
-    /// Returns the name in this text: a station's name, a slash and a drone's name; `None` if it is another text or too
-    /// long.
+    /// Returns the name in this text: a station's name, a slash and a drone's name; `None` if the text is too long or
+    /// is no such name.
     #[must_use]
     pub fn new(name: &str) -> Option<Self> {
         let (station, drone) = name.split_once('/')?;

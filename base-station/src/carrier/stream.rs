@@ -5,7 +5,7 @@
 //! ended by a zero byte. The encoded bytes contain no zero, so a receiver resynchronises at the next zero. The objects
 //! have their own CRCs, so a frame has none.
 //!
-//! The crate `cobs` is not used: this deframer holds at most one frame and reports damaged frames, in 60 lines.
+//! The crate `cobs` is not used, because this deframer holds at most one frame and reports damaged frames.
 
 /// The byte that ends each frame, and occurs nowhere else.
 pub const DELIMITER: u8 = 0;
@@ -24,7 +24,7 @@ pub fn encode(payload: &[u8], line: &mut Vec<u8>) {
         }
         line.push(*byte);
         line[code_at] += 1;
-        // After a run of full length another code byte follows, unless the frame ends with that run.
+        // A run of full length needs another code byte after it, unless the frame ends with that run.
         if usize::from(line[code_at]) == RUN_MAX + 1 && index + 1 < payload.len() {
             code_at = line.len();
             line.push(1);
@@ -140,7 +140,7 @@ mod tests {
         let mut line = Vec::new();
         encode(&[1, 2, 0, 3, 4], &mut line);
         let whole = line.clone();
-        // The stream starts within a frame and loses a byte; later more bytes than the limit come without a delimiter.
+        // The stream starts within a frame and loses a byte. Later, more bytes than the limit come without a delimiter.
         let mut stream = whole[4..].to_vec();
         stream.extend(&whole[..3]);
         stream.extend(&whole[4..]);

@@ -2,27 +2,27 @@
 //!
 //! # Design
 //!
-//! **Each object is judged separately.** CRCs and identifier determine whether it is intact ([`Place::judge`]). It is
-//! shown if it is newer than the displayed object of its kind. So if two messages arrive in the wrong order, the
-//! objects of the older one have no effect, except those that the newer one lacks.
+//! **Each object is judged separately.** CRCs and identifier determine whether an object is intact ([`Place::judge`]).
+//! An intact object is shown if it is newer than the displayed object of its kind. So if two messages arrive in the
+//! wrong order, the objects of the older one have no effect, except those that the newer one lacks.
 //!
-//! **A HORUS that has restarted** counts from 0 again, so its objects are older than the displayed ones. It is accepted
-//! after three cycles in a row that each advance, once the displayed sender is quiet. None of these cycles may be older
-//! than the time for which nothing newer came: a HORUS from which data came two seconds ago cannot have been running
-//! for an hour since its restart. The displayed data are then dropped. A single message that was repeated, delayed,
-//! reordered or inserted is never taken for a restart. Three delayed messages in a row may be, in HORUS's first
+//! **A HORUS that has restarted** counts from 0 again, so its objects are older than the displayed ones. They are
+//! accepted after three cycles in a row that each advance, once the displayed sender is quiet. None of these cycles may
+//! be older than the time for which nothing newer came: a HORUS from which data came two seconds ago cannot have been
+//! running for an hour since its restart. The displayed data are then dropped. A single repeated, delayed, reordered or
+//! inserted message is never taken for a restart. Three delayed messages in a row may be, in HORUS's first
 //! [`RESTART_SLACK_US`](order::RESTART_SLACK_US); the next newer message corrects this. Other messages belong to
 //! another sender ([`order`], [`fleet`](crate::fleet)).
 //!
-//! If a restarted HORUS's data arrive only after it has run for longer than before, its timestamps continue the earlier
-//! ones. Such a restart is detected by a changed reason of HORUS's last reset.
+//! The data of a restarted HORUS may arrive only after it has run for longer than before. Its timestamps then continue
+//! the earlier ones, and only a changed reason of HORUS's last reset reveals the restart.
 //!
-//! Link-Status and Port-Status have the DPR's clock and are judged in the same way. The uplink that the DPR shows has
-//! the time of the base station that sent it, which cannot be compared here. So the last uplink is always kept, and
-//! only its sender can evaluate it ([`uplink`](Drone::uplink)). It is not a sign of life of the drone.
+//! Link-Status and Port-Status have the DPR's clock and are judged in the same way. The base station's uplink has the
+//! clock of the station that sent it, so no timestamps can be compared: the last uplink is always kept, and only its
+//! sender can evaluate it ([`uplink`](Drone::uplink)). It is not a sign of life of the drone.
 //!
-//! **Everything that is kept can be shown.** Values that contradict the status of their own object are removed first
-//! ([`profile::range`]).
+//! **Everything that is kept can be shown.** Impossible values, and values that their status does not mark as valid,
+//! are removed first ([`profile::range`]).
 //!
 //! **Alarms** follow from the kept data and the time; [`Drone::tick`] returns their changes. The bits of Link-Status
 //! are alarms as well.
@@ -41,7 +41,7 @@ use crate::alarm::{Alarms, Board};
 use crate::{Alarm, Bundle, Change, Intact, Place, Raised};
 use order::{Order, Step};
 
-/// The age from which on a position is stale, µs. The page must report it within half a second, and needs the rest of
+/// The age from which on a position is stale, µs. The page must report this within half a second, and needs the rest of
 /// that time to receive and draw the state.
 pub const STALE_US: u64 = 400_000;
 
@@ -54,11 +54,11 @@ pub const SILENT_US: u64 = 1_000_000;
 /// The time for which a single event causes an alarm, µs.
 pub const RECENT_US: u64 = 10_000_000;
 
-/// The time after a sample's first arrival from which on its duplicates are counted, µs. More than [`FROZEN_REPEATS`]
-/// of them mean that HORUS's timestamp is frozen.
+/// The time after a sample's first arrival from which on its duplicates are counted, µs. If more than
+/// [`FROZEN_REPEATS`] come, HORUS's timestamp is frozen.
 pub const FROZEN_US: u64 = 300_000;
 
-/// The number of duplicates of one sample that may come later than [`FROZEN_US`] after its first arrival.
+/// The greatest number of duplicates of one sample, later than [`FROZEN_US`] after its first arrival, that is no alarm.
 pub const FROZEN_REPEATS: u32 = 2;
 
 /// The verdict on an object that arrived.
@@ -70,11 +70,11 @@ pub enum Verdict {
     Duplicate,
     /// The object is intact and older than the displayed one.
     Older,
-    /// The object is intact, but does not continue the displayed data and is not accepted yet.
+    /// The object is intact, but its timestamp does not continue the earlier ones, so it is not shown.
     OutOfSequence,
-    /// There is no object: its bytes are 0x00 or 0xFF throughout, because the DPR did not accept one.
+    /// There is no object. Its bytes are 0x00 or 0xFF throughout, because the DPR did not accept one.
     Vacant,
-    /// The object is not intact, or is another one than belongs here.
+    /// The object is not intact, or is of another kind than expected.
     Rejected(Rejection),
 }
 
@@ -145,7 +145,7 @@ pub struct Counts {
     pub duplicate: u64,
     /// The number of intact objects that were older than the displayed one.
     pub older: u64,
-    /// The number of intact objects that did not continue the displayed data and were not accepted.
+    /// The number of intact objects whose timestamp did not continue the earlier ones.
     pub out_of_sequence: u64,
     /// The number of objects that were missing, because the DPR had not accepted them.
     pub vacant: u64,
@@ -247,7 +247,7 @@ impl Drone {
                         false => Verdict::New,
                     },
                 };
-                // An object that is not accepted is no sign of life of this drone.
+                // An object that is not accepted, or is the base station's own, is no sign of life of this drone.
                 if verdict != Verdict::OutOfSequence && place != Place::Uplink {
                     self.heard_us = self.heard_us.max(at_us);
                 }
@@ -379,7 +379,7 @@ impl Drone {
                 let held = Held { values, timestamp, arrived_us, late_us, repeats: 0, crc, implausible };
                 self.gps[receiver] = Some(held);
             }
-            // Only a GPS object is found intact where a message has a GPS object, so this does not occur.
+            // This does not occur: a GPS object is found intact only where a message has a GPS object.
             (Object::Gps(_), None) => {}
         }
         Verdict::New
@@ -398,7 +398,7 @@ impl Drone {
     }
 
     /// Returns whether a message's objects, which arrived at `at_us`, may belong to this drone: they continue its data,
-    /// or are late. Only the profile's first object is examined or, without a profile, the DPR's objects.
+    /// or are late. Only the profile's first object is examined, or the DPR's objects if there is no profile.
     #[must_use]
     pub fn fits(&self, at_us: u64, bundle: &Bundle<'_>) -> bool {
         let mut fits = true;
@@ -462,7 +462,7 @@ impl Drone {
         let is_in = |state| status.state() == Some(state);
         let stale = reported.is_none_or(|held| held.age_us(now_us) > STALE_US);
         let silent = now_us.saturating_sub(self.heard_us) > SILENT_US;
-        // All data of a silent drone are old, which is no alarm of its own.
+        // The data of a silent drone are all old, so that is not reported in addition.
         let old = |age_us: u64| age_us > OLD_US && !silent;
         let mut gps = self.gps.iter().flatten();
         let implausible = reported.is_some_and(|held| held.implausible);
@@ -526,7 +526,7 @@ impl Drone {
     }
 
     /// Returns the last uplink of the base station that the DPR showed. If it equals the uplink that was sent, the DPR
-    /// has stored that one; when it did so is not known.
+    /// has stored that one at some time.
     #[must_use]
     pub const fn uplink(&self) -> Option<&Uplink> {
         self.uplink.as_ref()

@@ -6,8 +6,8 @@
 //!
 //! # Discontinuities
 //!
-//! A timestamp that neither continues the earlier ones nor can be late starts a search. Another sender is found once
-//! [`SEARCH_CYCLES`] timestamps in a row continue one another. The result depends on the earlier sender:
+//! A timestamp that neither continues the earlier ones nor can be late starts a search. When [`SEARCH_CYCLES`]
+//! timestamps in a row continue one another, the result depends on the earlier sender:
 //!
 //! | the earlier sender | the new timestamps | result |
 //! |---|---|---|
@@ -20,29 +20,28 @@
 
 use profile::{Freshness, freshness};
 
-/// How much earlier than the shortest delay allows a sender's first timestamps may come, µs: the differences of delay
+/// A sender's first timestamps may come this much earlier than the shortest delay allows, µs: the differences of delay
 /// in one carrier.
 pub const SLACK_US: u64 = 2_000_000;
 
-/// How much earlier than the shortest delay allows later timestamps may come, µs: those after the first
-/// [`SEARCH_CYCLES`].
+/// Later timestamps, after the first [`SEARCH_CYCLES`], may come this much earlier than the shortest delay allows, µs.
 pub const AHEAD_US: u64 = 1_000_000;
 
 /// The longest time for which a carrier holds a message back while it delivers others, µs.
 pub const LATE_US: u64 = 10_000_000;
 
-/// How much a restarted sender's timestamp may exceed the time since the earlier sender's newest message, µs: the time
+/// A restarted sender's timestamp may exceed the time since the earlier sender's newest message by this, µs: the time
 /// for which that message may have been under way.
 pub const RESTART_SLACK_US: u64 = 500_000;
 
 /// The number of timestamps in a row, each newer than the last, after which a restart or another sender is accepted.
 pub const SEARCH_CYCLES: u8 = 3;
 
-/// How long after a sender's last message no other sender replaces it, µs. A sender slower than 4 Hz is
+/// After a sender's last message no other sender replaces it for this time, µs. A sender slower than 4 Hz is
 /// [stale](super::STALE_US) between two messages.
 pub const QUIET_US: u64 = 250_000;
 
-/// The number of simultaneous searches, so that unrelated messages cannot keep a sender from being found.
+/// The number of simultaneous searches. With more than one, unrelated messages cannot keep a sender from being found.
 const SEARCHES: usize = 4;
 
 /// The relation of a timestamp to the earlier ones.
@@ -59,7 +58,7 @@ pub enum Step {
     Older,
     /// The timestamp does not continue the earlier ones; its object is not shown.
     Search,
-    /// The timestamp is of a sender that has restarted. The earlier data are dropped.
+    /// The timestamp is of a sender that has restarted, so the earlier data are dropped.
     Restarted,
     /// The timestamp is of another sender, beside the earlier one or in its place.
     Stranger,
@@ -101,9 +100,9 @@ pub struct Order {
 }
 
 impl Order {
-    /// Judges the timestamp, ms, of an object that arrived at `at_us`, `early_us` earlier than with the shortest delay
-    /// ([`Ages::early_us`](crate::age::Ages::early_us)). `grid` says whether the sender's timestamps advance by whole
-    /// cycles.
+    /// Judges the timestamp, ms, of an object that arrived at `at_us`. It arrived `early_us` earlier than with the
+    /// shortest delay ([`Ages::early_us`](crate::age::Ages::early_us)). `grid` says whether the sender's timestamps
+    /// advance by whole cycles.
     pub fn judge(&mut self, timestamp: u32, at_us: u64, grid: bool, early_us: i64) -> Step {
         let seen = Seen { timestamp, at_us };
         let back = match self.kind(seen, grid, early_us) {
@@ -159,7 +158,6 @@ impl Order {
         }
     }
 
-    /// Returns the search that a timestamp continues or begins, with its index.
     fn search(&mut self, seen: Seen, grid: bool) -> Option<(usize, Search)> {
         let passed_us = |search: &Search| seen.at_us.saturating_sub(search.last.at_us);
         let continues = |search: &Search| match freshness(Some(search.last.timestamp), seen.timestamp) {
@@ -169,7 +167,7 @@ impl Order {
         };
         let known = self.searches.iter().position(|search| search.as_ref().is_some_and(continues));
         if known.is_none() && self.searches.iter().flatten().any(|search| search.last.timestamp == seen.timestamp) {
-            // The timestamp is a search's last one, so it is of another object of the same cycle.
+            // Another object of the same cycle has this timestamp.
             return None;
         }
         let oldest = || (0..SEARCHES).min_by_key(|place| self.searches[*place].map(|search| search.last.at_us));
@@ -223,7 +221,7 @@ mod tests {
             step
         }
 
-        /// Returns a sender that has sent at 10 Hz for a minute, with the last timestamp 60 s.
+        /// Returns a sender that has sent at 10 Hz for a minute; its last timestamp is 60 s.
         fn running() -> Self {
             let mut sender = Self::default();
             for tenth in 0..=600 {
@@ -282,7 +280,7 @@ mod tests {
             }
             assert_eq!(order.judge(60_100, 60_100_000, true), Step::Newest { missed: 9 });
         }
-        // The sender of the burst replaces the true sender once that one has been quiet for [`QUIET_US`].
+        // The sender of the burst replaces the true sender after [`QUIET_US`] without a message of the true sender.
         for (third, step) in [(QUIET_US - 1, Step::Search), (QUIET_US, Step::Restarted)] {
             let mut order = Sender::running();
             for burst in 1..=2_u32 {

@@ -319,7 +319,6 @@ fn every_value_has_an_age_and_an_alarm_of_its_own() {
         let expected: &[&str] = if at <= OLD_US { &[] } else { &["receivers-old", "link-status-old"] };
         assert_eq!(codes(&mut drone, at), expected, "{at}");
     }
-    // The alarm holds if the data of one receiver are old.
     let at = 251 * CYCLE;
     take(&mut drone, at, &profile(2_520).as_bytes()[..184]);
     assert_eq!(codes(&mut drone, at), ["receivers-old", "link-status-old"]);
@@ -471,7 +470,7 @@ fn a_late_sample_fits_a_horus_without_its_crystal_for_longer() {
         let mut drone = Drone::new(0);
         let status = status().with_without_crystal(without_crystal);
         take(&mut drone, 0, profile_with(70_000, status).as_bytes());
-        // The object is 10.1 s late, of which 0.2 s may be due to the clock.
+        // The object is 10.1 s late. Up to 0.2 s may be due to the clock.
         drone.fits(10_000_000, &Bundle::datagram(profile(69_900).as_bytes()).unwrap())
     };
     assert_eq!([false, true].map(fits), [false, true]);
@@ -499,7 +498,7 @@ fn a_reset_for_a_reason_that_has_no_name_is_no_alarm() {
 
 #[test]
 fn a_clock_counts_as_a_crystals_where_nothing_else_is_said() {
-    // HORUS's clock is 1 % slow: more than crystals differ, and less than HORUS may be off without its crystal.
+    // HORUS's clock is 1 % slow: more than crystals differ, and less than HORUS may deviate without its crystal.
     let (first, second) = (0, 10_100_000);
     let mut drone = Drone::new(0);
     for (at, timestamp) in [(first, 10), (second, 10_010)] {

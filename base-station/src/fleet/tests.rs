@@ -122,7 +122,7 @@ fn forged_messages_from_a_drones_own_address_blind_nobody() {
         assert!(fleet.get(Who::System(7).first()).unwrap().reported().unwrap().age_us(at) < 20_000, "{tenth}");
     }
     assert_eq!((names(&fleet), has(&fleet, "7", at, Alarm::Stale)), (vec!["7".to_owned()], false));
-    // A burst replaces the true sender while that one is silent. The third message of the true sender restores it.
+    // A burst replaces the true sender while that one is silent. Three messages of the true sender restore it.
     let lost = at + SECOND;
     for burst in 0..3 {
         take(&mut fleet, 7, 1, lost + burst, &profile(9_000_000 + 10 * burst as u32));

@@ -2,15 +2,15 @@
 //!
 //! # Design
 //!
-//! **A carrier like the others.** Objects and verdicts are published ([`published`]). A subscriber judges, records and
-//! shows the objects as if they had come over a line, because the broker is not trusted.
+//! **A carrier like the others.** Objects and verdicts are published ([`published`]). The broker is not trusted: a
+//! subscriber judges, records and shows the objects as if they had come over a line.
 //!
-//! **Live, not stored.** The quality of service is 0, no message is retained, and no session outlives its connection: a
-//! stored message would arrive when it is old, and the next comes a tenth of a second later. Messages that cannot be
-//! published are counted and reported; the publishing station's recording has them.
+//! **Live, not stored.** The quality of service is 0, no message is retained, and no session outlives its connection. A
+//! stored message would be old when it arrives, and the next one comes a tenth of a second later. Messages that cannot
+//! be published are counted and reported; the publishing station's recording has them.
 //!
-//! **Reconnection.** A connection that ends is made anew after [`RETRY`]. One without traffic for [`SILENCE`] is ended,
-//! since the broker should answer a ping every [`KEEP_ALIVE_S`].
+//! **Reconnection.** A connection that ends is made anew after [`RETRY`]. A connection without traffic for [`SILENCE`]
+//! is ended, because the broker should answer a ping every [`KEEP_ALIVE_S`].
 //!
 //! **TLS**, where requested, encrypts the connection and authenticates the broker ([`tls`](super::tls)).
 
@@ -55,7 +55,7 @@ pub struct Broker {
     pub port: u16,
     /// User and password, if the broker needs them. Only TLS encrypts them.
     pub login: Option<(String, String)>,
-    /// The settings of TLS, if it is to be used.
+    /// The settings of TLS, if it is used.
     pub tls: Option<Tls>,
 }
 
@@ -103,10 +103,10 @@ pub struct Outlet {
 }
 
 impl Outlet {
-    /// Passes on the objects of a drone that arrived at `at_us`, µs since 1970, with the verdict on each object. Counts
-    /// them as lost if there is no connection or too many messages wait. Never blocks.
+    /// Passes on the objects of a drone that arrived at `at_us`, µs since 1970, with the verdicts. Counts them as lost
+    /// if there is no connection or too many messages wait. Never blocks.
     pub fn offer(&self, drone: DroneId, at_us: u64, bundle: &Bundle<'_>, verdicts: &[Verdict]) {
-        // Data from a broker are not published again, because two brokers that feed each other would loop.
+        // Data from a broker are not published again. Otherwise two brokers that feed each other would form a loop.
         if matches!(drone.who, Who::Named(_)) {
             return;
         }
@@ -177,8 +177,8 @@ pub fn subscribe(broker: Broker, station: Option<&str>, line: u16, clock: Clock,
     let filter = format!("{TOPICS}/{}/+", station.unwrap_or("+"));
     let to = inlet.clone();
     spawn(broker, events, inlet, move |event| match event {
-        // The subscription is sent on each connection. The queue has room for it, because it was emptied when the last
-        // connection ended.
+        // The subscription is sent on each new connection. The queue has room for it, because it was emptied after the
+        // last one.
         Happened::Connected => client.try_subscribe(filter.clone(), QoS::AtMostOnce).is_ok(),
         Happened::Lost => true,
         Happened::Came(published) => {
@@ -236,7 +236,7 @@ fn spawn(
                     Ok(Err(error)) => broker.words(&error),
                     Err(_) => "it says nothing any more".into(),
                 };
-                // The waiting messages will be old when there is a connection again.
+                // The waiting messages are dropped, because they will be old when there is a connection again.
                 events.clean();
                 events.reset_session_state();
                 let told = inlet.offer(Event::Line { name: broker.to_string(), why: Some(why) });

@@ -1,7 +1,8 @@
 //! Keeps the last minutes of every drone, for a page that is opened later.
 //!
-//! Every [`PERIOD_US`] a sample is stored and kept for [`KEPT_US`]: the drone's position and, since the last sample,
-//! the greatest age of its data and the least number of agreeing receivers, so that a brief fault shows.
+//! Each sample has the drone's position. It also has the greatest age of the data and the least number of agreeing
+//! receivers since the last sample, so that a brief fault shows. Samples are stored every [`PERIOD_US`] and kept for
+//! [`KEPT_US`].
 //!
 //! **Bound.** Each drone has 602 samples of at most [`SAMPLE_BYTES`] bytes: 58 kB for a drone, 58 MB for a thousand,
 //! and 237 MB for the greatest number of drones that are kept ([`MAX_DRONES`](crate::fleet::MAX_DRONES)). Positions are
@@ -20,7 +21,6 @@ pub const PERIOD_US: u64 = 1_000_000;
 /// The time for which samples are kept, µs.
 pub const KEPT_US: u64 = 600_000_000;
 
-/// The greatest number of samples of a drone, with the one that is being added.
 const SAMPLES: usize = (KEPT_US / PERIOD_US) as usize + 2;
 
 /// The greatest size of a sample, bytes.
@@ -30,7 +30,6 @@ const _: () = assert!(size_of::<Sample>() <= SAMPLE_BYTES);
 
 const LOOK_US: u64 = 20_000;
 
-/// A latitude and a longitude, 1e-7 degrees.
 type Place = [i32; 2];
 
 /// The state of a drone at an instant.
@@ -42,9 +41,7 @@ pub struct Sample {
     gps: [Option<Place>; MAX_RECEIVERS],
     /// The reported height, m; NaN if it was invalid or stale.
     height: f32,
-    /// The greatest age of Reported-Position since the last sample, s; NaN before there was one.
     age: f32,
-    /// The least number of agreeing receivers since the last sample, without the times at which the position was stale.
     agree: Option<u8>,
 }
 
@@ -98,7 +95,7 @@ impl Sample {
     }
 }
 
-/// Converts degrees to 1e-7 degrees. Valid objects have at most 180 degrees and no NaN, so the result fits an i32.
+/// Converts degrees to 1e-7 degrees. An i32 suffices, because valid objects have at most 180 degrees and no NaN.
 fn place(latitude: f64, longitude: f64) -> Place {
     [latitude, longitude].map(|degrees| (degrees * 1e7).round() as i32)
 }
@@ -175,8 +172,8 @@ mod tests {
         fleet.take(ID.who, Source::default(), u64::from(ms) * 1_000, &Bundle::datagram(sent.as_bytes()).unwrap());
     }
 
-    /// Returns the history of a drone from which data come every 100 ms, except from 5 s to 6.5 s. Three receivers
-    /// agree, at 3.1 s only two.
+    /// Returns the history of a drone that sends every 100 ms, except from 5 s to 6.5 s. Three receivers agree, except
+    /// at 3.1 s, when two do.
     fn flown(seconds: u32) -> History {
         let (mut history, mut fleet) = (History::default(), Fleet::default());
         for ms in (0..=seconds * 1_000).step_by(20) {

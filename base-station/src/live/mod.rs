@@ -10,9 +10,9 @@
 //! | one for each broker | passes data on to it, or receives from it ([`broker`]) |
 //! | page | serves the page, where the program has other things to do ([`server`]) |
 //!
-//! In a playback, one thread that reads the recording replaces those of the lines.
+//! In a playback, one thread reads the recording, and no line has a thread.
 //!
-//! Bounded queues connect the threads. A full queue drops the newest item; the page shows how many were dropped.
+//! Bounded queues connect the threads. A full queue drops the newest item. The page shows how many items were dropped.
 
 pub mod broker;
 pub mod history;
@@ -45,13 +45,13 @@ pub use recording::Recording;
 /// The longest interval between updates of the alarms.
 pub const TICK: Duration = Duration::from_millis(20);
 
-/// The greatest number of arrivals that may wait: those of a thousand drones at 10 Hz in six seconds.
+/// The greatest number of waiting arrivals: those of a thousand drones at 10 Hz in six seconds.
 const WAITING: usize = 65_536;
 
 /// The number of alarm changes that are kept for the page.
 pub const KEPT_CHANGES: usize = 100;
 
-/// How long the page still reports that data could not be published, µs.
+/// How long the page reports that data could not be published, µs.
 const UNPUBLISHED_US: u64 = 5_000_000;
 
 /// A clock of µs since 1970 that does not go back: the system's time at its start plus the elapsed time.
@@ -75,8 +75,7 @@ impl Clock {
         Self { unix_us: unix_us(), passed: Passed::Since(Instant::now()) }
     }
 
-    /// Returns a clock whose elapsed time, µs, the caller sets, and must not set back. It is for data with a time of
-    /// their own.
+    /// Returns a clock whose elapsed time, µs, the caller sets. The caller must not set it back.
     #[must_use]
     pub fn told(passed_us: Arc<AtomicU64>) -> Self {
         Self { unix_us: unix_us(), passed: Passed::Told(passed_us) }
@@ -93,7 +92,6 @@ impl Clock {
     }
 }
 
-/// Returns the system's time, µs since 1970.
 fn unix_us() -> u64 {
     let unix = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     u64::try_from(unix.as_micros()).unwrap_or_default()
@@ -115,7 +113,7 @@ pub enum Event {
     Played(Record),
     /// A playback begins anew at this instant of its recording, µs. All state is dropped.
     Restart(u64),
-    /// The station ends.
+    /// No more events come.
     End,
 }
 
@@ -128,8 +126,8 @@ pub struct Inlet {
 }
 
 impl Inlet {
-    /// Passes an event on to the station, or counts it as dropped if too many wait. Returns whether the station still
-    /// exists.
+    /// Passes an event on to the station, or counts it as dropped if too many events wait. Returns whether the station
+    /// still exists.
     #[must_use]
     pub fn offer(&self, event: Event) -> bool {
         match self.to.try_send(event) {
@@ -147,8 +145,7 @@ impl Inlet {
         let _ = self.to.send(Event::End);
     }
 
-    /// Passes a playback's event on to the station as soon as the queue has room. Returns whether the station still
-    /// exists.
+    /// Passes a playback's event on to the station once the queue has room. Returns whether the station still exists.
     #[must_use]
     pub fn push(&self, event: Event) -> bool {
         self.to.send(event).is_ok()
@@ -210,7 +207,7 @@ impl Station {
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns a counter that increases with every arrival and every [`TICK`].
+    /// Returns a channel whose counter increases with every arrival and every [`TICK`].
     #[must_use]
     pub fn changes(&self) -> watch::Receiver<u64> {
         self.changes.clone()
@@ -241,8 +238,8 @@ impl Time {
     }
 }
 
-/// Starts a station, which ends when an inlet is closed or all are gone. Then the thread of the returned handle ends
-/// once everything is written. `told` gets each alarm that begins or ends.
+/// Starts a station. It ends when an inlet is closed or all inlets are gone; then it writes everything, and the
+/// returned thread ends. `told` gets each alarm that begins or ends.
 #[must_use]
 pub fn start(
     verifier: Option<Verifier>,
@@ -253,7 +250,7 @@ pub fn start(
     start_publishing(verifier, files, time, None, told)
 }
 
-/// Starts a station as [`start`] does, and passes judged data on to a broker if there is an `outlet`.
+/// Starts a station like [`start`], and passes judged data on to a broker if there is an `outlet`.
 #[must_use]
 pub fn start_publishing(
     verifier: Option<Verifier>,
@@ -316,7 +313,7 @@ fn run(
             return;
         }
         let mut known = station.known();
-        // Waiting events are processed together, so that the readers are notified once for all drones.
+        // The readers are notified once for all waiting events.
         for event in event.into_iter().chain(from.try_iter().take(256)) {
             match event {
                 Event::Carried(carried) => {
@@ -341,8 +338,7 @@ fn run(
                 Event::Played(record) => {
                     export::judge(&mut known.intake, &record);
                     known.now_us = known.now_us.max(record.carried.at_us);
-                    // The history gets the recording's time, because the playback's own time is ahead of that during a
-                    // jump.
+                    // The history gets the recording's time. During a jump, the playback's own time is ahead of it.
                     let StationData { history, intake, .. } = &mut *known;
                     history.look(record.carried.at_us, intake.fleet());
                 }

@@ -37,7 +37,7 @@ impl Mouths {
         self.with(|mouths| mouths.remove(&line));
     }
 
-    /// Sends a message. A lost one is no error, because the sender repeats it or sends a newer one.
+    /// Sends a message. Errors are ignored, because the sender repeats a lost message or sends a newer one.
     pub fn send(&self, to: To, bytes: &[u8]) {
         self.with(|mouths| match (to.line, to.address) {
             (Some(line), _) => {
@@ -69,8 +69,7 @@ impl Mouth {
     fn send(&mut self, to: To, bytes: &[u8]) {
         let _ = match (self, to.address) {
             (Self::Socket(socket), Some(address)) => socket.send_to(bytes, address),
-            // The port's timeout bounds one write, so a radio that accepts no bytes does not delay the station for
-            // longer.
+            // The port's timeout bounds the time of a write, even if a radio accepts no bytes.
             (Self::Port(port), _) => port.write(bytes),
             (Self::Socket(_), None) => Ok(0),
         };

@@ -24,7 +24,7 @@ pub struct Contents {
     pub first_us: u64,
     /// The instant of the last arrival, µs since 1970.
     pub last_us: u64,
-    /// The damaged or truncated parts, each with the position of the damage as text.
+    /// The damaged or truncated parts, with the position of the damage as text.
     pub torn: Vec<String>,
 }
 
@@ -67,7 +67,7 @@ impl Recording {
         Ok(torn)
     }
 
-    /// Reads the whole recording for a summary.
+    /// Reads the whole recording and counts its records.
     ///
     /// # Errors
     ///
@@ -90,12 +90,12 @@ impl Recording {
 
 #[derive(Clone, Copy, Debug)]
 struct Pace {
-    /// The instant in the recording, µs, at `since`.
+    /// The playback's position at `since`: an instant in the recording, µs.
     at_us: u64,
     since: Instant,
-    /// The multiple of real time; 0 stands still.
+    /// The pace as a multiple of real time. 0 means that the playback stands still.
     speed: f64,
-    /// The instant in the recording, µs, to which a user has jumped.
+    /// The instant in the recording to which a user wants to jump, µs.
     jump_us: Option<u64>,
     changes: u64,
 }
@@ -135,14 +135,13 @@ impl Player {
         (self.first_us, self.last_us)
     }
 
-    /// Returns the pace as a multiple of real time; 0 stands still.
+    /// Returns the pace as a multiple of real time. 0 means that the playback stands still.
     #[must_use]
     pub fn speed(&self) -> f64 {
         self.pace().speed
     }
 
-    /// Returns the number of changes of pace or instant, by which a caller can tell whether its change has taken
-    /// effect.
+    /// Returns the number of changes of pace or instant. By it a caller can tell whether its change has taken effect.
     #[must_use]
     pub fn changes(&self) -> u64 {
         self.pace().changes
@@ -198,8 +197,8 @@ impl Player {
     /// Returns an error if a file cannot be read.
     pub fn play(&self, recording: &Recording, inlet: &Inlet) -> io::Result<()> {
         loop {
-            // The records before the target of a jump are judged without waiting, because the state at the target
-            // depends on them.
+            // The records before the target of a jump are judged without waiting. The state at the target depends on
+            // them.
             let target_us = self.pace().jump_us.take().unwrap_or(self.first_us);
             if !inlet.push(Event::Restart(self.first_us)) {
                 return Ok(());
@@ -247,7 +246,7 @@ mod tests {
         Carried { at_us, kind: Kind::Datagrams, line: 0, from: "127.0.0.1:4000".into(), bytes }
     }
 
-    /// Records these cycles into a file. With `killed`, the file is like that of a killed process.
+    /// Records these cycles into a file. With `killed`, the recorder does not finish the file.
     fn record(path: PathBuf, cycles: std::ops::Range<u32>, killed: bool) {
         let mut recorder = Recorder::new(Files::new(path));
         let mut intake = Intake::default();
@@ -271,7 +270,7 @@ mod tests {
         assert_eq!((contents.first_us, contents.last_us), (START, START + 19_900_000));
         assert!((195..=200).contains(&contents.records), "{} records", contents.records);
 
-        // The playback stands still at 15 s: all data until then are fed to the station, and none after.
+        // The playback stands still at 15 s. All data until then are passed to the station, and none after.
         let player = Arc::new(Player::new(&contents, START + 15_000_000, 0.0));
         let (inlet, station, _) = live::start(None, None, Time::Playback(Arc::clone(&player)), |_, _| {});
         let feeding = Arc::clone(&player);

@@ -10,7 +10,6 @@ use crate::intake::{Carried, Judged};
 use crate::recorder::{FLUSH_US, Files, Recorder, Sample, Trouble};
 use crate::{Change, DroneId};
 
-/// The greatest number of messages that may wait for the disk.
 const WAITING: usize = 65_536;
 
 enum What {
@@ -83,7 +82,7 @@ impl Recording {
 
 fn write(from: &Receiver<What>, mut recorder: Recorder<Files>, told: &Mutex<Option<Trouble>>) -> Result<(), String> {
     let half = Duration::from_micros(FLUSH_US / 2);
-    // The recorder's time follows the recorded data, and advances in real time while none come.
+    // The recorder's time is that of the recorded data. While no data come, it advances in real time.
     let mut last = (0, Instant::now());
     loop {
         match from.recv_timeout(half) {

@@ -37,27 +37,27 @@ pub struct Limits {
     pub stall: Duration,
 }
 
-/// The limits of the [module's](self) table. With them the process stays below the usual limit of 1024 open files.
+/// With the limits of the [module's](self) table, the process stays below the usual limit of 1024 open files.
 impl Default for Limits {
     fn default() -> Self {
         Self { connections: 512, head: Duration::from_secs(5), stall: Duration::from_secs(10) }
     }
 }
 
-/// The number of bytes that a connection reads ahead, and so the greatest length of a request's head.
+/// The number of bytes that a connection reads ahead, and the greatest length of a request's head.
 const BUFFER: usize = 16 << 10;
 
-/// The number of bytes that the system may hold for a slow reader: a few states.
+/// The number of bytes that the system may hold for a slow reader: those of a few states.
 const SEND_BUFFER: usize = 64 << 10;
 
-/// How long no connection is accepted after an error that concerns all of them (too many open files).
+/// How long no connection is accepted after an error that concerns all connections (too many open files).
 const REST: Duration = Duration::from_millis(50);
 
-/// Serves `router` to all clients, within the limits of this [module](self). Does not return.
+/// Serves `router` to all clients, within the limits of this [module](self). This function does not return.
 ///
 /// # Errors
 ///
-/// Never returns an error: an error ends only its own connection.
+/// Returns no error at present. An error of a connection ends only that connection.
 pub async fn serve(listener: TcpListener, router: Router, limits: Limits) -> io::Result<()> {
     let places = Arc::new(Semaphore::new(limits.connections));
     let mut http = http1::Builder::new();
@@ -67,11 +67,11 @@ pub async fn serve(listener: TcpListener, router: Router, limits: Limits) -> io:
             sleep(REST).await;
             continue;
         };
-        // The new connection is beyond the limit, and dropping it closes it.
+        // The limit is reached. Dropping the new connection closes it.
         let Ok(place) = Arc::clone(&places).try_acquire_owned() else { continue };
-        // The system may grant a smaller buffer.
+        // An error is ignored, because the system may grant a smaller buffer.
         let _ = socket2::SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER);
-        // A state must be sent at once, even while the last one is not acknowledged.
+        // A state must be sent at once, even if the last one is not acknowledged yet.
         let _ = stream.set_nodelay(true);
         let mut stream = TimeoutStream::new(stream);
         stream.set_write_timeout(Some(limits.stall));

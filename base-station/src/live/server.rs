@@ -22,8 +22,8 @@ pub struct Server {
 }
 
 impl Server {
-    /// Serves the page of `station` at `address`; with port 0 the system chooses one. An interrupt from the keyboard no
-    /// longer ends the process: [`interrupted`](Self::interrupted) reports it.
+    /// Serves the page of `station` at `address`; with port 0 the system chooses one. From then on Ctrl-C does not end
+    /// the process; [`interrupted`](Self::interrupted) reports it.
     ///
     /// # Errors
     ///
@@ -57,7 +57,7 @@ impl Server {
                         told.store(true, Ordering::Relaxed);
                     }
                 };
-                // A graceful end would wait for the open event streams, which do not end.
+                // A graceful shutdown would wait for the event streams, which do not end.
                 tokio::select! {
                     _ = ended => {}
                     served = async { tokio::join!(served, interrupts).0 } => {

@@ -1,8 +1,9 @@
 //! Encrypts connections to a broker by TLS, with `rustls` and `ring` (decision 19).
 //!
-//! The authority that signs the broker's certificate must be named, and no other is trusted: a fleet's own broker has a
-//! certificate that the fleet signed, and for a public broker the user gives the system's bundle. The certificate must
-//! be for the name in the broker's address, and TLS of version 1.2 or 1.3. Errors say what to correct.
+//! The user must name the authority that signs the broker's certificate; no other is trusted. A fleet's own broker has
+//! a certificate that the fleet signed. For a public broker the user names the system's bundle of authorities. The
+//! certificate must be for the name in the broker's address, and TLS must be of version 1.2 or 1.3. Errors say what to
+//! correct.
 //!
 //! Without the feature `tls`, no [`Tls`] can exist, and [`Tls::new`] returns [`Unusable::NotBuilt`].
 
@@ -22,7 +23,7 @@ pub enum Unusable {
     NoCertificate,
     /// There is no readable private key. An encrypted key cannot be read.
     NoKey,
-    /// Certificate and key do not match, or are of an unknown kind, with the reason.
+    /// Certificate and key do not match, or are of an unknown kind. The text is the reason.
     Refused(String),
 }
 
@@ -103,8 +104,8 @@ mod with {
             if let Some(error) = find(error) {
                 return Some(words(error, host));
             }
-            // After the handshake, an alert is available only as text (rumqttc-v5-next 0.34), as for a missing
-            // certificate in TLS 1.3.
+            // After the handshake, rumqttc-v5-next 0.34 has an alert only as text. TLS 1.3 reports a missing
+            // certificate so.
             let text = error.to_string();
             text.split_once(ALERT).map(|(_, name)| alert(name))
         }
@@ -113,7 +114,7 @@ mod with {
     fn find<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a rustls::Error> {
         let mut next = Some(error);
         while let Some(error) = next {
-            // `io::Error::source` skips the error inside, which only `get_ref` returns.
+            // `source` of an I/O error skips the error inside, which only `get_ref` returns.
             let inner = error.downcast_ref::<io::Error>().and_then(io::Error::get_ref);
             let found = error.downcast_ref().or_else(|| inner.and_then(|inner| inner.downcast_ref()));
             if found.is_some() {
@@ -153,7 +154,6 @@ mod with {
             "UnknownCA" | "BadCertificate" | "CertificateUnknown" | "DecryptError" => {
                 format!("it does not believe this station's certificate: {name}")
             }
-            // TLS 1.2 has no alert that describes a missing certificate better.
             name => format!("it ends TLS with {name}"),
         }
     }

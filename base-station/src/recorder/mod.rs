@@ -8,14 +8,14 @@
 //! let other tools such as Foxglove open it.
 //!
 //! **Crashes.** A chunk of the file is written whole, at least every [`FLUSH_US`], and forced to the disk. So a killed
-//! process or a power loss costs the last half second. [`Reader`] checks each chunk's CRC before it returns the chunk's
-//! data, and ends where the file was cut. A damaged chunk is lost alone.
+//! process or a power loss costs at most the last half second. [`Reader`] checks each chunk's CRC before it returns the
+//! chunk's data, leaves out damaged chunks, and ends where the file was cut.
 //!
-//! **A full disk** does not end the recorder. Lost data are counted and reported ([`Recorder::trouble`]), and after
-//! [`RETRY_US`] the recorder tries again, in another part, because nothing can follow a part that was cut off. The
+//! **A full disk** does not end the recorder. Lost data are counted and reported ([`Recorder::trouble`]). After
+//! [`RETRY_US`] the recorder tries again in another part, because nothing can follow a part that was cut off. The
 //! trouble is over once data are on the disk again.
 //!
-//! **Parts.** After [`PART_BYTES`] another part is begun, so that MCAP's index of a part takes bounded memory.
+//! **Parts.** After [`PART_BYTES`] another part is begun, because MCAP's index of a part takes memory.
 
 mod reading;
 mod ros;
@@ -50,7 +50,7 @@ pub const RETRY_US: u64 = 1_000_000;
 /// The size at which a part of a recording is finished, bytes.
 pub const PART_BYTES: u64 = 512 << 20;
 
-/// The destination of a recording's parts.
+/// Makes the parts of a recording.
 pub trait Parts {
     /// The type of a part, to which its data are written.
     type Part: Write;
@@ -173,7 +173,7 @@ impl Sample {
                     let position = valid.map(|values| [values.latitude, values.longitude, values.altitude]);
                     samples.extend(position.map(|position| Self::Position(*id, *place, position)));
                 }
-                // Port-Status and uplinks have no samples; the sender of an uplink reports its state.
+                // Port-Status and uplinks have no samples. The sender of an uplink reports its state.
                 Place::PortStatus | Place::Uplink => {}
             }
         }
@@ -263,7 +263,7 @@ impl<P: Parts> Recorder<P> {
     ///
     /// # Errors
     ///
-    /// Returns the recorder's error. Data that are on the disk already are readable anyway.
+    /// Returns the recorder's error. Data that are on the disk already can be read anyway.
     pub fn finish(mut self) -> Result<(), String> {
         let Some(mut open) = self.open.take() else { return Ok(()) };
         open.writer.finish().map_err(|error| error.to_string())?;
@@ -293,7 +293,7 @@ impl<P: Parts> Recorder<P> {
         }
     }
 
-    /// Records a message, unless a failure was less than [`RETRY_US`] ago. Returns whether the message was recorded.
+    /// Records a message, unless a failure was less than [`RETRY_US`] ago. Returns whether it was recorded.
     fn try_put(&mut self, at_us: u64, topic: &str, schema: ros::Schema, data: &[u8]) -> Result<bool, String> {
         if self.open.is_none() {
             if self.tried_us.is_some_and(|tried| self.trouble.is_some() && at_us.saturating_sub(tried) < RETRY_US) {

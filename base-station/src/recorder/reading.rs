@@ -3,14 +3,14 @@
 //! # Design
 //!
 //! The input may be damaged anywhere, so no length in it can be trusted. The `mcap` crate's reader (0.26) trusts
-//! several: it allocates the buffer of a record or a string (up to 4 GiB) by the claimed length, and it subtracts
-//! without a check if a record is longer than the rest of its chunk, or an attachment shorter than its CRC. So this
-//! module parses a file itself, by <https://mcap.dev/spec>: an opcode, a length and that number of bytes, in and
-//! outside of chunks. It reads only chunks, channels and messages.
+//! several. It allocates the buffer of a record or a string by the claimed length, up to 4 GiB. It subtracts without a
+//! check if a record is longer than the rest of its chunk, or an attachment shorter than its CRC. So this module parses
+//! a file itself, by <https://mcap.dev/spec>: an opcode, a length and that number of bytes, in and outside of chunks.
+//! It reads only chunks, channels and messages.
 //!
-//! **Memory.** One record outside of chunks is held, in a buffer that grows with the bytes that are really there: at
-//! most twice [`LONGEST`], and at most twice the file. **Time.** Each byte is read and checked once, and reading ends
-//! at the first damage outside of a chunk.
+//! **Memory.** One record outside of chunks is held. Its buffer grows with the bytes that the file has: to at most
+//! twice [`LONGEST`], and at most twice the file. **Time.** Each byte is read and checked once, and reading ends at the
+//! first damage outside of a chunk.
 
 use std::collections::HashSet;
 use std::io::{self, Read};
@@ -32,7 +32,7 @@ const HEAD: usize = 1 + 8;
 /// The size of a message's channel, sequence number and two times, bytes.
 const MESSAGE_HEAD: usize = 2 + 4 + 8 + 8;
 
-/// Bytes that arrived, with the verdicts from when they were recorded.
+/// Bytes that arrived, with the recorded verdicts.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Record {
     /// The bytes that arrived.
@@ -43,7 +43,7 @@ pub struct Record {
 
 enum Stop {
     Io(io::Error),
-    /// The file was cut or damaged, with the position and the reason.
+    /// The file was cut or damaged. The text has the position and the reason.
     Torn(String),
 }
 
@@ -69,7 +69,6 @@ pub struct Reader<R> {
     channels: HashSet<u16>,
     read: u64,
     torn: Option<String>,
-    /// The damaged chunks: where they are, and what is wrong.
     lost: Vec<String>,
     ended: bool,
 }
@@ -161,7 +160,7 @@ impl<R: Read> Reader<R> {
         if opcode == op::CHUNK {
             match records(&self.body) {
                 Ok(records) => self.chunk = records,
-                // The length of this chunk tells where the next record is, so only this chunk is lost.
+                // The chunk's length tells where the next record is, so only this chunk is lost.
                 Err(Stop::Torn(why)) => {
                     self.lost.push(format!(
                         "{} bytes at {}: {why}",
@@ -187,7 +186,7 @@ impl<R: Read> Reader<R> {
         Ok(())
     }
 
-    /// Replaces the buffer's contents by the next `length` bytes. Returns whether the file had so many.
+    /// Replaces the buffer's contents by the next `length` bytes. Returns whether the file had that many bytes.
     fn fill(&mut self, length: u64) -> io::Result<bool> {
         self.chunk = 0..0;
         self.body.clear();
@@ -221,7 +220,6 @@ fn records(body: &[u8]) -> Result<Range<usize>, Stop> {
     Ok(start..start + records.len())
 }
 
-/// Returns a chunk's CRC, its compression, the length of its records, and the bytes after these.
 fn chunk_head(body: &[u8]) -> Option<(u32, String, u64, &[u8])> {
     let mut rest = body;
     // Skips the times of the first and the last message, and the uncompressed length.
@@ -231,9 +229,9 @@ fn chunk_head(body: &[u8]) -> Option<(u32, String, u64, &[u8])> {
     Some((crc, compression, u64::from_le_bytes(*take::<8>(&mut rest)?), rest))
 }
 
-/// Parses a record other than a chunk. A record that defines a channel of arrivals adds its number to `channels`. An
-/// arrival is returned. `is_lossy` means that an earlier chunk, perhaps with definitions of channels, was lost; then
-/// each message may be an arrival.
+/// Parses a record other than a chunk, and returns it if it is an arrival. The number of a channel of arrivals is added
+/// to `channels`. `is_lossy` means that an earlier chunk was lost, perhaps with definitions of channels. Then each
+/// message may be an arrival.
 fn look(channels: &mut HashSet<u16>, is_lossy: bool, opcode: u8, body: &[u8]) -> Result<Option<Record>, Stop> {
     let malformed = |what: &str| Stop::Torn(format!("a {what} that is malformed"));
     match opcode {

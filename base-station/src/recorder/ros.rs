@@ -1,5 +1,5 @@
-//! Encodes a recording's messages in the serialisation of ROS 1, which MCAP tools read with the schema beside it:
-//! numbers are little-endian without padding, strings and arrays follow their length, a u32.
+//! Encodes a recording's messages in the serialisation of ROS 1, which MCAP tools read with the schema in the file.
+//! Numbers are little-endian without padding. Strings and arrays follow their length, a u32.
 
 use profile::{LinkValues, ReportedValues};
 
@@ -44,7 +44,6 @@ string words
 ",
 };
 
-/// The schema of a position for maps, which ROS defines.
 pub(super) const FIX: Schema = Schema {
     name: "sensor_msgs/NavSatFix",
     text: "std_msgs/Header header
@@ -112,7 +111,7 @@ string why                  # it was refused
 };
 
 fn put(out: &mut Vec<u8>, bytes: &[u8]) {
-    // No array comes near 4 GiB; one that did would be cut off and stay readable.
+    // No array comes near 4 GiB. An array that did would be cut off, and the message would still be readable.
     let length = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
     out.extend(length.to_le_bytes());
     out.extend(bytes.iter().take(length as usize));
@@ -193,19 +192,19 @@ pub(super) fn fix(at_us: u64, [latitude, longitude, altitude]: [f64; 3]) -> Vec<
     out.extend(u32::try_from(seconds).unwrap_or(u32::MAX).to_le_bytes());
     out.extend(u32::try_from(rest_us * 1_000).unwrap_or_default().to_le_bytes());
     put(&mut out, b"wgs84");
-    // 0: the satellite system of the fix is unknown.
+    // 0 means that the satellite system of the fix is unknown.
     out.push(0);
     out.extend(0_u16.to_le_bytes());
     for value in [latitude, longitude, altitude] {
         out.extend(value.to_le_bytes());
     }
     out.extend([0; 9 * 8]);
-    // 0: the covariance is unknown.
+    // 0 means that the covariance is unknown.
     out.push(0);
     out
 }
 
-/// An object in a recording, with the verdict from when it was recorded.
+/// An object in a recording, with the recorded verdict.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
     /// The id of the drone as text.
@@ -216,7 +215,7 @@ pub struct Found {
     pub verdict: String,
 }
 
-/// Decodes a [`CARRIED`] message; `None` if `data` are none.
+/// Decodes a [`CARRIED`] message; `None` if `data` are no such message.
 pub(super) fn read_carried(data: &[u8]) -> Option<(Carried, Vec<Found>)> {
     let mut rest = data;
     let at_us = u64::from_le_bytes(*take::<8>(&mut rest)?);
@@ -307,7 +306,7 @@ mod tests {
         }
     }
 
-    /// Returns the length of a message of this schema, bytes, whose strings and arrays of variable length total `text`
+    /// Returns the length of a message of this schema, bytes. Its strings and arrays of variable length have `text`
     /// bytes.
     fn length(schema: Schema, text: usize) -> usize {
         let kinds = schema.text.lines().filter(|line| !line.starts_with('#')).filter_map(|line| line.split(' ').next());
@@ -341,7 +340,7 @@ mod tests {
 
     #[test]
     fn a_fix_has_the_length_that_its_schema_gives() {
-        // Header (4 + 8 + (4 + 5)), status (1 + 2), three and nine numbers, and one byte.
+        // The length is that of header (4 + 8 + (4 + 5)), status (1 + 2), three and nine numbers, and one byte.
         assert_eq!(fix(1_500_000, [1.0, 2.0, 3.0]).len(), 21 + 3 + 12 * 8 + 1);
         assert_eq!(fix(1_500_000, [1.0, 2.0, 3.0])[4..12], [1, 0, 0, 0, 0x00, 0x65, 0xCD, 0x1D]);
     }

@@ -58,7 +58,7 @@ fn profile(timestamp: u32) -> Profile<1> {
     Profile::seal(&reported, &[GpsValues { status, latitude, longitude, ..GpsValues::absent(timestamp) }])
 }
 
-/// Returns the arrival of this number, at 10 Hz. Some are a duplicate, a damaged message or a foreign one.
+/// Returns the arrival of this number, at 10 Hz. Some arrivals are duplicates, damaged or foreign.
 fn arrival(cycle: u32) -> Carried {
     let mut bytes = profile(70_000 + 100 * (cycle - u32::from(cycle % 7 == 1))).as_bytes().to_vec();
     match cycle % 11 {
@@ -147,7 +147,7 @@ fn a_file_cut_anywhere_keeps_all_but_the_last_half_second() {
     let mut recorder = Recorder::new(disk.clone());
     let mut recorded = vec![];
     let mut intake = Intake::default();
-    // After each arrival, the length of the file that a process killed at that time would leave.
+    // The file's length after each arrival is the length that a process killed at that instant would leave.
     let mut left = vec![];
     for cycle in 0..60 {
         let carried = arrival(cycle);
@@ -234,7 +234,7 @@ fn a_disk_that_stays_full_is_told_without_a_pause() {
     record(&mut recorder, 0..100);
     let since = recorder.trouble().unwrap().since_us;
     for second in 1..20 {
-        // The system makes each file and accepts the data in memory, but none reach the disk.
+        // The system makes each file and accepts the data, but no data reach the disk.
         record(&mut recorder, 100 * second..100 * second + 7);
         assert_eq!(recorder.trouble().map(|trouble| trouble.since_us), Some(since), "{second}");
     }
@@ -310,7 +310,7 @@ fn unfinished() -> (Vec<u8>, usize) {
     (file, records.len())
 }
 
-/// Reads a whole file. Returns the number of arrivals, the reason of the end, and the numbers of bytes held and read.
+/// Reads a whole file. Returns the number of arrivals, why reading ended, and the numbers of bytes held and read.
 fn read_through(from: impl io::Read) -> (usize, String, usize, u64) {
     let mut reader = Reader::new(from);
     let mut count = 0;

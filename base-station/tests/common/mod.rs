@@ -3,7 +3,7 @@
 
 use profile::{GpsStatus, GpsValues, HorusState, LinkStatus, LinkValues, Profile, ReportedStatus, ReportedValues};
 
-/// Says that this test is not run because something is `missing`, and `how` to get it.
+/// Prints that a test is not run because something is `missing`, and `how` to get it.
 ///
 /// # Panics
 ///

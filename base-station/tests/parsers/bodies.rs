@@ -1,5 +1,4 @@
-//! Checks, for each parser of a carrier's bytes, what must hold for any input, and makes the initial inputs, for fuzz
-//! targets and ordinary tests.
+//! What must hold for any input of each parser of a carrier's bytes. The fuzz targets and the ordinary tests check it.
 #![allow(dead_code, reason = "a fuzz target uses one of them")]
 
 use base_station::carrier::mavlink::{Forwarder, Key, Rates, Received, Receiver, Signer, Verifier};
@@ -162,7 +161,6 @@ impl Parts for Memory {
     }
 }
 
-/// Returns the file that the recorder writes in a second.
 fn recorded() -> Vec<u8> {
     let memory = Memory::default();
     let mut recorder = Recorder::new(memory.clone());

@@ -72,8 +72,8 @@ impl Peer {
         self.answer()
     }
 
-    /// Returns the messages that pymavlink finds in each piece of one stream, with `signed` only those signed with the
-    /// key.
+    /// Returns the messages that pymavlink finds in each piece of one stream. With `signed`, it accepts only those
+    /// signed with the key.
     fn parse(&mut self, signed: bool, pieces: &[Vec<u8>]) -> Vec<Vec<Value>> {
         let pieces: Vec<String> = pieces.iter().map(|piece| hex(piece)).collect();
         let mut request = json!({ "do": "parse", "pieces": pieces });
@@ -88,7 +88,7 @@ impl Peer {
 
 impl Drop for Peer {
     fn drop(&mut self) {
-        // The process ends by itself with its input, but a failed test does not wait for that.
+        // A failed test does not wait until the process ends by itself.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -168,7 +168,7 @@ fn pymavlink_reads_what_is_sent_here_plain_and_signed() {
         }
         assert_eq!(standard.len(), 60);
     }
-    // With signatures required, pymavlink must refuse unsigned messages, those signed with another key, and repeated
+    // If signatures are required, pymavlink must refuse unsigned messages, those signed with another key, and repeated
     // ones.
     let refused = |peer: &mut Peer, frames: &[Vec<u8>]| peer.parse(true, frames).iter().flatten().count();
     assert_eq!(refused(&mut peer, &sent(&mut forwarder(false, 0), 3)), 0);
@@ -282,7 +282,7 @@ fn every_object_pymavlink_reads_from_a_damaged_stream_is_read_here_too() {
     let read = peer.parse(false, &[line]);
     let there: Vec<Vec<u8>> =
         read.iter().flatten().filter(|message| message["name"] == "TUNNEL").map(|message| payload(message).1).collect();
-    // After damage, pymavlink takes the damaged bytes for a message and loses the messages that begin within those
+    // After damage, pymavlink takes the damaged bytes for a message. It loses the messages that begin within those
     // bytes.
     let mut rest = here.iter();
     assert!(there.iter().all(|object| rest.any(|other| other == object)), "in order, each is among those read here");
@@ -316,7 +316,7 @@ fn pymavlink_and_a_station_hear_each_other_over_udp() {
         let drone = known.intake.fleet().iter().next();
         drone.map(|(id, drone)| (id.to_string(), drone.timestamp(), drone.counts().new))
     };
-    // Reported-Position of the last cycle comes before the GPS objects. The test waits until all have come, each once.
+    // Reported-Position comes before the GPS objects of its cycle. The test waits until all have come once.
     let began = Instant::now();
     while shown() != Some(("42".into(), Some(70_040), 5 * 5)) {
         assert!(began.elapsed() < Duration::from_secs(20), "arrived is {:?}", shown());
@@ -339,7 +339,7 @@ fn an_autopilot_sends_to_a_station_once_it_receives_its_heartbeat() {
         expected(&image(70_000)).into_iter().map(|(kind, from)| json!({ "type": kind, "bytes": hex(&from) })).collect();
     let is_active = |seconds: f64| json!({ "do": "is_active", "seconds": seconds, "objects": objects });
 
-    // A station that only listens is unknown to pymavlink, so pymavlink sends nothing to it.
+    // pymavlink does not know a station that only listens, so it sends nothing to that station.
     assert_eq!(peer.ask(&is_active(1.5)), Value::Null);
     assert_eq!(station.known().intake.fleet().iter().len(), 0);
 

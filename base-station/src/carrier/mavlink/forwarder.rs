@@ -7,14 +7,14 @@
 //! sent.
 //!
 //! - These objects share a message: {Link-Status, Reported-Position}, {GPS1, GPS2}, {GPS3, GPS4}, {GPS5} and, as the
-//!   answer to an uplink ([`inbound`](super::inbound)), {Port-Status, uplink}. No object is split. An object that is
-//!   missing is left out, or is zeros if it is between others.
+//!   answer to an uplink ([`inbound`](super::inbound)), {Port-Status, uplink}. A missing object is left out, or is
+//!   zeros if it is between others.
 //! - Each message is sent once a period. If the budget does not suffice, Reported-Position is sent before every one of
 //!   the other messages, which take turns.
 //! - An object that is unchanged in the next image is not sent again.
 //!
-//! The budget is a bucket. It fills by the permitted bytes per second, and holds the bytes of a tenth of a second or of
-//! one message, whichever is more. So the radio's own queue stays short.
+//! The budget fills by the permitted bytes per second, up to the bytes of a tenth of a second or of one message,
+//! whichever is more. So the radio's own queue stays short.
 
 use mavlink::consts::v2::{IFLAG_SIGNED, SIGNATURE_SIZE};
 use mavlink::dialects::common::MavMessage;
@@ -27,11 +27,10 @@ use super::standard;
 use super::tunnel::Tunnel;
 use crate::{Bundle, Place};
 
-/// The objects that share a message: the first of them, and their number.
+/// The objects that share a message: the first object, and their number.
 const UNITS: [(Place, usize); 5] =
     [(Place::LinkStatus, 2), (Place::Gps(1), 2), (Place::Gps(3), 2), (Place::Gps(5), 1), (Place::PortStatus, 2)];
 
-/// The length of the longest message, bytes: a frame with a full TUNNEL.
 const LONGEST: u64 = 12 + Tunnel::ENCODED_LEN as u64 + SIGNATURE_SIZE as u64;
 
 const HEARTBEAT_US: u64 = 1_000_000;
@@ -75,13 +74,13 @@ pub struct Forwarder {
     /// The instant, µs, at which each message of [`UNITS`] is due: one period after it was last due, even if it was
     /// sent late.
     due_us: [u64; UNITS.len()],
-    /// Whether Reported-Position was sent last, so that another message is next.
+    /// Whether Reported-Position was sent last, so that one of the other messages is next.
     others_turn: bool,
     /// The budget, in millionths of a byte, and the instant, µs, for which it was calculated.
     bucket: (u64, u64),
     heartbeat_us: Option<u64>,
-    /// Whether a new Reported-Position was offered since the last poll, and the instant of the last poll that found
-    /// one.
+    /// Whether a new Reported-Position was offered since the last poll, and the instant of the last poll after such an
+    /// offer.
     reported: (bool, Option<u64>),
     standard_us: Option<u64>,
     standard: Vec<MavMessage>,
@@ -117,8 +116,7 @@ impl Forwarder {
         self
     }
 
-    /// Stores the objects that were read from the DPR, without judging them. An empty object replaces
-    /// no other.
+    /// Stores the objects that were read from the DPR, without judging them. Empty objects are ignored.
     pub fn offer(&mut self, bundle: &Bundle<'_>) {
         for (place, from) in bundle.objects() {
             if matches!(place.judge(from), Shown::Vacant) {
@@ -136,7 +134,7 @@ impl Forwarder {
         }
     }
 
-    /// Returns the next message that may be sent at `now_us`, µs of a clock that does not go back. Call this until it
+    /// Returns the next message that may be sent at `now_us`, µs on a clock that does not go back. Call this until it
     /// returns `None`. `unix_us`, µs since 1970, is only used for signatures.
     pub fn poll(&mut self, now_us: u64, unix_us: u64) -> Option<Vec<u8>> {
         if std::mem::take(&mut self.reported.0) {
@@ -146,7 +144,7 @@ impl Forwarder {
         let brought = now_us.saturating_sub(at_us).saturating_mul(u64::from(self.rates.bytes_per_s));
         let most = LONGEST.max(u64::from(self.rates.bytes_per_s) / 10).saturating_mul(1_000_000);
         self.bucket = (held.saturating_add(brought).min(most), now_us);
-        // The budget must suffice for the longest message; otherwise short messages would overtake long ones.
+        // The budget must suffice for the longest message, or short messages would overtake long ones.
         if self.bucket.0 < LONGEST * 1_000_000 {
             return None;
         }
@@ -183,7 +181,7 @@ impl Forwarder {
             let fresh = |place: Place| self.newest[place.index()].is_some_and(|newest| newest.fresh);
             now_us >= self.due_us[unit] && self.places(unit).any(fresh)
         };
-        // The one that has been due longest of the other messages is sent next.
+        // Among the messages without Reported-Position, the one that has been due longest comes first.
         let others = (1..UNITS.len()).filter(|unit| is_due(*unit)).min_by_key(|unit| self.due_us[*unit]);
         let unit = match others {
             Some(unit) if self.others_turn || !is_due(0) => unit,

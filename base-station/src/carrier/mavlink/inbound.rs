@@ -4,18 +4,17 @@
 //! # Design
 //!
 //! An uplink comes as a TUNNEL message to this system: payload type 0xC200, one object of 64 bytes, signed with the key
-//! that station and drone share. A message that is not signed, is for another system, is replayed, or holds no intact
-//! uplink of the base station is counted and not written.
+//! that station and drone share. Messages that are not signed, are for another system, are replayed, or hold no intact
+//! uplink of the base station are counted and not written.
 //!
 //! Messages may be lost in both directions, so the base station repeats the object until an answer comes. The object is
 //! written once, and again only while the DPR does not show it.
 //!
-//! **The answer** is the DPR's own state: Port-Status and the uplink, from the DPR's map. Each message with the uplink
-//! gets one answer: at once if the DPR shows the uplink, and otherwise [`SHOWN_AFTER_US`] after the uplink was passed
-//! on to be written. The flight controller reads this part of the map while [`reads_port`](Inbound::reads_port) returns
-//! true.
+//! **The answer** is Port-Status and the uplink, from the DPR's map. Each message with the uplink gets one answer: at
+//! once if the DPR shows the uplink, and otherwise [`SHOWN_AFTER_US`] after the uplink was passed on to be written. The
+//! flight controller reads this part of the map while [`reads_port`](Inbound::reads_port) returns true.
 //!
-//! This module has no clock and no I/O: its caller passes bytes to it, and writes uplinks with
+//! This module does no I/O: its caller passes bytes in, and writes uplinks with
 //! [`profile::ssi::client::Client::write`].
 
 use profile::Uplink;
@@ -25,8 +24,8 @@ use super::receiver::{Received, Receiver};
 use super::signing::Verifier;
 use crate::Place;
 
-/// How long it takes until the map shows an uplink that was passed on to be written, µs: a control cycle for writing,
-/// up to two images of 10 ms, and a control cycle for reading.
+/// The time until the map shows an uplink that was passed on to be written, µs: a control cycle for writing, up to two
+/// images of 10 ms, and a control cycle for reading.
 pub const SHOWN_AFTER_US: u64 = 40_000;
 
 /// Totals of the uplinks that a flight controller received.
@@ -59,15 +58,14 @@ impl Inbound {
         Self { system, receiver, last: None, due_us: None, counts: Counts::default() }
     }
 
-    /// Processes a datagram. Returns the uplink that must be written now, if any. `now_us` is µs of a clock that does
+    /// Processes a datagram. Returns the uplink that must be written now, if any. `now_us` is µs on a clock that does
     /// not go back; `unix_us`, µs since 1970, is only used for signatures.
     pub fn datagram(&mut self, now_us: u64, unix_us: u64, bytes: &[u8]) -> Option<Uplink> {
         let received = self.receiver.datagram(unix_us, bytes);
         self.take(now_us, &received)
     }
 
-    /// Processes the next bytes of a stream as [`datagram`](Self::datagram) does, and returns the uplink that must be
-    /// written now, if any.
+    /// Processes the next bytes of a stream, otherwise like [`datagram`](Self::datagram).
     pub fn stream(&mut self, now_us: u64, unix_us: u64, bytes: &[u8]) -> Option<Uplink> {
         let received = self.receiver.stream(unix_us, bytes);
         self.take(now_us, &received)

@@ -1,9 +1,9 @@
 //! Finds, in the base station, the objects in arriving MAVLink.
 //!
 //! Other messages, other payload types, MAVLink 1 and bytes that are no MAVLink have no effect. After a frame with a
-//! wrong checksum, the search goes on at that frame's second byte. After a frame whose signature is missing or wrong,
-//! it goes on at the signature: the message may have been cut off there, where the next one then begins. The checksum
-//! does not show this, because it comes before the signature.
+//! wrong checksum, the search continues at that frame's second byte. After a frame with a missing or wrong signature,
+//! it continues at the signature: the message may have been cut off before the signature, which the checksum does not
+//! cover.
 
 use std::fmt;
 
@@ -58,7 +58,7 @@ pub struct Counts {
     pub foreign: u64,
     /// The number of messages with objects that were refused: not signed, wrongly signed, or replayed.
     pub unsigned: u64,
-    /// The number of TUNNEL messages whose payload type or length no message with objects has.
+    /// The number of TUNNEL messages whose payload type or length fits no objects.
     pub malformed: u64,
     /// The number of TUNNEL messages with a wrong checksum.
     pub bad_crc: u64,
@@ -95,7 +95,7 @@ impl Receiver {
         self.counts.version_1 += u64::from(bytes.first() == Some(&MAV_STX));
         while at < bytes.len() {
             at = self.all(unix_us, bytes, at, &mut received);
-            // A datagram has no incomplete message at its end, so the search goes on at the next byte.
+            // In a datagram this is no incomplete message, so the search continues at the next byte.
             at += 1;
         }
         received
@@ -161,7 +161,7 @@ impl Receiver {
 }
 
 enum Begin {
-    /// More bytes are needed to tell whether they are a message.
+    /// The bytes do not show yet whether they are a message.
     Short,
     /// The bytes are no message, or a TUNNEL with a wrong checksum.
     None { bad_crc: bool },

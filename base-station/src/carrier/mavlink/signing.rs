@@ -68,8 +68,8 @@ impl Signer {
         Self { key, link, last: 0 }
     }
 
-    /// Signs a message at `now` ([`timestamp`]). It must have been serialised with the flag for signed messages. Each
-    /// message gets a later timestamp than the last.
+    /// Signs a message at `now` ([`timestamp`]). The message must have been serialised with the flag for signed
+    /// messages. Each message gets a later timestamp than the last one.
     pub fn sign(&mut self, now: u64, message: &mut MAVLinkV2MessageRaw) {
         self.last = now.max(self.last + 1);
         *message.signature_link_id_mut() = self.link;
@@ -81,7 +81,7 @@ impl Signer {
     }
 }
 
-/// Accepts each message once that is signed with the key.
+/// Accepts messages that are signed with the key, each of them once.
 #[derive(Clone, Debug)]
 pub struct Verifier {
     key: Key,

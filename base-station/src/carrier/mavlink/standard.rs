@@ -1,8 +1,8 @@
 //! The standard messages with which any MAVLink tool shows HORUS's position without a plug-in.
 //!
-//! A component of their own sends these messages, so that they are not mistaken for the flight controller's. They
-//! contain only positions that HORUS marks as valid, and no CRC of HORUS: a user who must rely on a position reads the
-//! objects.
+//! These messages have a component id of their own, so that they are not mistaken for the flight controller's. They
+//! contain only positions that HORUS marks as valid. They have no CRC of HORUS: a user who must rely on a position
+//! reads the objects.
 //!
 //! | message | contents from Reported-Position |
 //! |---|---|
@@ -25,7 +25,7 @@ use profile::{HorusState, ReportedValues};
 /// The component id of the standard messages: MAV_COMP_ID_PERIPHERAL, in `minimal.xml` for devices without parameters.
 pub const COMPONENT: u8 = 158;
 
-/// Returns HEARTBEAT with HORUS's state, or without fresh data if `reported` is `None`.
+/// Returns HEARTBEAT with HORUS's state. `reported` is `None` if there are no fresh data.
 #[must_use]
 pub fn heartbeat(reported: Option<&ReportedValues>) -> MavMessage {
     let system_status = match reported.map(|values| values.status.state()) {

@@ -195,7 +195,6 @@ fn a_heartbeat_without_fresh_data_says_so() {
     let mut forwarder = Forwarder::new(7, 1, Rates { standard_us: SECOND, ..free() });
     let mut states = vec![];
     for second in 0..4 {
-        // HORUS sends nothing after the first second.
         if second == 0 {
             let status = ReportedStatus::new().with_state(HorusState::EmergencyFired);
             let reported = ReportedValues { status, ..ReportedValues::absent(100) };

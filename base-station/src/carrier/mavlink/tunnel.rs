@@ -51,8 +51,8 @@ impl Tunnel {
         Some(Self { payload_type, target_system: 0, target_component: 0, length, payload })
     }
 
-    /// Returns the objects that the message carries, intact or not; `None` if no message with objects has this payload
-    /// type or length.
+    /// Returns the objects that the message carries, intact or not; `None` if its payload type or length fits no
+    /// objects.
     #[must_use]
     pub fn bundle(&self) -> Option<Bundle<'_>> {
         let identifier = Identifier(self.payload_type & !PRIVATE);

@@ -3,11 +3,10 @@
 //! # Design
 //!
 //! **HEARTBEAT** is sent once a second over every serial line, to every UDP peer from which a message came within
-//! [`HEARD_US`], and to configured addresses. Some autopilots send only to known peers, or MAVLink 2 only to peers that
-//! use it; HEARTBEAT makes such an autopilot send. The station must not look like a ground station that can fly: PX4
-//! (by the type MAV_TYPE_GCS) and ArduPilot (by the system id, 255 by default) hold back their failsafe for a lost
-//! ground station while they receive one. So the station's type is MAV_TYPE_ONBOARD_CONTROLLER, and its system id
-//! [`SYSTEM`].
+//! [`HEARD_US`], and to configured addresses. Some autopilots send nothing, or not MAVLink 2, before they receive it.
+//! The station must not look like a ground station that can fly: while PX4 or ArduPilot receives one, it holds back its
+//! failsafe for a lost ground station. PX4 recognises a ground station by the type MAV_TYPE_GCS, ArduPilot by the
+//! system id, 255 by default. So the station's type is MAV_TYPE_ONBOARD_CONTROLLER, and its system id [`SYSTEM`].
 //!
 //! **An uplink** is one object, sealed once with the station's time, ms since 1970. The DPR stores it only if that time
 //! is newer than the last uplink's. The object is sent to its drone, signed, every [`AGAIN_US`], until the drone
@@ -19,7 +18,7 @@
 //! | Port-Status without it, over [`ANSWERS_US`] after it was first sent | [refused](State::Refused), with reason |
 //! | nothing | [sent](State::Sent), and finally [unanswered](State::Unanswered) |
 //!
-//! Before [`ANSWERS_US`], such a Port-Status may be the answer to an earlier uplink.
+//! Until [`ANSWERS_US`] have passed, Port-Status may be the answer to an earlier uplink.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -35,7 +34,7 @@ use super::signing::{self, Signer};
 use super::tunnel::Tunnel;
 use crate::{Bundle, DroneId, Fleet, Place, Source, Who};
 
-/// The station's default system id: not 255, by which ArduPilot recognises its ground station.
+/// The station's default system id. It is not 255, by which ArduPilot recognises its ground station.
 pub const SYSTEM: u8 = 254;
 
 /// The station's component id, MAV_COMP_ID_ONBOARD_COMPUTER.
@@ -69,9 +68,9 @@ pub enum State {
     Sent,
     /// The DPR has stored the uplink and shows it.
     Written,
-    /// The DPR has not stored the uplink, for this reason, if Port-Status gives one.
+    /// The DPR has not stored the uplink. The text is the reason, if Port-Status gives one.
     Refused(String),
-    /// No answer came.
+    /// The time for an answer is over.
     Unanswered,
 }
 
@@ -160,7 +159,6 @@ pub struct To {
 #[derive(Debug, Default)]
 struct Heartbeat {
     to: Vec<SocketAddr>,
-    /// The line and address of each peer, and the instant of its last message, µs.
     heard: BTreeMap<(u16, SocketAddr), u64>,
     last_us: Option<u64>,
 }
@@ -178,7 +176,7 @@ pub struct Voice {
 }
 
 impl Voice {
-    /// Returns a station's voice with this system id, which sends nothing yet; `signer` signs its messages.
+    /// Returns a sender of messages with this system id, which sends nothing yet; `signer` signs its messages.
     #[must_use]
     pub const fn new(system: u8, signer: Option<Signer>) -> Self {
         Self { system, sequence: 0, signer, heartbeat: None, uplinks: None, sealed: None, told: vec![] }
@@ -236,7 +234,7 @@ impl Voice {
             let oldest = settled.min_by_key(|(_, sending)| sending.at_us).map(|(drone, _)| *drone);
             uplinks.remove(&oldest.ok_or(NotSent::TooMany)?);
         }
-        // The low 32 bits of the time wrap every 50 days; the DPR compares timestamps modulo 2³².
+        // The low 32 bits of the time wrap every 50 days. The DPR accepts a timestamp after it has wrapped.
         let now_ms = (now_us / 1_000) as u32;
         let timestamp = match self.sealed {
             Some(sealed) if now_ms.wrapping_sub(sealed).cast_signed() <= 0 => sealed.wrapping_add(1),
@@ -371,7 +369,7 @@ impl Sending {
     }
 }
 
-/// Returns why the DPR has not stored an uplink, from the first Port-Status after it was sent and the present one.
+/// Returns why the DPR has not stored an uplink, from the first Port-Status after the sending and the present one.
 fn why(first: &PortValues, now: &PortValues) -> String {
     let grown = |kind: &Violation| now.violations.of(*kind) > first.violations.of(*kind);
     let words = |kind: &Violation| match kind {

@@ -6,9 +6,9 @@
 //! uplinks enabled ([`voice`](crate::carrier::mavlink::voice)). A user of the page sees every drone; by default the
 //! page can be opened only on this machine.
 //!
-//! **Pushed.** Server-sent events come at most every [`PUSH`], each with a whole state that is made when the connection
-//! can accept it. So a slow reader gets fewer states, never old ones, and no queue grows. The first state of a
-//! connection includes the drone's last ten minutes ([`history`](super::history)), at most 150 kB. A browser allows six
+//! **Pushed.** Server-sent events come at most every [`PUSH`]. Each has a whole state, made when the connection can
+//! accept it. So a slow reader gets fewer states, never old ones, and no queue grows. The first state of a connection
+//! includes the drone's last ten minutes ([`history`](super::history)), at most 150 kB. A browser allows six
 //! connections to one host, so its tabs share one (`stream.js`).
 //!
 //! **Nothing from elsewhere.** HTML, style and script are in the binary, and the content security policy allows no
@@ -45,7 +45,7 @@ use crate::carrier::mavlink::Voice;
 use crate::carrier::mavlink::voice::NotSent;
 use state::With;
 
-/// The shortest time between two states: that of a screen's refresh.
+/// The shortest time between two states: about a screen's refresh.
 pub const PUSH: Duration = Duration::from_millis(16);
 
 /// The shortest time between two states with the list of all drones.
@@ -54,7 +54,7 @@ pub const LIST: Duration = Duration::from_millis(500);
 /// The time after which a browser tries to connect again.
 const RETRY: Duration = Duration::from_millis(500);
 
-/// The greatest number of drones for one connection, whose states are sent in turn.
+/// The greatest number of drones that one connection can request. Their states are sent in turn.
 pub const MAX_ASKED: usize = 16;
 
 /// The greatest number of browsers that may read states at once; others are refused.
@@ -77,14 +77,14 @@ impl From<SocketAddr> for Access {
 }
 
 impl Access {
-    /// Returns the access of a page that requires the login `user:password`. HTTP's Basic scheme does not encrypt it,
-    /// so TLS needs a proxy before the page.
+    /// Returns the access of a page that requires the login `user:password`. HTTP's Basic scheme does not encrypt the
+    /// login; that takes a proxy with TLS before the page.
     #[must_use]
     pub fn with_login(self, login: &str) -> Self {
         Self { login: Some(format!("Basic {}", BASE64_STANDARD.encode(login))), ..self }
     }
 
-    /// Returns whether the request has the login. The check's duration does not reveal how much of the login was right.
+    /// Returns whether the request has the login. The duration of the check does not reveal a partly right login.
     fn admits(&self, headers: &HeaderMap) -> bool {
         let Some(login) = &self.login else { return true };
         let said = text(headers, header::AUTHORIZATION).unwrap_or_default();
@@ -100,8 +100,8 @@ struct Page {
     watchers: Arc<Semaphore>,
 }
 
-/// Returns a station's page for clients with `access`. With a `player`, the page can set the pace. It can send uplinks
-/// while the station has them enabled.
+/// Returns a station's page for clients with `access`. With a `player`, the page can set the pace of the playback.
+/// Uplinks can be sent while the station has them enabled.
 pub fn router(station: Station, player: Option<Arc<Player>>, access: impl Into<Access>) -> Router {
     let page = Page { station, player, watchers: Arc::new(Semaphore::new(MAX_WATCHERS)) };
     let mut router = Router::new()
@@ -157,8 +157,8 @@ fn text(headers: &HeaderMap, name: impl header::AsHeaderName) -> Option<&str> {
     headers.get(name).map(|value| value.to_str().unwrap_or_default())
 }
 
-/// Returns whether the request's Host is a name that a foreign page cannot make resolve to this machine: this machine's
-/// own name or, unless `local`, an address in numbers.
+/// Returns whether the request's Host is safe: this machine's own name or, unless `local`, an address in numbers. A
+/// foreign page can make other names resolve to this machine.
 fn is_served_as(local: bool, headers: &HeaderMap) -> bool {
     let host = text(headers, header::HOST).unwrap_or_default();
     let name = host.rsplit_once(':').filter(|(_, port)| port.bytes().all(|byte| byte.is_ascii_digit()));
@@ -167,8 +167,8 @@ fn is_served_as(local: bool, headers: &HeaderMap) -> bool {
     matches!(name, "localhost" | "127.0.0.1" | "[::1]") || (!local && address())
 }
 
-/// Returns whether a request for a change comes from this page or from a program that is not a browser. A browser
-/// states which site made the request.
+/// Returns whether a request for a change comes from this page, or from no browser. Browsers state which site made the
+/// request.
 fn is_own_page(headers: &HeaderMap) -> bool {
     let host = text(headers, header::HOST).unwrap_or_default();
     let own = |origin: &str| origin.split_once("://").is_some_and(|(_, of)| of == host);
@@ -220,7 +220,7 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
         }
         let Round { drones, next, with, .. } = &mut round;
         let Asked { name, shown } = &mut drones[*next];
-        // A connection keeps the drone that it shows, even if none was requested and another one appears.
+        // A connection keeps the drone that it shows, even if it requested none and another one appears.
         if shown.is_none() {
             *shown = page.station.known().intake.fleet().iter().next().map(|(id, _)| id.to_string());
         }
@@ -233,7 +233,7 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
     Sse::new(states).into_response()
 }
 
-/// The drones that were requested over one connection. Each state has one of them, in turn.
+/// The drones that one connection requested. Each state has one of them, in turn.
 struct Round {
     drones: Vec<Asked>,
     next: usize,
@@ -241,13 +241,12 @@ struct Round {
     with: With,
 }
 
-/// A requested drone. An empty name stands for any drone.
 struct Asked {
     name: String,
     shown: Option<String>,
 }
 
-/// Returns the drones in the query, each once. If the query names none, returns one entry for any drone.
+/// Returns the drones in the query, each once. If there are none, returns one entry that stands for any drone.
 fn all_asked(query: Option<&str>) -> Vec<Asked> {
     let mut names: Vec<String> = vec![];
     for (_, name) in parts(query).filter(|(is, _)| is == "drone") {
@@ -263,7 +262,7 @@ fn all_asked(query: Option<&str>) -> Vec<Asked> {
 }
 
 /// Sets the pace (`speed=2`) or the instant (`at=SECONDS` from the start) of a playback. Returns the number of changes
-/// so far; states with this number or a greater one include the change.
+/// so far. States with at least this number include the change.
 async fn playback(State(page): State<Page>, RawQuery(query): RawQuery) -> Response {
     let (Some(player), Some(query)) = (&page.player, query) else { return StatusCode::BAD_REQUEST.into_response() };
     if query.is_empty() {
@@ -283,7 +282,7 @@ async fn playback(State(page): State<Page>, RawQuery(query): RawQuery) -> Respon
 }
 
 /// Sends an uplink: `drone=ID`, `payload=` up to 104 hexadecimal digits, padded with zeros, and `status=` a number, 0
-/// by default. Returns the uplink's timestamp, by which the page finds the uplink's state.
+/// by default. Returns the uplink's timestamp, which identifies the uplink in the states.
 async fn uplink(State(page): State<Page>, RawQuery(query): RawQuery) -> Response {
     let query = query.unwrap_or_default();
     let value = |name: &str| query.split('&').find_map(|part| part.strip_prefix(name)?.strip_prefix('='));

@@ -1,4 +1,4 @@
-//! Formats the station's state for the page, with ages at the instant at which the state is made.
+//! Formats the station's state for the page. Ages are those at the instant `now_us`.
 
 use profile::ResetReason;
 use serde::Serialize;
@@ -19,10 +19,9 @@ struct State {
     station: About,
     /// The list of all drones, sent every half second.
     drones: Option<Vec<Line>>,
-    /// The alarms that began or ended, the oldest first, sent with the list.
+    /// The alarms that began or ended, the oldest first. They are sent with the list of all drones.
     log: Option<Vec<Change>>,
     drone: Option<Detail>,
-    /// The drone's history, sent with a connection's first state.
     #[serde(skip_serializing_if = "Option::is_none")]
     history: Option<Vec<Sample>>,
 }
@@ -41,23 +40,20 @@ struct Playback {
     speed: f64,
     at_s: f64,
     length_s: f64,
-    /// The number of changes of pace or instant, by which the page can tell which states include its own change.
+    /// The number of changes of pace or instant. By it the page knows which states include its own change.
     changes: u64,
 }
 
 #[derive(Serialize)]
 struct About {
     lines: Vec<(String, String)>,
-    /// The file that is being recorded; empty before the first arrival.
     recording: Option<String>,
     recorder: Option<String>,
     dropped: u64,
     refused: u64,
     forgotten: u64,
-    /// The rank of the alarm for an old position. The gravest alarm has rank 0.
     stale_rank: usize,
     signed: bool,
-    /// The reasons for which messages were refused unread, and how often.
     unread: Vec<(&'static str, u64)>,
     uplinks: bool,
 }
@@ -77,7 +73,6 @@ struct Line {
 struct Worst {
     words: &'static str,
     critical: bool,
-    /// The rank of the alarm; 0 is the gravest.
     rank: usize,
 }
 
@@ -100,7 +95,6 @@ struct Raised {
 #[derive(Serialize)]
 struct Detail {
     id: String,
-    /// The source of the drone's messages, and whether they are signed.
     from: String,
     signed: bool,
     stale: bool,
@@ -126,11 +120,10 @@ struct Port {
 
 #[derive(Serialize)]
 struct Uplink {
-    /// The uplink's timestamp, ms of this station's clock, by which the page knows the uplink.
+    /// The uplink's timestamp, ms on this station's clock, which identifies the uplink.
     timestamp: u32,
     status: u16,
     payload: String,
-    /// `sent`, `written`, `refused` or `unanswered`.
     state: &'static str,
     why: Option<String>,
     times: u32,
@@ -165,7 +158,7 @@ struct Reported {
     degraded: bool,
     memory_fault: bool,
     reset: &'static str,
-    /// Whether HORUS's last reset was power-on or its reset pin.
+    /// Whether the reason of HORUS's last reset is power-on or the reset pin.
     reset_usual: bool,
     /// Latitude (degrees), longitude (degrees) and height (m).
     position: [f64; 3],
@@ -182,7 +175,6 @@ struct Gps {
     heard: bool,
     stale: bool,
     excluded: bool,
-    /// The age of the receiver's solution when HORUS sent it.
     solution: String,
     position: [f64; 3],
 }
@@ -215,15 +207,14 @@ struct Counts {
     restarts: u64,
 }
 
-/// The parts that only some states have.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct With {
     pub(super) list: bool,
     pub(super) history: bool,
 }
 
-/// Returns the state in JSON, as the answer to the query `asked`, with the details of `drone`, or of the first drone if
-/// that is `None`.
+/// Returns the state in JSON, as the answer to the query `asked`. It has the details of `drone`, or of the first drone
+/// if `drone` is `None`.
 pub(super) fn json(station: &Station, player: Option<&Player>, drone: Option<&str>, asked: &str, with: With) -> String {
     let known = station.known();
     let state = State { asked: asked.to_owned(), ..state(&known, station.dropped(), player, drone, with) };
@@ -259,9 +250,9 @@ fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Opti
         playback: player.map(|player| {
             let (first_us, last_us) = player.span_us();
             let seconds = |us: u64| us.saturating_sub(first_us) as f64 / 1e6;
-            // The number of changes is read first, so that the state includes all of these changes.
+            // The number of changes is read first, so that the state includes all changes that it counts.
             let changes = player.changes();
-            // The player has the instant, because the station is behind the player during a jump back.
+            // The player has the instant. During a jump back the station is behind the player.
             let at_s = seconds(player.now_us());
             Playback { speed: player.speed(), at_s, length_s: seconds(last_us), changes }
         }),
@@ -301,7 +292,7 @@ fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Opti
     }
 }
 
-/// Returns the drone of this name or, if it is gone, another sender with its id.
+/// Returns the drone of this name. If that one is gone, returns another sender with its id.
 pub(super) fn asked<'a>(fleet: &'a Fleet, name: &str) -> Option<(DroneId, &'a Drone)> {
     let who = |id: DroneId| id.who.to_string();
     fleet.iter().find(|(id, _)| id.to_string() == name).or_else(|| {

@@ -45,7 +45,7 @@ fn absent() -> ReportedValues {
     ReportedValues::absent(70_000)
 }
 
-/// Returns a station with data of drones 3 and 9, and the channel that signals a change of its state.
+/// Returns a station with data of drones 3 and 9, and the channel that signals changes of its state.
 fn station() -> (Station, watch::Sender<u64>) {
     let mut known = StationData::default();
     for system in [3, 9] {
@@ -66,7 +66,7 @@ fn station() -> (Station, watch::Sender<u64>) {
 }
 
 fn run<T>(test: impl Future<Output = T>) -> T {
-    // Time is virtual and advances only when all tasks wait, so the tests do not depend on the machine's speed.
+    // Time is virtual and advances only when all tasks wait. So the tests do not depend on the machine's speed.
     let runtime = tokio::runtime::Builder::new_current_thread().enable_time().start_paused(true).build().unwrap();
     runtime.block_on(test)
 }
@@ -95,7 +95,7 @@ fn every_answer_has_the_policy_and_nothing_is_fetched_from_elsewhere() {
         for path in &paths[..4] {
             let text = text(ask(&router, Method::GET, path, "localhost").await).await;
             assert!(text.len() > 500 && !text.contains("http://") && !text.contains("https://"), "{path}");
-            // The content security policy would refuse these constructs.
+            // The content security policy would refuse inline styles and handlers.
             assert!(!text.contains("style=") && !text.contains("onclick=") && !text.contains("innerHTML"), "{path}");
         }
     });
@@ -194,7 +194,7 @@ fn a_new_drone_does_not_take_the_place_of_the_shown_one() {
         }
         changed.send_modify(|count| *count += 1);
         assert_eq!(id(&events.next().await.unwrap().unwrap()), "3");
-        // The name of a sender that does not exist finds another sender with the same drone's id.
+        // If a sender does not exist, another sender with the same drone's id is found.
         for (query, expected) in [("1-2", "1".into()), ("3-2", "3".into()), ("3-x", Value::Null), ("33", Value::Null)] {
             let state = text(ask(&page, Method::GET, &format!("/state?drone={query}"), "localhost").await).await;
             assert_eq!(serde_json::from_str::<Value>(&state).unwrap()["drone"]["id"], expected, "{query}");
@@ -394,7 +394,6 @@ fn an_uplink_is_accepted_only_from_the_stations_own_page() {
             let answer = ask(page, Method::POST, &format!("/uplink{query}"), "localhost").await;
             (answer.status(), text(answer).await)
         };
-        // The first station has no uplinks enabled, and the second one has no key.
         let (silent, unsigned, allowed) = (station().0, station().0, station().0);
         unsigned.speak(Voice::new(254, None).with_uplinks());
         for without in [&silent, &unsigned] {

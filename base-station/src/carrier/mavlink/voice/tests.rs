@@ -17,7 +17,7 @@ fn key() -> Key {
     Key::new([9; 32])
 }
 
-/// A flight controller, its DPR and a station, with a link between them that loses messages.
+/// A flight controller with its DPR, and a station, with a link between them that loses messages.
 struct Scene {
     now: u64,
     intake: Intake,
@@ -54,7 +54,6 @@ impl Scene {
     }
 
     fn is_lost(&mut self) -> bool {
-        // Xorshift64.
         self.drawn ^= self.drawn << 13;
         self.drawn ^= self.drawn >> 7;
         self.drawn ^= self.drawn << 17;
@@ -198,7 +197,6 @@ fn who_may_not_sends_no_uplink() {
     assert_eq!((try_by(&mut unsigned, drone), unsigned.sends_uplinks()), (Err(NotSent::NotAllowed), false));
     assert_eq!(try_by(&mut scene.voice, Who::System(8).first()), Err(NotSent::UnknownDrone));
     assert!(unsigned.tick(NOW + SECOND, fleet).is_empty() && silent.tick(NOW + SECOND, fleet).is_empty());
-    // The drone's messages do not come over MAVLink.
     let mut plain = Intake::default();
     let bytes = Profile::<1>::seal(&ReportedValues::absent(10), &[GpsValues::absent(10)]).as_bytes().to_vec();
     plain.take(&Carried { at_us: NOW, kind: Kind::Datagrams, line: 0, from: DRONE.into(), bytes });
@@ -236,7 +234,6 @@ fn a_flight_controller_writes_what_is_signed_for_it_and_intact_once() {
     let counts = inbound.counts();
     assert_eq!((counts.written, counts.repeated), (1, 0));
     assert_eq!((inbound.received().unsigned, counts.foreign), (2, 2 + 512 + 1));
-    // The messages come in pieces, as from a serial port.
     let mut inbound = Inbound::new(7, Verifier::new(key()));
     let (first, rest) = good.split_at(30);
     assert_eq!((inbound.stream(NOW, NOW, first), inbound.reads_port()), (None, false));
