@@ -49,8 +49,8 @@ pub const LEN_BYTES: usize = 1;
 /// The number of bytes after the payload: the CRC-16, which the chips add and check.
 pub const CRC_BYTES: usize = 2;
 
-/// The shortest time between the end of a frame and the start of the next frame, µs. In it the listener reads the first
-/// frame from its FIFO and re-arms.
+/// The shortest time between the end of a frame and the start of the next frame, µs. In this time the listener reads
+/// the first frame from its FIFO and re-arms.
 pub const MIN_GAP_US: u32 = 300;
 
 const _: () = assert!(LONGEST_PAYLOAD <= MAX_PAYLOAD);

@@ -91,7 +91,7 @@ impl FourTables {
         Self(tables)
     }
 
-    /// Returns the CRC register after `bytes`, which was `register` before them.
+    /// Returns the CRC register after `bytes`; before them it is `register`.
     fn update(&self, mut register: u32, bytes: &[u8]) -> u32 {
         let [behind_0, behind_1, behind_2, behind_3] = &self.0;
         let (words, rest) = bytes.as_chunks();
@@ -107,7 +107,7 @@ impl FourTables {
     }
 }
 
-/// Frame CRC of `bytes`, for storage most significant byte first.
+/// The frame CRC of `bytes`, to be stored most significant byte first.
 ///
 /// ```
 /// assert_eq!(profile::crc::frame(b"123456789"), 0x12D3_A0B1);
@@ -117,7 +117,7 @@ pub fn frame(bytes: &[u8]) -> u32 {
     FRAME_TABLE.update(FRAME.init, bytes) ^ FRAME.xorout
 }
 
-/// Frame CRC of words in the order of their addresses. Each word counts as its bytes in a little-endian memory.
+/// The frame CRC of words in the order of their addresses. Each word counts as its bytes in a little-endian memory.
 ///
 /// ```
 /// let words = [u32::from_le_bytes(*b"1234"), u32::from_le_bytes(*b"5678")];
@@ -143,7 +143,7 @@ pub fn frame_of_words_after(crc: u32, words: impl Iterator<Item = u32>) -> u32 {
     register ^ FRAME.xorout
 }
 
-/// Position CRC of `bytes`, for storage most significant byte first.
+/// The position CRC of `bytes`, to be stored most significant byte first.
 ///
 /// ```
 /// assert_eq!(profile::crc::position(b"123456789"), 0xEA87_07AB);
@@ -181,8 +181,8 @@ impl Begun {
         usize::from(self.bytes)
     }
 
-    /// Extends the CRC to all of `bytes`, the part of an object that has been received: shorter than 64 KiB, and
-    /// beginning with the bytes that the CRC already covers.
+    /// Extends the CRC to all of `bytes`, the part of an object that has been received so far. `bytes` begin with those
+    /// that the CRC already covers, and are shorter than 64 KiB.
     pub fn follow(&mut self, bytes: &[u8]) {
         let Ok(there) = u16::try_from(bytes.len()) else { return };
         let register = FRAME_TABLE.update(self.register, bytes.get(self.bytes()..).unwrap_or(&[]));
@@ -200,7 +200,7 @@ impl Begun {
 
 /// Whether `bytes` are intact by the frame CRC in their last four bytes.
 ///
-/// Fewer than four bytes are never intact. Four zeros are: 0 is the CRC of no data.
+/// Fewer than four bytes are never intact. Four zeros are intact, because 0 is the CRC of no data.
 ///
 /// ```
 /// use profile::crc;
@@ -217,7 +217,7 @@ pub fn frame_intact(bytes: &[u8]) -> bool {
 
 /// Whether `bytes` are intact by the position CRC in their last four bytes.
 ///
-/// Fewer than four bytes are never intact. Four zeros are: 0 is the CRC of no data.
+/// Fewer than four bytes are never intact. Four zeros are intact, because 0 is the CRC of no data.
 #[must_use]
 pub fn position_intact(bytes: &[u8]) -> bool {
     position(bytes) ^ POSITION.xorout == POSITION_RESIDUE

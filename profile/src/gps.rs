@@ -124,7 +124,7 @@ impl GpsObject {
         findings.check(object.identifier() == expected, Rejection::Identifier).judge(object)
     }
 
-    /// Like [`verify`](Self::verify), for bytes of which a beginning is already in the frame CRC `begun`.
+    /// Does the same as [`verify`](Self::verify), with the frame CRC already `begun` over the first of `bytes`.
     ///
     /// # Errors
     ///

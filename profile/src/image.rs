@@ -6,7 +6,7 @@
 //! | 32 | [Reported-Position](ReportedPosition) | 64 |
 //! | 96 | [GPS1](crate::GpsObject) … GPSn | 60 each |
 //!
-//! The first 96 bytes are all that a flight controller needs in every control cycle. From offset 32 on, the image is
+//! The first 96 bytes are all that a flight controller needs to fly by HORUS. From offset 32 on, the image is
 //! the [`Profile`] as HORUS sent it, so every reader verifies the bytes that HORUS sealed. The bytes of an object that
 //! did not arrive or was rejected are zero, and zeros do not verify.
 use core::{fmt, ops::Range};

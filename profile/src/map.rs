@@ -37,7 +37,7 @@ pub struct PortArea {
 }
 
 impl PortArea {
-    /// The size of these three objects in bytes.
+    /// The size of Port-Status and both uplinks in bytes.
     pub const SIZE: usize = PortStatus::SIZE + 2 * Uplink::SIZE;
 
     /// Zeros, in which no object verifies.
@@ -67,13 +67,13 @@ impl PortArea {
         *(if W::INDEX == 0 { base_station } else { flight_controller }) = uplink;
     }
 
-    /// The bytes of these three objects in their order on the wire.
+    /// The bytes of Port-Status and both uplinks in their order on the wire.
     #[must_use]
     pub const fn as_bytes(&self) -> &[u8; Self::SIZE] {
         bytemuck::must_cast_ref(self)
     }
 
-    /// The three objects, each accepted or rejected separately.
+    /// Port-Status and both uplinks, each accepted or rejected separately.
     #[must_use]
     pub fn verify(&self) -> PortReading<'_> {
         PortReading {

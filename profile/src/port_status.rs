@@ -29,9 +29,11 @@
 //! and status does not count.
 //!
 //! So one transaction counts up to four times: for its request, its object and its rest, and for `TooMany` if it is the
+//! last that is granted. A transaction whose object is dropped counts once for `TooMany`, and once more if it is the
 //! last that is granted. Link-Status's [`access_violations`](crate::LinkValues::access_violations) is the total of all
 //! kinds since the DPR's start; no command clears it. The counters show a transaction from the first image that is
 //! published after the DPR has judged it, which may be the image after next.
+//! has judged it, which may be the image after next.
 use core::{mem::offset_of, ops::Range};
 
 use bytemuck::{Pod, Zeroable};

@@ -56,14 +56,14 @@ impl<const N: usize> Profile<N> {
         bytemuck::zeroed()
     };
 
-    /// The profile of these sealed objects, GPS1 first.
+    /// The profile of these sealed objects. `gps` begins with GPS1.
     #[must_use]
     pub const fn new(reported: ReportedPosition, gps: [GpsObject; N]) -> Self {
         let () = Self::SUPPORTED;
         Self { reported, gps }
     }
 
-    /// Seals these values in a profile with all CRCs, those of GPS1 first.
+    /// Seals these values in a profile with all CRCs. `gps` begins with the values of GPS1.
     #[must_use]
     pub fn seal(reported: &ReportedValues, gps: &[GpsValues; N]) -> Self {
         let mut profile = Self::EMPTY;
@@ -207,7 +207,7 @@ impl<'a> Object<'a> {
         }
     }
 
-    /// Like [`verify`](Self::verify), for bytes of which a beginning is already in the frame CRC `begun`.
+    /// Does the same as [`verify`](Self::verify), with the frame CRC already `begun` over the first of `bytes`.
     ///
     /// # Errors
     ///

@@ -10,16 +10,16 @@ pub const MAX_LATITUDE: f64 = 90.0;
 /// The easternmost longitude, degrees; the westernmost is its negative.
 pub const MAX_LONGITUDE: f64 = 180.0;
 
-/// The lowest altitude, m above the ellipsoid. The lowest land, at the Dead Sea, is 430 m below sea level, which is at
-/// most 107 m below the ellipsoid (EGM2008).
+/// The lowest altitude, m above the ellipsoid. The lowest land, at the Dead Sea, is 430 m below sea level. Sea level is
+/// at most 107 m below the ellipsoid (EGM2008).
 pub const MIN_ALTITUDE: f64 = -1_000.0;
 
-/// The highest altitude, m above the ellipsoid. It is above every delivery drone and above the 18 km limit of receivers
-/// without an export licence.
+/// The highest altitude, m above the ellipsoid: above the flight of any delivery drone, and above the 18 km limit of
+/// receivers without an export licence.
 pub const MAX_ALTITUDE: f64 = 20_000.0;
 
-/// Whether latitude and longitude, degrees, and altitude, m, are numbers in their ranges. An altitude of NaN is unknown
-/// and allowed, as in a 2D fix.
+/// Whether latitude and longitude, degrees, and altitude, m, are numbers in their ranges. An altitude of NaN is
+/// allowed: it is unknown in a 2D fix.
 ///
 /// ```
 /// use profile::range::is_position;

@@ -1,4 +1,4 @@
-//! Why received bytes are not accepted.
+//! The reasons why received bytes are not accepted.
 use core::{error::Error, fmt, hint::black_box};
 
 /// The reason why received bytes are not accepted.
@@ -42,7 +42,7 @@ impl Error for Rejection {}
 
 /// The findings of all checks of one object or request.
 ///
-/// Every check is made whatever the others found, so their time does not depend on the bytes.
+/// Every check is made, whatever the other checks found, so the time for them does not depend on the bytes.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Findings {
     faults: u8,
@@ -53,7 +53,6 @@ impl Findings {
         Self { faults: 0 }
     }
 
-    /// Records `rejection` unless `good`.
     #[inline]
     pub(crate) fn check(self, good: bool, rejection: Rejection) -> Self {
         let bit = match rejection {

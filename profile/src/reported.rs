@@ -16,7 +16,8 @@ use crate::{
 /// [sealed objects](ReportedPosition) to compare all bits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReportedValues {
-    /// The timestamp of the cycle, ms since HORUS's start, wraps; one [cycle](crate::CYCLE_MS) later in each profile.
+    /// The timestamp of the cycle, ms since HORUS's start, wraps. It is one [cycle](crate::CYCLE_MS) later in each
+    /// profile.
     pub timestamp: u32,
     /// The validity of the values, the number of agreeing receivers, and HORUS's state.
     pub status: ReportedStatus,
@@ -54,7 +55,7 @@ impl ReportedValues {
     }
 }
 
-/// Latitude and longitude with their own CRC: a codeword of 20 bytes within the object's.
+/// Latitude and longitude with their own CRC: a codeword of 20 bytes within the object's codeword.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 struct Position {
@@ -147,7 +148,7 @@ impl ReportedPosition {
         object.judge(findings)
     }
 
-    /// Like [`verify`](Self::verify), for bytes of which a beginning is already in the frame CRC `begun`.
+    /// Does the same as [`verify`](Self::verify), with the frame CRC already `begun` over the first of `bytes`.
     ///
     /// # Errors
     ///

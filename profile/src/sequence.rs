@@ -5,17 +5,18 @@
 //! A CRC proves that an object is intact, an identifier that it is where it belongs. Neither proves that it is new: the
 //! objects of a repeated, delayed, reordered or inserted frame verify. The timestamp and the receiver's own clock
 //! protect against these errors (IEC 61784-3: unintended repetition, unacceptable delay, incorrect sequence,
-//! insertion). A receiver keeps one [`Sequence`] and passes each cycle to it. A [`Sequence`] has no clock, allocates
-//! nothing, and does little, bounded work per cycle.
+//! insertion). A receiver keeps one [`Sequence`] and passes each cycle to it. A [`Sequence`] has no clock and allocates
+//! nothing, and its work per cycle is bounded.
 //!
 //! A cycle is **in sequence** under two conditions. Its timestamp is that of the last cycle + 10 ms · (1 + missed),
-//! with at most [`MAX_MISSED`] missed cycles. On the receiver's clock the same time has passed between both samples,
-//! within [`TOLERANCE_US`] plus [2 %](TOLERANCE_SHARE) of the timestamps' step. The last cycle is the last one that
+//! with at most [`MAX_MISSED`] missed cycles. The time between the samples of both cycles, on the receiver's clock, is
+//! the same, within [`TOLERANCE_US`] plus [2 %](TOLERANCE_SHARE) of the step. The last cycle is the last one that
 //! arrived, whether it was in sequence or not.
 //!
-//! **Search.** At the start, and after any cycle that is not in sequence, no cycle is shown until [`SEARCH_CYCLES`] in
-//! a row have each advanced by exactly 10 ms, each 10 ms ± [`SEARCH_TOLERANCE_US`] after the one before. The first
-//! cycle of the search has no predecessor and does not count; the last one is in sequence:
+//! **Search.** At the start, and after any cycle that is not in sequence, no cycle is shown during a search. The search
+//! ends with the last of [`SEARCH_CYCLES`] cycles in a row whose timestamps each advance by exactly 10 ms and whose
+//! samples are each 10 ms ± [`SEARCH_TOLERANCE_US`] later. The first cycle of a search has no predecessor and does not
+//! count. The last one is in sequence:
 //!
 //! | cycle since the start, or since HORUS restarted | [`Judgement`] |
 //! |---|---|
@@ -24,7 +25,7 @@
 //! | 3 | `Searching { found: 2 }` |
 //! | 4 | `InSequence { missed: 0 }` |
 //!
-//! So with timestamps 20, 10, 20, 10, … no cycle is ever shown.
+//! So of timestamps 20, 10, 20, 10, … no cycle is ever shown.
 //!
 //! **Clock.** A single step may deviate by up to 27 % (2.5 ms + 2 % of 10 ms), because one cycle may be late for many
 //! reasons. The error of a wrong clock adds up. So while cycles are in sequence, the timestamps' advance is compared
@@ -107,9 +108,9 @@ pub enum Judgement {
     Restarted,
     /// The timestamp is ahead, but not by a whole number of cycles, or more than [`MAX_MISSED`] cycles are missing.
     Irregular,
-    /// The timestamp is ahead by a possible step, but less time than that has passed.
+    /// The timestamp is ahead by a possible step, but less time has passed.
     Early,
-    /// The timestamp is ahead by a possible step, but more time than that has passed.
+    /// The timestamp is ahead by a possible step, but more time has passed.
     Late,
 }
 
@@ -158,7 +159,7 @@ impl Sequence {
         Self { last: None, found: 0, window: Sample { timestamp: 0, sampled_us: 0 }, clock_implausible: false }
     }
 
-    /// Judges a cycle; to be called for each one in the order of arrival. `timestamp` is HORUS's, ms. `sampled_us` is
+    /// Judges a cycle. Call this for each cycle in the order of arrival. `timestamp` is HORUS's, ms. `sampled_us` is
     /// the instant of the sample on the receiver's clock, µs, from a counter that never wraps. The instant of arrival
     /// may be used instead if it is a constant time later.
     pub fn judge(&mut self, timestamp: u32, sampled_us: u64) -> Judgement {
@@ -180,8 +181,8 @@ impl Sequence {
         judgement
     }
 
-    /// Whether the sequence is found and not lost at `now_us`, so that the next cycle can be shown: false during the
-    /// search, and after [`HOLD_US`] without a cycle.
+    /// Whether the sequence is found and not lost at `now_us`. It is false during the search, and after [`HOLD_US`]
+    /// without a cycle.
     #[must_use]
     pub fn is_held(&self, now_us: u64) -> bool {
         let in_time = |last: Sample| last.elapsed_us(now_us) <= i64::from(HOLD_US);

@@ -198,7 +198,7 @@ fn the_map_is_the_image_and_then_the_port<const N: usize>() {
     assert_eq!(Map::<N>::EMPTY, Map::new(Image::EMPTY, PortArea::EMPTY));
     assert_ne!(map, Map::EMPTY);
 
-    // The functions that give out a writer's bytes must give the same ranges.
+    // Functions that give a writer the bytes of its object must give the same ranges.
     let mut written = vec![0; len + 192];
     *map::port_area_mut::<_, N>(DPR, &mut written).expect("in the map") = *port.as_bytes();
     *map::link_status_mut(DPR, &mut written).expect("in the map") = *LinkStatus::seal(&seeds::link_values()).as_bytes();

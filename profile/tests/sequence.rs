@@ -3,7 +3,7 @@
 use profile::sequence::{HOLD_US, Judgement, MAX_MISSED, Sequence};
 use proptest::prelude::*;
 
-/// A found sequence, whose last cycle has `timestamp` and was sampled at `at_us`.
+/// Returns a found sequence, whose last cycle has `timestamp` and was sampled at `at_us`.
 fn held(timestamp: u32, at_us: u64) -> Sequence {
     let mut sequence = Sequence::new();
     for back in (0..4_u32).rev() {
@@ -103,7 +103,6 @@ fn two_cycles_may_be_off_by_2_5_ms_and_2_percent() {
 
 #[test]
 fn the_search_accepts_only_steps_of_one_cycle_within_half_a_millisecond() {
-    // Only a third step of exactly 10 ms ends a search.
     let third = |step_ms: u32, passed_us: u64| {
         let mut sequence = Sequence::new();
         for cycle in 0..3_u32 {
@@ -127,7 +126,6 @@ fn the_search_accepts_only_steps_of_one_cycle_within_half_a_millisecond() {
 
 #[test]
 fn any_other_step_requires_three_exact_steps_anew() {
-    // The cycle is repeated, early, late, irregular, behind, or far ahead.
     for (step_ms, passed_us) in [(0, 10_000), (10, 5_000), (10, 15_000), (13, 13_000), (-10, 10_000), (270, 270_000)] {
         let mut sequence = held(5_000, 0);
         let (mut timestamp, mut now) = (5_000_u32.wrapping_add_signed(step_ms), passed_us);
@@ -210,7 +208,7 @@ fn run(sequence: &mut Sequence, rate: u64, cycles: u32) -> Option<u32> {
 
 #[test]
 fn a_clock_off_by_over_2_percent_is_reported_within_two_windows() {
-    // 9 803.9 and 10 204.1 µs for 10 ms of HORUS are a deviation of 2 % of the receiver's time.
+    // HORUS's clock deviates by 2 % of the receiver's time if its 10 ms last 9 803.9 or 10 204.1 µs.
     for (rate, wrong) in [(9_803, true), (9_804, false), (10_204, false), (10_205, true), (7_300, true), (12_700, true)]
     {
         for right_for in [0, 1, 37, 99, 100, 101] {
@@ -234,14 +232,13 @@ fn a_clock_off_by_over_2_percent_is_reported_within_two_windows() {
 #[test]
 fn the_clocks_are_compared_over_one_second_and_not_less() {
     let mut sequence = held(5_000, 40_000);
-    // The window begins with the cycle that found the sequence. The 100th cycle after it ends the window.
+    // The window begins with the cycle that found the sequence, and ends with the 100th cycle after it.
     assert_eq!(run(&mut sequence, 10_000, 1), None);
     let mut sequence = held(5_000, 40_000);
     assert_eq!(run(&mut sequence, 12_500, 300), Some(80));
     let mut sequence = held(5_000, 40_000);
     assert_eq!(run(&mut sequence, 8_000, 300), Some(125));
-    // A clock that is right again is plausible after the first window without a difference, which ends 1 s after the
-    // last one.
+    // A clock that is right again becomes plausible after 1 s, when the first window without a difference ends.
     let mut sequence = held(5_000, 40_000);
     assert_eq!(run(&mut sequence, 12_500, 80), Some(80));
     assert_eq!(run(&mut sequence, 10_000, 99), Some(1));
@@ -298,7 +295,7 @@ mod oracle {
         })
     }
 
-    /// The index of the cycle that found the sequence in which the last cycle of `history` is.
+    /// The index of the cycle at which the sequence was found that the last cycle of `history` belongs to.
     fn found(history: &[Arrival]) -> Option<usize> {
         (0..history.len()).find(|&cycle| (cycle..history.len()).all(|end| in_sequence(&history[..=end])))
     }

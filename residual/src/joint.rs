@@ -99,7 +99,8 @@ impl Joint {
             let mut complete = true;
             for weight in 1..=total {
                 if weight > MAX_WEIGHT || total - weight > MAX_OUTSIDE {
-                    // This combination cannot be searched; it is excluded only if no inner word has that weight.
+                    // This combination of weights cannot be searched. It is excluded only if there is no inner word of
+                    // that weight.
                     complete &= weight <= MAX_WEIGHT
                         && words_of(&mut inner_words, nesting, weight, threads).starting_at_0().is_empty();
                     continue;

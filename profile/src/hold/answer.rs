@@ -23,7 +23,7 @@ impl Answer {
     /// The answer without an uplink: zeros.
     pub const EMPTY: Self = bytemuck::zeroed();
 
-    /// `bytes` as an answer. The uplinks in it are not checked.
+    /// Reads `bytes` as an answer, without checking the uplinks.
     ///
     /// # Errors
     ///

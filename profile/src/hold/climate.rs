@@ -81,8 +81,7 @@ impl HoldStatusBits {
 /// The contents of Hold-Status in plain numbers. A value that is not known is NaN ([`ABSENT_F32`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HoldValues {
-    /// The timestamp, ms since the hold's start, wraps. Each object's is one [period](super::PERIOD_MS) later than the
-    /// last.
+    /// The timestamp, ms since the hold's start, wraps. It is one [period](super::PERIOD_MS) later in each object.
     pub timestamp: u32,
     /// The state of the hold.
     pub status: HoldStatusBits,

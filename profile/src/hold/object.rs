@@ -104,8 +104,7 @@ impl WireAcknowledged {
 /// The contents of a hold's object. Its maker defines what `status`, `values` and `more` mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HoldObjectValues {
-    /// The timestamp, ms since the hold's start, wraps. Each object's is one [period](super::PERIOD_MS) later than the
-    /// last.
+    /// The timestamp, ms since the hold's start, wraps. It is one [period](super::PERIOD_MS) later in each object.
     pub timestamp: u32,
     /// The status word, which the maker defines.
     pub status: UplinkStatus,

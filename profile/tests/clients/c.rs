@@ -46,9 +46,9 @@ pub(crate) fn compile(arguments: &[&str]) {
 /// A build of the C program that plays a tape to the C client.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Build {
-    /// With the options of a flight controller's firmware.
+    /// The program has the options of a flight controller's firmware.
     Optimised,
-    /// With AddressSanitizer and UndefinedBehaviorSanitizer, whose first finding ends the program.
+    /// The program has AddressSanitizer and UndefinedBehaviorSanitizer, whose first finding ends it.
     Sanitised,
 }
 

@@ -277,7 +277,7 @@ impl Drawn {
             1 => bytes.fill(0xFF),
             2 => bytes[46..].fill(5),
             3 => {
-                // Changes the identifier, an outcome or an undefined bit; the object gets a right CRC afterwards.
+                // The object gets another identifier, outcome or undefined bit, and a right CRC afterwards.
                 let at = self.pick(&[4, 5, 7, 50]);
                 bytes[at] ^= 1 << self.random.below(8);
                 reference::repair_frame_crc(&mut bytes);

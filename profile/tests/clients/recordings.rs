@@ -223,7 +223,7 @@ fn restarting(n: u32) -> Option<ReportedValues> {
     Some(good(if n < 20 { 50_000 + 10 * n } else { 10 * (n - 20) }))
 }
 
-/// Returns HORUS's values. From cycle 8 on, the position is invalid in one way after another.
+/// Returns HORUS's values. From cycle 8 on, the position is invalid, each time in another way.
 fn invalid(n: u32) -> Option<ReportedValues> {
     let all = good(10 * n);
     let status = all.status;
@@ -302,8 +302,7 @@ fn busy_while_asking() -> Tape {
     let mut world = started::<3>(|world| world.port = port(false));
     world.ask(96, 60);
     world.write(Uplink::seal(Writer::<BaseStation>::claim(), &UplinkValues::default()).as_bytes());
-    // The busy DPR loses the request, which the client must send again. Later a busy DPR must keep the requested
-    // window.
+    // A busy DPR loses the request, which the client must send again. Later a busy DPR must keep the requested window.
     for event in [Event::Busy, Event::Busy, Event::Good, Event::Busy, Event::Busy, Event::Good, Event::Good] {
         world.read(event);
         world.tape.view();
@@ -363,7 +362,6 @@ fn writing() -> Tape {
 
 fn stale() -> Tape {
     let mut world = started::<3>(|_| {});
-    // The DPR reports the age of an old sample, of one that is older than the limit, and an unknown age.
     for age_100us in [900, 940, 1_000, u16::MAX, 53] {
         world.age_100us = age_100us;
         world.good(3);
@@ -400,13 +398,13 @@ fn clocks() -> Tape {
     world.tape
 }
 
-/// An intact object in a requested window keeps the DPR from counting as silent. Other bytes there do not.
+/// Records that an intact object in a requested window shows that the DPR is not silent, and that other bytes do not.
 fn windows_and_silence() -> Tape {
     let mut world = started::<3>(|world| world.port = port(true));
     let layout = Layout::for_receivers(3).expect("a profile");
     let mut places: Vec<_> = (0..=3).filter_map(|index| layout.in_image(index)).collect();
     places.extend([layout.port_status(), layout.uplink::<BaseStation>(), layout.uplink::<FlightController>()]);
-    // The first of these windows has Link-Status without Reported-Position. The second has no whole object.
+    // The first window has Link-Status without Reported-Position. The second has no whole object.
     places.extend([0..32, 33..95]);
     for place in places {
         for _ in 0..10 {
@@ -432,7 +430,7 @@ fn limits() -> Tape {
         world.now_us += 4_000 - more_us;
         world.good(4);
     }
-    // The same image is read twice at one instant, and then another image at that instant.
+    // The same image is read twice at one instant. Then another image is read at that instant.
     let (map, next) = (world.map(30), world.map(31));
     for shown in [&map, &map, &next] {
         world.tape.transaction(world.now_us, NO_FRESH, &shown[..96]);
@@ -540,7 +538,8 @@ fn hold() -> Tape {
     world.tape.send(3, 0.0);
     world.hold = object(0, 0, Outcome::Nothing);
     world.good(1);
-    // The hold's object does not change until it is old. Then the DPR shows none, another maker's, and one of HORUS's.
+    // The hold's object does not change until it is old. Then the DPR shows no object, another maker's, and one of
+    // HORUS's.
     world.now_us += 290_000;
     world.good(4);
     world.hold = None;

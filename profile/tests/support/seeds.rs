@@ -15,7 +15,6 @@ use profile::{
 use super::reference::{self, flipped};
 use super::tape::{NO_FRESH, Tape};
 
-/// Values of an object with every field in use, as in the functions below.
 pub(crate) fn gps_values(timestamp: u32) -> GpsValues {
     GpsValues {
         timestamp,
@@ -381,7 +380,8 @@ fn hold() -> Seeds {
     seeds.push(("at-start".into(), start.as_bytes().to_vec()));
     let theirs = HoldObject::seal(writer, Identifier(0x41FF), &start.as_object().values());
     seeds.push(("of-another-maker".into(), theirs.as_bytes().to_vec()));
-    // The answers have no command, then each word, an unknown word, a repeated command, and one that is too late.
+    // The answers have, in this order: no command, each word, an unknown word, a repeated command, a command that is
+    // too old.
     let step = |time: u8, timestamp: u32, number: u8, word: u8| {
         let mut values = UplinkValues { timestamp, ..UplinkValues::default() };
         values.payload[..8].copy_from_slice(&[number, 0, word, 0, 0, 0, 0x90, 0x40]);

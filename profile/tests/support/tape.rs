@@ -120,7 +120,7 @@ fn code<T>(result: Result<T, Rejection>) -> u8 {
     }
 }
 
-/// The number in C of what an object's bytes hold, and the object if it is intact.
+/// The number in C for what is shown of an object, and the object if it is intact.
 fn shown<T>(shown: Option<Shown<T>>) -> (u8, Option<T>) {
     match shown {
         None => (code::<()>(Err(Rejection::Length)), None),

@@ -12,11 +12,11 @@
 //! requests other objects (a receiver's, Port-Status) in one transaction. The next transaction reads those objects, and
 //! [`Client::view`] returns them.
 //!
-//! **Age.** Link-Status has the age of the sample at the publication of its image. The client adds an upper bound of
-//! the time since then. There are two, of which it takes the smaller: the time since the last edge of FRESH, if that
-//! line is wired, and the time since the last reading that showed another image. The added time is at most
-//! [`EXPIRY_US`], after which the DPR stops showing an image. So [`Report::age_us`] is never less than the true age;
-//! without FRESH it exceeds that by up to one control cycle.
+//! **Age.** Link-Status has the age of the sample at the instant at which the image was published. To that age the
+//! client adds the time since the last edge of FRESH, if that line is wired, or the time since the last reading that
+//! showed another image, whichever is less. It adds at most [`EXPIRY_US`], after which the DPR stops showing an image.
+//! So [`Report::age_us`] is never less than the true age. Without FRESH it exceeds the true age by up to one control
+//! cycle.
 //!
 //! **Sequence.** A CRC does not prove that data are new. The client follows HORUS's timestamps on the flight
 //! controller's own clock, whatever the DPR reports. Each new sample must be a whole number of cycles after the one
