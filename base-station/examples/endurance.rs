@@ -30,13 +30,11 @@ pub(crate) const GROWTH_KB: u64 = 16 << 10;
 
 #[derive(Debug, Default)]
 pub(crate) struct Figures {
-    /// The number of images that arrived, duplicates included.
     pub(crate) arrivals: u64,
     pub(crate) shown: u64,
     pub(crate) refused: u64,
     pub(crate) parts: usize,
     pub(crate) bytes: u64,
-    /// The number of arrivals that were read back unchanged.
     pub(crate) read: u64,
     /// The memory of the process at each tenth of the recording and then at each tenth of the reading, kB.
     pub(crate) memory_kb: Vec<u64>,
@@ -55,7 +53,6 @@ impl Figures {
     }
 }
 
-/// Files of a recording that are not forced to the disk.
 struct Unforced(Files);
 
 impl Parts for Unforced {

@@ -41,7 +41,6 @@ fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
     let bound = lines::udp("127.0.0.1:0".parse()?, Kind::MavlinkDatagrams, 0, clock, inlet.clone())?;
     let server = Server::start(station.clone(), "127.0.0.1:0".parse()?)?;
 
-    // The instant at which each sample of each watched drone was sent, ns since the beginning.
     let cycles = seconds as usize * 10;
     let sent: Arc<Vec<Vec<AtomicU64>>> =
         Arc::new((0..WATCHED).map(|_| (0..cycles).map(|_| AtomicU64::new(0)).collect()).collect());
@@ -63,7 +62,6 @@ fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
     let mut datagrams = 0_u64;
     for cycle in 0..cycles {
         for system in 1..=drones {
-            // The drones send one after another within each tenth of a second.
             let due = Duration::from_millis(100) * cycle as u32 + Duration::from_millis(100) * (system - 1) / drones;
             sleep(due.saturating_sub(began.elapsed()));
             let time = 70_000 + 100 * cycle as u32;

@@ -55,7 +55,6 @@ struct Floor {
     at_us: u64,
 }
 
-/// The smallest difference of arrival and timestamp in one of the windows over which the clocks are compared.
 #[derive(Clone, Copy, Debug)]
 struct Window {
     began_us: u64,
@@ -70,7 +69,6 @@ pub struct Ages {
     last: Option<(u32, i64)>,
     floor: Option<Floor>,
     lower: Option<Lower>,
-    /// The number of samples so far, at most [`AGREEING`].
     taken: u8,
     window: Option<Window>,
     implausible: bool,
@@ -81,7 +79,7 @@ impl Ages {
     /// crystal. Returns the sample's delay beyond the shortest delay, µs.
     pub fn take(&mut self, timestamp: u32, at_us: u64, crystal: bool) -> u64 {
         let (unwrapped, difference_us) = self.difference(timestamp, at_us);
-        // Objects with one timestamp are of one sample.
+        // Two objects with one timestamp are parts of one sample.
         let another = self.last.is_none_or(|(last, _)| last != timestamp);
         self.last = Some((timestamp, unwrapped));
         let floor_us = self.floor_us(at_us, crystal);
@@ -102,7 +100,6 @@ impl Ages {
         self.floor_us(at_us, crystal).map_or(0, |floor_us| floor_us.saturating_sub(difference_us))
     }
 
-    /// Returns the timestamp without wrapping, ms since the first one, and the difference of arrival and timestamp, µs.
     fn difference(&self, timestamp: u32, at_us: u64) -> (i64, i64) {
         let unwrapped = match self.last {
             None => 0,
@@ -182,7 +179,6 @@ mod tests {
         for cycle in 0..10_u32 {
             ages.take(100 * cycle, 100_000 * u64::from(cycle), true);
         }
-        // First one sample comes too early, then a burst of three samples.
         for (at, timestamps) in [(1_000_000, &[2_900][..]), (1_100_000, &[2_980, 2_990, 3_000])] {
             for timestamp in timestamps {
                 assert_eq!(ages.take(*timestamp, at, true), 0);
@@ -224,7 +220,6 @@ mod tests {
     #[test]
     fn a_window_is_compared_by_its_fastest_sample() {
         let mut ages = Ages::default();
-        // A quarter of all samples is held back for 0.9 s in one window, and none in the next window.
         for cycle in 0..9_000_u32 {
             let held = if cycle % 4 == 3 && cycle > 3_000 && cycle < 6_000 { 900_000 } else { 0 };
             ages.take(10 * cycle, 10_000 * u64::from(cycle) + held, true);
@@ -236,8 +231,7 @@ mod tests {
     fn a_rise_is_compared_with_the_time_between_the_two_fastest_samples() {
         let mut ages = Ages::default();
         for half in 0..=122_u32 {
-            // The sample with the shortest delay is at the start of the first window and at the end of the second, 60 s
-            // later. A rise of 1 s between them is below 2 %.
+            // The samples with the shortest delay are 60 s apart. A rise of the delay by 1 s between them is below 2 %.
             let late = match half {
                 0 => 0,
                 1..60 => 300_000,

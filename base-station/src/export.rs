@@ -92,7 +92,7 @@ pub fn export<R: Read, W: Write>(
 pub fn judge(intake: &mut Intake, record: &Record) -> Vec<Judged> {
     intake.take_if(&record.carried, |who, place| {
         let who = who.to_string();
-        // The sender's number may differ from the recorded one.
+        // The number of a drone's sender may differ from the recorded one.
         let is_of = |drone: &str| drone.strip_prefix(&who).is_some_and(|rest| rest.is_empty() || rest.starts_with('-'));
         record.found.iter().any(|found| found.place == place && is_of(&found.drone))
     })
@@ -253,7 +253,6 @@ mod tests {
         }
     }
 
-    /// Returns a recording of two samples of one drone, the second without altitude.
     fn recording() -> Vec<u8> {
         let memory = Memory::default();
         let mut recorder = Recorder::new(memory.clone());

@@ -156,7 +156,6 @@ impl Fleet {
         self.drones.range(all).map(|(id, sender)| (*id, sender))
     }
 
-    /// Tells each recent sender with this drone's id that another sender uses the id too.
     fn note_rivals(&mut self, id: DroneId, at_us: u64, verdicts: &[Verdict]) {
         if !verdicts.iter().any(|verdict| verdict.is_intact()) {
             return;
@@ -172,7 +171,6 @@ impl Fleet {
         }
     }
 
-    /// Makes room for another sender with this id, and returns its drone id.
     fn room(&mut self, who: Who, at_us: u64) -> Option<DroneId> {
         let least = |senders: &mut dyn Iterator<Item = (DroneId, &Sender)>| {
             senders
@@ -228,7 +226,7 @@ impl Fleet {
         changes
     }
 
-    /// Returns whether a sender is silent, while another sender with its id continues the data of the same HORUS.
+    /// Returns whether a sender is silent while another sender with its id continues the data of the same HORUS.
     fn has_moved(&self, id: DroneId, sender: &Sender, now_us: u64) -> bool {
         let silent = |sender: &Sender, span_us| now_us.saturating_sub(sender.drone.heard_us()) > span_us;
         let same = |other: &Sender| {

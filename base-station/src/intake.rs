@@ -155,7 +155,6 @@ impl Intake {
         let of_kind = || match kind {
             Kind::MavlinkDatagrams | Kind::MavlinkStream => Line::Mavlink(Box::new(Receiver::new(verifier.clone()))),
             Kind::Datagrams | Kind::Published => Line::Messages,
-            // The longest frame holds Link-Status and the largest profile.
             Kind::Stream => Line::Stream(Deframer::new(MAX_SIZE + Place::LinkStatus.size())),
         };
         match lines.entry((*line, *kind as u8)).or_insert_with(of_kind) {

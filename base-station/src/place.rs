@@ -92,7 +92,7 @@ impl Place {
     #[must_use]
     pub fn judge(self, bytes: &[u8]) -> Shown<Intact<'_>> {
         let damaged = Shown::Damaged(profile::Rejection::Length);
-        // This layout has the most receivers, and so every kind of object.
+        // The layout with the most receivers has every kind of object.
         let [.., layout] = Layout::ALL;
         let offset = match self {
             Self::LinkStatus => Some(image::LINK_STATUS),

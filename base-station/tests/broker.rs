@@ -85,7 +85,6 @@ fn horus_base(arguments: &[&str]) -> (Running, SocketAddr, Option<SocketAddr>) {
         let _ = errors.read_to_string(&mut said);
         panic!("{line:?} {said}")
     });
-    // The program prints everything else before the page's address.
     let mut first = String::new();
     errors.read_line(&mut first).unwrap();
     let udp = first.strip_prefix("listening on UDP ").and_then(|rest| rest.split(',').next()?.parse().ok());
@@ -111,7 +110,6 @@ fn fresh(page: SocketAddr) -> Vec<String> {
     fresh.map(|drone| drone["id"].as_str().unwrap().to_owned()).collect()
 }
 
-/// Sends data of flying drones to one port, ten times a second, until this value is dropped.
 struct Flying(Arc<AtomicBool>, Option<thread::JoinHandle<()>>);
 
 impl Flying {
@@ -195,7 +193,6 @@ fn a_page_fed_by_the_broker_shows_the_drones_of_all_stations() {
     until("all drones are shown", || fresh(page) == drones);
     assert_eq!(state(page)["drone"]["id"], "north/1");
 
-    // Without a broker, each station reports the lost connection and continues, and its displayed data grow old.
     drop(broker);
     let complains = |page| state(page)["station"]["lines"].to_string().contains("broker 127.0.0.1");
     until("the loss is told", || complains(page) && complains(north_page) && fresh(page).is_empty());
@@ -266,7 +263,6 @@ fn what_somebody_else_publishes_there_changes_nothing() {
             }
         }
     });
-    // The broker sends its retained message to a subscriber that comes late.
     let (_late, late, _) = horus_base(&["subscribe", "--broker", &at, "--station", "north"]);
     until("both show the drone, and no other", || fresh(late) == ["north/7"] && fresh(page) == ["north/7"]);
     for page in [page, late] {
@@ -329,7 +325,7 @@ fn over_tls_only_an_authenticated_broker_and_station_exchange_data() {
     let (_all, page, _) = horus_base(&[&["subscribe", "--broker", &at][..], &known].concat());
     let _flying = Flying::start(7..=7, udp.unwrap());
     until("the drone is shown", || fresh(page) == ["north/7"]);
-    // A station still reports the arrivals that could not be published before it was connected.
+    // A connected station still reports the arrivals that it could not publish before.
     let is_well = |page| state(page)["station"]["lines"].as_array().unwrap().is_empty();
     until("nothing is wrong", || is_well(page) && is_well(north_page));
 

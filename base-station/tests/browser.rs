@@ -34,7 +34,6 @@ const SAYS_OLD_WITHIN: f64 = 500.0;
 /// The longest pause, ms, of a script that runs every 10 ms. A longer pause shows that the machine was busy.
 const UNDISTURBED: f64 = 60.0;
 
-/// An image was taken at `taken`, and had been sent by `gone`, both ms since 1970.
 #[derive(Clone, Copy, Debug)]
 struct Sent {
     taken: f64,
@@ -45,7 +44,7 @@ fn now_ms() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64() * 1e3
 }
 
-/// Records the time every 10 ms, ms since 1970. During a gap this process did not run, so a measurement is not valid.
+/// Records the time every 10 ms. A gap shows that this process did not run, which makes a measurement invalid.
 struct Beats {
     instants: Arc<Mutex<Vec<f64>>>,
 }
@@ -103,8 +102,7 @@ impl Scene {
         Self::with_key(clock, None)
     }
 
-    /// Starts a station with this clock. With a key, the station sends uplinks and accepts only messages signed with
-    /// the key.
+    /// Starts a station with this clock. With a key, it sends uplinks and accepts only messages signed with the key.
     fn with_key(clock: impl FnOnce(Arc<AtomicU64>) -> Clock, key: Option<Key>) -> Self {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = clock(Arc::clone(&passed_us));
@@ -136,7 +134,6 @@ impl Scene {
         format!("http://{}/", self.page)
     }
 
-    /// Sends an image that is taken now.
     fn send(&mut self, image: impl FnOnce(u32) -> Vec<u8>) -> Sent {
         let passed = self.began.elapsed();
         self.send_of(passed, image)
@@ -180,7 +177,6 @@ impl Scene {
         }
     }
 
-    /// Checks that the page has no errors and has requested nothing from elsewhere.
     fn is_clean(&self, tab: &mut Tab) {
         assert_eq!(tab.troubles(), Vec::<String>::new());
         let requests = tab.requests();
@@ -250,7 +246,6 @@ fn every_value_shown_is_the_one_that_was_sent() {
     tab.open(&scene.address());
     scene.fly_until(&mut tab, FRESH);
     let last = scene.fly_until(&mut tab, "document.querySelectorAll('#receivers tr').length === 3");
-    // The tables are read before the data are old.
     let (receivers, accuracy) = (table(&mut tab, "receivers"), tab.text("#accuracy"));
     assert_eq!(tab.text("#verdict"), "HORUS has switched to the redundant flight controller");
     tab.until("document.getElementById('alarms').textContent.includes('the position shown is old')");
@@ -305,7 +300,6 @@ fn every_value_shown_is_the_one_that_was_sent() {
         assert!(alarms.contains(words), "{words}: {alarms}");
     }
 
-    // Displayed ages count from the sending of the last image. The page is read between these two instants.
     let before = now_ms() - last.gone;
     let read = "[document.getElementById('age-value').textContent, \
                 ...[...document.getElementById('receivers').rows].map((row) => row.cells[4].textContent), \
@@ -326,7 +320,7 @@ fn the_page_marks_data_as_old_within_half_a_second() {
     let Some(mut tab) = tab("stale") else { return };
     let mut scene = Scene::begin();
     tab.open(&scene.address());
-    // The script records the instants at which the verdict changes, and every 10 ms that it runs.
+    // The script records the instants at which the verdict changes, and each of its own runs, every 10 ms.
     tab.eval(
         "window.turns = []; window.beats = [];
         new MutationObserver(() => turns.push([Date.now(), document.body.className]))
@@ -346,7 +340,7 @@ fn the_page_marks_data_as_old_within_half_a_second() {
             let beats: Vec<f64> = beats.collect();
             beats.windows(2).map(|beats| beats[1] - beats[0]).fold(0.0, f64::max)
         };
-        // If other work stopped the browser or the base station, this measurement is not valid.
+        // The measurement is not valid if other work stopped the browser or the base station.
         if longest(beats) <= UNDISTURBED && longest(own.take()) <= UNDISTURBED {
             let turns = tab.eval("turns");
             assert!(verdict.ends_with("OLD DATA"), "{verdict}, sent {last:?}, old at {at}; {turns}");
@@ -392,7 +386,6 @@ fn a_page_that_lost_its_station_reconnects_by_itself() {
     drop(scene.server.take());
     tab.until("document.body.className === 'lost'");
     assert_eq!(tab.text("#verdict"), "NO CONNECTION TO THE BASE STATION");
-    // The pause is long enough for the browser to try to connect once.
     sleep(Duration::from_millis(1_500));
     scene.server = Some(Server::start(scene.station.clone(), scene.page).unwrap());
     scene.fly_until(&mut tab, FRESH);
@@ -507,10 +500,10 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     while order.len() < 8 {
         tab.press("Tab");
         order.push(tab.eval(focused).as_str().unwrap_or_default().to_owned());
-        // The other drone is silent by now, which may have added an alarm with its button.
+        // The other drone is silent by now, so the page may have a button to acknowledge that alarm.
         order.retain(|id| id != "acknowledge");
     }
-    // The elements without a name are the list of changes and the two drones in the list of all drones.
+    // The three elements without a name are the list of changes and two drones in the list of all drones.
     assert_eq!(order, ["drone", "sound", "notify", "live-keys", "", "", "", "scroll"]);
     assert_eq!(tab.eval("getComputedStyle(document.activeElement).outlineStyle"), "solid", "the focus is seen");
     tab.eval("document.getElementById('drone').focus()");
@@ -555,10 +548,8 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     scene.is_clean(&mut tab);
 }
 
-/// Returns the DPR's image without faults, changed by `change`.
 fn well(ms: u32, change: impl FnOnce(&mut ReportedValues, &mut [GpsValues; 3])) -> Vec<u8> {
     let (latitude, longitude, altitude) = PLACE;
-    // The drone flies to the north at 10 m/s.
     let latitude = latitude + f64::from(ms) * 1e-2 / 110_920.0;
     let status = ReportedStatus::new()
         .with_position_valid(true)
@@ -595,7 +586,6 @@ fn shows(tab: &mut Tab, name: &str, said: &str, level: &str, mut send: impl FnMu
     let mut before = Instant::now();
     loop {
         send();
-        // If the machine delays this process for long, the measurement is made again.
         if before.elapsed() > Duration::from_millis(500) && retried < 20 {
             (began, retried) = (Instant::now(), retried + 1);
         }
@@ -1010,7 +1000,6 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     for key in ["j", "j", "l", "j"] {
         tab.press(key);
     }
-    // Two steps back add up, although the page did not wait for an answer between them.
     let wanted = stood - 20.0;
     tab.until(&format!("Math.abs(state.playback.at_s - {wanted}) < 0.001 && settled()"));
     let whole = wanted as u32;
@@ -1050,12 +1039,11 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     tab.until("state.playback.at_s === 600");
     assert_eq!(player.now_us(), contents.last_us);
     tab.until("document.getElementById('at').getAttribute('aria-valuetext') === '10:00 of 10:00'");
-    // The display must equal the recording at the displayed instant. The test finds that instant by reading the
-    // recording.
+    // The page must display the state at the displayed instant. The test finds that state by reading the recording.
     until(&mut tab, "time", "670.0 s");
     screenshot(&mut tab, "playback");
 
-    // A key with a modifier is left to the browser, and a key alone has no effect where keys are switched off.
+    // Keys with a modifier are left to the browser. Single keys have no effect where keys are switched off.
     let alone = "dispatchEvent(new KeyboardEvent('keydown', { key: 'p', ctrlKey: true, cancelable: true }))";
     assert_eq!(tab.eval(alone), true, "it was not taken");
     tab.eval("document.getElementById('keys').focus()");
@@ -1067,7 +1055,6 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     until(&mut tab, "pause", "Pause");
     assert_eq!(tab.troubles(), Vec::<String>::new());
 
-    // A lost station is reported without an exception.
     drop(server);
     tab.press("p");
     until(&mut tab, "did", "the base station is not reached");

@@ -10,7 +10,6 @@ fn run(arguments: &[&str]) -> (bool, String) {
     (status.success(), String::from_utf8(stderr).unwrap())
 }
 
-/// Writes this text to a file whose name is unique to this process, and returns the path.
 fn file(name: &str, text: &str) -> PathBuf {
     let file = std::env::temp_dir().join(format!("horus-base-{name}-{}", std::process::id()));
     fs::write(&file, text).unwrap();

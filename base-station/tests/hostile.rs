@@ -18,10 +18,8 @@ use tokio::sync::oneshot;
 
 const BOUND: Duration = Duration::from_secs(30);
 
-/// Short limits save time in the tests.
 const LIMITS: Limits = Limits { connections: 200, head: Duration::from_millis(400), stall: Duration::from_millis(600) };
 
-/// The page of a station that receives data of one drone all the time.
 struct Page {
     address: SocketAddr,
     end: Option<oneshot::Sender<()>>,
@@ -103,7 +101,6 @@ fn all(stream: &mut TcpStream) -> Vec<u8> {
     }
 }
 
-/// Reads states as a browser does. Returns their number, and the longest pause between two of them.
 struct Watcher {
     ended: Arc<AtomicBool>,
     thread: thread::JoinHandle<(u64, Duration)>,
@@ -168,7 +165,6 @@ fn readers_that_take_nothing_are_given_up_and_hold_no_other_up() {
     assert!(page.answers());
 }
 
-/// Tries to write a byte, to see whether the other end is still connected.
 fn write_one(stream: &mut TcpStream) -> Result<(), ErrorKind> {
     match stream.write(b"x") {
         Ok(_) => Ok(()),
@@ -208,7 +204,6 @@ fn requests_that_come_byte_by_byte_end_at_the_time_limit() {
         assert!(page.answers(), "the others are served meanwhile");
         thread::sleep(Duration::from_millis(20));
     }
-    // A connection that is idle after a whole request is closed as well.
     let mut kept = page.connect();
     write!(kept, "GET /state HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
     assert!(String::from_utf8_lossy(&all(&mut kept)).starts_with("HTTP/1.1 200"));

@@ -32,7 +32,6 @@ fn messages(system: u8, image: &[u8]) -> Vec<Vec<u8>> {
     std::iter::from_fn(|| forwarder.poll(SECOND, 0)).collect()
 }
 
-/// Returns an intact image of an attacker, which states an emergency or an impossible position.
 fn forged(drawn: &mut Drawn, timestamp: u32) -> Vec<u8> {
     let place = [(91.0, 8.0, 470.0), (47.0, f64::NAN, 1.0), (47.0, 500.0, 1.0), (47.0, 8.0, 1e300), (0.0, 0.0, 0.0)];
     let (latitude, longitude, altitude) = place[drawn.below(place.len() as u64) as usize];
@@ -44,7 +43,6 @@ fn forged(drawn: &mut Drawn, timestamp: u32) -> Vec<u8> {
     Profile::<3>::seal(&reported, &[gps; 3]).as_bytes().to_vec()
 }
 
-/// Returns whether the drone keeps no impossible data as valid.
 fn is_sound(drone: &Drone) -> bool {
     let valid = |status: bool, [latitude, longitude, altitude]: [f64; 3]| {
         !status || range::is_position(latitude, longitude, altitude)
@@ -83,7 +81,6 @@ impl Hour {
         began + u32::try_from((self.now - BEGIN) / 10_000).unwrap() * 10
     }
 
-    /// Sends the messages of the true drones. With `hostile`, some are reordered on their way.
     fn fly(&mut self, hostile: bool) {
         for (system, began) in TRUE {
             for message in messages(system, &image(self.time(began))) {
@@ -102,13 +99,11 @@ impl Hour {
     fn attack(&mut self) {
         let (system, began) = TRUE[self.drawn.below(3) as usize];
         let own = address(system.into(), 14_550);
-        // The message comes from the true drone's address, or from the neighbour's.
         let from =
             if self.drawn.below(2) == 0 { own.clone() } else { address(200, 1_000 + self.drawn.below(50) as u16) };
         let time = self.time(began);
         match self.drawn.below(8) {
             0 => {
-                // The timestamp is ahead of the true drone's time, by 1.9 s or by any amount.
                 let ahead = [1_900, 10 * self.drawn.below(1 << 24) as u32][self.drawn.below(2) as usize];
                 for bytes in messages(system, &forged(&mut self.drawn, time.wrapping_add(ahead))) {
                     self.send(0, from.clone(), bytes);
@@ -142,7 +137,6 @@ impl Hour {
                 let bytes = (0..self.drawn.below(300)).map(|_| self.drawn.next() as u8).collect();
                 self.send(0, from, bytes);
             }
-            // The message is of a drone that does not exist, from any address.
             _ => {
                 for _ in 0..8 {
                     let (invented, port) = (4 + self.drawn.below(250) as u8, self.drawn.below(60_000) as u16);
@@ -170,7 +164,6 @@ impl Hour {
         }
     }
 
-    /// Returns whether the station shows this true drone's last sample, which must not be old.
     fn is_shown_true(&self, system: u8, began: u32) -> bool {
         let time = self.time(began);
         let sent = image(time);

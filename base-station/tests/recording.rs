@@ -36,7 +36,6 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// Returns the HORUS time of each recorded image, ms, and the points at which parts are cut off.
 fn recorded(parts: Vec<PathBuf>) -> (Vec<u32>, Vec<String>) {
     let mut times = vec![];
     let each = |record: base_station::recorder::Record| {
@@ -53,7 +52,6 @@ fn a_recorder_that_is_killed_loses_less_than_a_second() {
     let file = folder.join("flight.mcap");
     let (mut child, _said, address) = start(&["record"], &file, "true");
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-    // The process is killed after three seconds at 100 Hz. Its recording is compared with what was sent.
     let began = Instant::now();
     let mut sent = vec![];
     while began.elapsed() < Duration::from_secs(3) {
@@ -81,7 +79,6 @@ fn a_recorder_survives_a_full_disk_and_keeps_what_it_wrote() {
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let began = Instant::now();
     let (mut time, second) = (70_000, folder.join("flight.1.mcap"));
-    // When the first part is full, the recorder begins another part, if there are still data to record.
     while !second.metadata().is_ok_and(|second| second.len() > 10_000) {
         assert!(began.elapsed() < BOUND && child.try_wait().unwrap().is_none(), "it has not tried again");
         socket.send_to(&image(time), address).unwrap();

@@ -53,7 +53,6 @@ struct Message {
     foreign: bool,
 }
 
-/// Sends `bytes` at `now_us`. The carrier may lose, delay, double or damage them.
 fn carry(drawn: &mut Drawn, now_us: u64, bytes: &[u8], on_the_way: &mut Vec<Message>) {
     let copies = if drawn.chance(15) { 2 } else { 1 };
     for _ in 0..copies {
@@ -79,15 +78,12 @@ fn carry(drawn: &mut Drawn, now_us: u64, bytes: &[u8], on_the_way: &mut Vec<Mess
     }
 }
 
-/// Returns the messages with ten minutes of HORUS's objects and the instants of their arrival, and all objects that
-/// were sent.
 fn flight(seed: u64, mavlink: bool) -> (Vec<Message>, HashSet<(Place, Vec<u8>)>) {
     let mut drawn = Drawn(seed);
     let (mut on_the_way, mut sent) = (vec![], HashSet::new());
     let mut forwarder = Forwarder::new(7, 1, Rates { bytes_per_s: 6_000, ..Rates::default() });
     for cycle in 0..60_000_u32 {
         let now_us = u64::from(cycle) * 10_000;
-        // HORUS has been running for a while at the beginning.
         let image = image(600_000 + 10 * cycle);
         let bundle = Bundle::datagram(&image).unwrap();
         sent.extend(bundle.objects().map(|(place, bytes)| (place, bytes.to_vec())));
@@ -104,7 +100,6 @@ fn flight(seed: u64, mavlink: bool) -> (Vec<Message>, HashSet<(Place, Vec<u8>)>)
     (on_the_way, sent)
 }
 
-/// Judges messages that arrived, and compares the verdicts with the objects that were sent.
 struct Judge {
     fleet: Fleet,
     sent: HashSet<(Place, Vec<u8>)>,

@@ -9,7 +9,7 @@ use crate::{
     wire::{CrcBe, U16Le, U32Le},
 };
 
-/// The contents of Link-Status in plain numbers. Counters begin at the DPR's start and wrap unless stated otherwise.
+/// The contents of Link-Status in plain numbers. Counters count from the DPR's start and wrap unless stated otherwise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LinkValues {
     /// The timestamp, ms since the DPR's start, wraps.

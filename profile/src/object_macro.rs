@@ -60,7 +60,6 @@ macro_rules! object {
                 self
             }
 
-            /// Reads `bytes` as an object and checks only its frame CRC.
             fn look(bytes: &[u8]) -> Result<(&Self, $crate::rejection::Findings), $crate::Rejection> {
                 let bytes: &[u8; Self::SIZE] = bytes.try_into().map_err(|_| $crate::Rejection::Length)?;
                 Ok(Self::found(bytes, $crate::crc::frame_intact(bytes)))

@@ -89,7 +89,6 @@ fn a_little_endian_frame_crc_would_miss_a_burst_of_28_bits() {
     let intact = |bytes: &[u8]| bytes[56..] == crc::frame(&bytes[..56]).to_le_bytes();
     assert!(intact(&little_endian));
 
-    // The burst damages the last ten bits of the payload and the first eighteen of the CRC field.
     let error = [0x03, 0x50, 0x89, 0xEF, 0xC0, 0x00];
     let damage = |bytes: &[u8]| {
         let mut damaged = bytes.to_vec();

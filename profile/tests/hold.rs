@@ -221,7 +221,6 @@ fn an_answer_is_both_uplinks_as_they_were_written() {
     for length in [0, 64, 127, 129] {
         assert_eq!(Answer::read(&vec![0; length]), Err(Rejection::Length));
     }
-    // An intact uplink at the other writer's offset is rejected.
     let exchanged = [*second.as_bytes(), *first.as_bytes()].concat();
     let exchanged = Answer::read(&exchanged).expect("128 bytes");
     assert_eq!(exchanged.uplink::<BaseStation>(), Err(Rejection::Identifier));

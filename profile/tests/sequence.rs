@@ -3,7 +3,6 @@
 use profile::sequence::{HOLD_US, Judgement, MAX_MISSED, Sequence};
 use proptest::prelude::*;
 
-/// Returns a found sequence, whose last cycle has `timestamp` and was sampled at `at_us`.
 fn held(timestamp: u32, at_us: u64) -> Sequence {
     let mut sequence = Sequence::new();
     for back in (0..4_u32).rev() {
@@ -254,7 +253,6 @@ fn with_the_sequence_what_was_found_of_the_clock_is_lost() {
     let last = sequence.last().expect("held");
     assert_eq!(sequence.judge(last.timestamp, last.sampled_us + 10_000), Judgement::Frozen);
     assert!(!sequence.is_clock_implausible());
-    // A new window begins with the cycle that finds the sequence again.
     for cycle in 1..=3 {
         sequence.judge(last.timestamp + 10 * cycle, last.sampled_us + 10_000 + 10_000 * u64::from(cycle));
     }
@@ -264,10 +262,8 @@ fn with_the_sequence_what_was_found_of_the_clock_is_lost() {
 
 /// The definition of a sequence, applied to the whole history each time.
 mod oracle {
-    /// The arrival of a cycle: its timestamp, ms, and the instant of its sample, µs.
     pub(crate) type Arrival = (u32, i128);
 
-    /// The advance of the timestamp, ms, if the sequence allows it.
     fn advance(before: Arrival, now: Arrival) -> Option<i128> {
         let ms = (i128::from(now.0) - i128::from(before.0)).rem_euclid(1 << 32);
         (1..=26).map(|cycles| cycles * 10).find(|&possible| possible == ms)
@@ -316,7 +312,6 @@ mod oracle {
     }
 }
 
-/// Draws steps in ms and µs: mostly those of HORUS, otherwise any.
 fn steps() -> impl Strategy<Value = (u32, i64)> {
     prop_oneof![
         12 => Just((10, 10_000)),
@@ -376,12 +371,9 @@ proptest! {
     ) {
         let mut sequence = held(5_000, 0);
         let shown = match error {
-            // A frame comes between two cycles, with an earlier timestamp or the last one.
             0 => sequence.judge(5_000 - 10 * back, after_us),
             1 => sequence.judge(5_000, after_us),
-            // A frame is delayed by more than the tolerance.
             2 => sequence.judge(5_010, 12_700 + after_us),
-            // Two frames arrive in the wrong order.
             _ => {
                 sequence.judge(5_020, 20_000);
                 sequence.judge(5_010, 20_000 + after_us)

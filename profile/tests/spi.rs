@@ -25,7 +25,6 @@ impl Error for Broken {
     }
 }
 
-/// A DPR on an SPI device, with the last published map.
 #[derive(Default)]
 struct Dpr {
     map: Vec<u8>,
@@ -172,7 +171,6 @@ fn the_async_client_says_what_the_blocking_one_says() {
 
 #[test]
 fn a_future_that_is_dropped_early_loses_no_request() {
-    /// An SPI device whose transaction never ends.
     struct Hung;
     impl ErrorType for Hung {
         type Error = Infallible;

@@ -405,7 +405,6 @@ fn the_second_frame_in_the_firsts_place_is_rejected_object_by_object() {
     for (index, bytes) in air::objects::<5>(first).expect("as long as the second frame") {
         assert!(Object::verify(index, bytes).is_err());
     }
-    // The object is intact, but belongs to another receiver.
     let gps1 = &profile.as_bytes()[64..124];
     let exchanged = [gps1, gps1, gps1].concat();
     for (index, bytes) in air::objects::<5>(&exchanged).expect("as long as the second frame") {

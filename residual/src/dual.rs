@@ -87,7 +87,6 @@ impl DualWeights {
     }
 }
 
-/// A walk through the dual code, whose words have `W` times 64 bits.
 struct Walk<const W: usize> {
     length: usize,
     /// Whether each counted word also stands for its complement.
@@ -233,7 +232,6 @@ mod tests {
 
     const TWO: NonZero<usize> = NonZero::new(2).unwrap();
 
-    /// The weights of all sums of the parity checks, each sum calculated.
     fn by_brute_force(polynomial: Polynomial, length: usize) -> Vec<u64> {
         let columns = polynomial.columns(length);
         let mut counts = vec![0; length + 1];

@@ -151,9 +151,7 @@ fn words_of<'a>(found: &'a mut Vec<Words>, nesting: &Nesting, weight: usize, thr
 struct Outside {
     places: Vec<u16>,
     columns: Vec<u32>,
-    /// The position of each column, by its value.
     singles: HashMap<u32, u16>,
-    /// The positions of each pair of columns, by the pair's sum.
     pairs: HashMap<u32, Vec<[u16; 2]>>,
 }
 
@@ -201,8 +199,6 @@ mod tests {
 
     const TWO: NonZero<usize> = NonZero::new(2).unwrap();
 
-    /// Tries all words. Returns the least weight of those that are codewords of both codes and not 0 inside, and their
-    /// number.
     fn by_brute_force(nesting: &Nesting) -> (usize, usize) {
         let outer = nesting.outer.columns(nesting.outer_bits);
         let inner = nesting.inner.columns(nesting.inner_bits);

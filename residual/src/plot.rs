@@ -13,11 +13,8 @@ use crate::{Code, ErrorCurve, logarithmic};
 
 const WIDTH: u32 = 960;
 const PANEL_HEIGHT: u32 = 520;
-/// The plotted range of the bit error rate, log10.
 const X: std::ops::Range<f64> = -6.0..-0.301;
-/// The plotted range of the probability, log10.
 const Y: std::ops::Range<f64> = -30.0..-2.0;
-/// The number of receivers whose objects share the bounds.
 const RECEIVERS: u32 = 3;
 
 /// The colours of the polynomials' lines are those of Okabe and Ito, which colour-blind readers can distinguish.

@@ -88,7 +88,6 @@ fn scientific(value: &BigUint) -> (f64, u64) {
     let exponent = value.bits() - 1;
     let top = if exponent > 63 { value >> (exponent - 63) } else { value << (63 - exponent) };
     let top = top.iter_u64_digits().next().unwrap_or(0);
-    // The mantissa is exactly the highest 53 bits of the value.
     ((top >> 11) as f64 / 2_f64.powi(52), exponent)
 }
 
@@ -220,7 +219,7 @@ mod tests {
 
     #[test]
     fn at_one_half_every_word_is_as_probable_as_any() {
-        // There are 2^n error patterns, and 2^k - 1 of them change the codeword into another one.
+        // In a code of n bits with k data bits, 2^k - 1 of the 2^n error patterns change a codeword into another one.
         let exact = undetected_exactly(&weights(8, 0x07, 24), BitErrorRate { digit: 5, decade: 1 });
         assert_eq!(exact, 65_535.0 / 16_777_216.0);
     }

@@ -15,7 +15,6 @@ pub const REPORT_PATH: &str = "docs/safety/residual-error.md";
 /// The path of the report's plot, from the workspace's root.
 pub const PLOT_PATH: &str = "docs/safety/residual-error.svg";
 
-/// The number of hours in a year of 365.25 days.
 const HOURS_PER_YEAR: f64 = 8766.0;
 
 /// One code with all results that follow from its weights.
@@ -584,7 +583,6 @@ struct ProfileJson {
     residual_errors_per_hour: Vec<(String, f64)>,
     #[serde(serialize_with = "in_order")]
     rejected_objects_per_hour: Vec<(String, f64)>,
-    /// The bit error rate up to which each claim holds; `None` if it holds at any rate.
     #[serde(serialize_with = "in_order")]
     holds_up_to_bit_error_rate: Vec<(String, Option<f64>)>,
     #[serde(serialize_with = "in_order")]
@@ -634,7 +632,6 @@ struct ReportJson {
     claims: Vec<Claim>,
 }
 
-/// Writes pairs of a name and a value as a JSON object, in their order.
 fn in_order<S: Serializer, T: Serialize>(pairs: &[(String, T)], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_map(pairs.iter().map(|(key, value)| (key, value)))
 }

@@ -129,7 +129,6 @@ impl Halves {
         Self { half, begins, occupied, entries }
     }
 
-    /// The entries of a bucket whose positions are all below `limit`.
     fn bucket(&self, bucket: usize, limit: usize) -> &[u64] {
         let entries = &self.entries[self.begins[bucket] as usize..self.begins[bucket + 1] as usize];
         let highest = |entry: &u64| (*entry & ((1 << PLACE_BITS) - 1)) as usize;

@@ -45,7 +45,6 @@ pub const MAX_MESSAGE: usize = HEAD + Place::COUNT + 32 + 64 + 5 * 60 + 2 * 64;
 /// The greatest number of characters in a station's name.
 pub const MAX_STATION: usize = 32;
 
-/// The greatest number of characters in a drone's name: a station's name, a slash, and an IPv6 address with its port.
 const MAX_NAME: usize = 96;
 
 /// The name of a drone that another station receives: `STATION/DRONE`.

@@ -140,7 +140,6 @@ mod tests {
         let mut line = Vec::new();
         encode(&[1, 2, 0, 3, 4], &mut line);
         let whole = line.clone();
-        // The stream starts within a frame and loses a byte. Later, more bytes than the limit come without a delimiter.
         let mut stream = whole[4..].to_vec();
         stream.extend(&whole[..3]);
         stream.extend(&whole[4..]);

@@ -45,7 +45,8 @@ use order::{Order, Step};
 /// that time to receive and draw the state.
 pub const STALE_US: u64 = 400_000;
 
-/// The age from which on the data of a receiver or of the link are old, µs. Receivers take turns on a slow radio.
+/// The age from which on the data of a receiver or of the link are old, µs. It is long because receivers take turns on
+/// a slow radio.
 pub const OLD_US: u64 = 1_000_000;
 
 /// The time without intact data after which the drone counts as silent, µs.
@@ -115,7 +116,6 @@ pub struct Held<T> {
     /// The delay of the object beyond the shortest delay, µs ([`age`](crate::age)).
     pub late_us: u64,
     repeats: u32,
-    /// The frame CRC of the object, which distinguishes two objects with one timestamp.
     crc: u32,
     implausible: bool,
 }
@@ -278,7 +278,6 @@ impl Drone {
             Step::Newest { .. } => {}
             Step::Restarted => {
                 self.dpr_ages = Ages::default();
-                // Port-Status has the clock of Link-Status, so it begins anew too.
                 self.port = Order::default();
                 self.port_status = None;
                 self.uplink = None;
@@ -310,7 +309,7 @@ impl Drone {
         Verdict::New
     }
 
-    /// Returns the verdict on an object with the displayed one's timestamp; `own` is the displayed one's frame CRC.
+    /// Judges an object with the displayed object's timestamp. `own` is the displayed object's frame CRC.
     fn repeated(&mut self, own: Option<u32>, at_us: u64, crc: u32) -> Verdict {
         if own == Some(crc) {
             return Verdict::Duplicate;
@@ -322,7 +321,6 @@ impl Drone {
 
     fn take_object(&mut self, place: Place, at_us: u64, object: Object<'_>, crc: u32) -> Verdict {
         let timestamp = object.timestamp();
-        // The index of the receiver, from 0; Reported-Position has none.
         let receiver = match place {
             Place::Gps(receiver) => usize::from(receiver).checked_sub(1),
             Place::Reported | Place::LinkStatus | Place::PortStatus | Place::Uplink => None,
@@ -462,7 +460,7 @@ impl Drone {
         let is_in = |state| status.state() == Some(state);
         let stale = reported.is_none_or(|held| held.age_us(now_us) > STALE_US);
         let silent = now_us.saturating_sub(self.heard_us) > SILENT_US;
-        // The data of a silent drone are all old, so that is not reported in addition.
+        // The data of a silent drone are all old, so no separate alarm reports that.
         let old = |age_us: u64| age_us > OLD_US && !silent;
         let mut gps = self.gps.iter().flatten();
         let implausible = reported.is_some_and(|held| held.implausible);

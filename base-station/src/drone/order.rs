@@ -94,7 +94,6 @@ enum Kind {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Order {
     newest: Option<Seen>,
-    /// The number of timestamps that were the newest since the sender's start, at most [`SEARCH_CYCLES`].
     taken: u8,
     searches: [Option<Search>; SEARCHES],
 }
@@ -187,7 +186,6 @@ impl Order {
     }
 }
 
-/// Returns whether the timestamp advanced by at most the time that has passed, with drift and [`SLACK_US`].
 fn is_in_time(before: Seen, now: Seen) -> bool {
     let step_us = u64::from(now.timestamp.wrapping_sub(before.timestamp)) * 1_000;
     let passed_us = now.at_us.saturating_sub(before.at_us);
@@ -221,7 +219,6 @@ mod tests {
             step
         }
 
-        /// Returns a sender that has sent at 10 Hz for a minute; its last timestamp is 60 s.
         fn running() -> Self {
             let mut sender = Self::default();
             for tenth in 0..=600 {
@@ -280,7 +277,6 @@ mod tests {
             }
             assert_eq!(order.judge(60_100, 60_100_000, true), Step::Newest { missed: 9 });
         }
-        // The sender of the burst replaces the true sender after [`QUIET_US`] without a message of the true sender.
         for (third, step) in [(QUIET_US - 1, Step::Search), (QUIET_US, Step::Restarted)] {
             let mut order = Sender::running();
             for burst in 1..=2_u32 {
@@ -298,8 +294,8 @@ mod tests {
             order.judge(60_000, 0, true, 0);
             order.judge(timestamp, SECOND, true, early_us)
         };
-        // The restarted sender may have started when the earlier sender's last message left, half a second before it
-        // arrived.
+        // The earlier sender's last message may have left half a second before it arrived. At that instant the
+        // restarted sender may have started.
         assert_eq!([1_500, 1_510].map(|timestamp| judged(timestamp, -1)), [Step::Search, Step::Older]);
         let late = LATE_US.cast_signed();
         assert_eq!([-late, -late - 1].map(|early_us| judged(5_000, early_us)), [Step::Older, Step::Search]);
@@ -315,7 +311,6 @@ mod tests {
 
     #[test]
     fn the_sample_that_proves_a_restart_counts_as_the_first() {
-        // From the third sample on, a timestamp may come less early than before.
         for (more, step) in [(1, Step::Newest { missed: 0 }), (2, Step::Search)] {
             let mut order = Order::default();
             order.judge(60_000, 0, true, 0);
@@ -331,7 +326,6 @@ mod tests {
 
     #[test]
     fn who_speaks_beside_another_is_a_stranger_from_the_third_message_on() {
-        // The other sender is an hour behind, or as recent as a restart.
         for first in [10, 3_000_000] {
             let mut order = Sender::default();
             let mut found = vec![];
@@ -396,7 +390,6 @@ mod tests {
     #[test]
     fn a_search_continues_only_within_the_clocks_drift_and_slack() {
         let seen = |timestamp, at_us| Seen { timestamp, at_us };
-        // A timestamp may advance by the 10 s that have passed, 2 % of them, and 2 s.
         assert!(is_in_time(seen(0, SECOND), seen(12_200, 11 * SECOND)));
         assert!(!is_in_time(seen(0, SECOND), seen(12_201, 11 * SECOND)));
     }

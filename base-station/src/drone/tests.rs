@@ -127,7 +127,7 @@ fn vacant_misplaced_and_mixed_objects_are_told_apart() {
     take(&mut drone, 0, &bytes);
     assert_eq!(drone.counts().mixed, 1);
 
-    // An empty image is a message, but has no object to show and is no sign of life.
+    // An image of zeros is a message, but has no object to show and is no sign of life.
     take(&mut drone, 5_000_000, &[0; 244]);
     assert_eq!((drone.counts().messages, drone.counts().vacant, drone.heard_us()), (4, 5, 0));
 }
@@ -176,8 +176,6 @@ fn a_restarted_horus_is_shown_from_its_third_cycle_on() {
 #[test]
 fn a_new_reset_reason_is_a_restart_even_if_timestamps_go_on() {
     let again = status().with_reset_reason(ResetReason::Watchdog);
-    // HORUS's data arrive until 0.27 s after its start. HORUS then restarts, and its data arrive again when it has run
-    // for 0.28 s.
     let taken = |status: ReportedStatus, first: std::ops::Range<usize>| {
         let mut drone = Drone::new(0);
         (1..=27).for_each(|cycle| drop(take(&mut drone, u64::from(cycle) * CYCLE, profile(10 * cycle).as_bytes())));
@@ -197,7 +195,6 @@ fn a_new_reset_reason_is_a_restart_even_if_timestamps_go_on() {
         assert_eq!((drone.counts().restarts, drone.gps(3)), (1, None), "what was before is forgotten");
         assert_eq!(codes(&mut drone, 1_270_000), ["restarted", "horus-unasked-reset"]);
     }
-    // With an unchanged reason of the last reset, the sample looks like a delayed one.
     let drone = taken(status(), 0..0);
     assert!((989_000..=990_000).contains(&drone.reported().unwrap().age_us(1_270_000)));
     assert_eq!(drone.counts().restarts, 0);
@@ -428,7 +425,6 @@ fn the_newest_port_status_is_kept_whatever_arrives_after_it() {
         assert_eq!(drone.uplink().map(Uplink::timestamp), Some(timestamp));
     }
     assert_eq!(drone.heard_us(), heard_us);
-    // Port-Status has the clock of Link-Status, and begins anew with it.
     for timestamp in [10, 110, 210] {
         take(&mut drone, Place::LinkStatus, link(timestamp, LinkStatusBits::new()).as_bytes());
     }
@@ -444,7 +440,6 @@ fn what_the_dpr_alone_says_fits_if_it_continues_what_it_said() {
         let link = link(timestamp, LinkStatusBits::new());
         drone.fits(at, &Bundle::from_first(Place::LinkStatus, link.as_bytes()).unwrap())
     };
-    // The timestamps of the DPR's objects may advance by any amount.
     assert_eq!([70_010, 70_103, 5].map(|timestamp| fits(100_000, timestamp)), [true, true, false]);
     assert!(drone.fits(0, &Bundle::from_first(Place::LinkStatus, &[0; 32]).unwrap()), "nothing contradicts it");
 }
@@ -470,7 +465,6 @@ fn a_late_sample_fits_a_horus_without_its_crystal_for_longer() {
         let mut drone = Drone::new(0);
         let status = status().with_without_crystal(without_crystal);
         take(&mut drone, 0, profile_with(70_000, status).as_bytes());
-        // The object is 10.1 s late. Up to 0.2 s may be due to the clock.
         drone.fits(10_000_000, &Bundle::datagram(profile(69_900).as_bytes()).unwrap())
     };
     assert_eq!([false, true].map(fits), [false, true]);
@@ -498,7 +492,6 @@ fn a_reset_for_a_reason_that_has_no_name_is_no_alarm() {
 
 #[test]
 fn a_clock_counts_as_a_crystals_where_nothing_else_is_said() {
-    // HORUS's clock is 1 % slow: more than crystals differ, and less than HORUS may deviate without its crystal.
     let (first, second) = (0, 10_100_000);
     let mut drone = Drone::new(0);
     for (at, timestamp) in [(first, 10), (second, 10_010)] {
@@ -535,7 +528,6 @@ monitoring, 2 of 3 agree, degraded, MEMORY FAULT, last reset: software  0.01 s a
     assert_eq!(drone.words(1_240_000), expected);
 }
 
-/// What the carrier does to one message.
 #[derive(Clone, Debug)]
 struct Fate {
     copies: u8,
@@ -551,7 +543,6 @@ fn fate() -> impl Strategy<Value = Fate> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
 
-    /// The drone always shows the newest intact object of each kind that has arrived.
     #[test]
     fn loss_duplicates_reordering_and_damage_change_nothing(fates in prop::collection::vec(fate(), 1..150)) {
         // HORUS has been running for a while, so a delayed message cannot be mistaken for a restart.

@@ -52,7 +52,6 @@ fn drones_are_kept_apart_and_strangers_make_none() {
 
 #[test]
 fn two_drones_with_one_system_id_are_two_and_both_say_so() {
-    // The second drone's HORUS started an hour earlier than the first one's, or at the same instant.
     for ahead in [3_600_000, 0] {
         let mut fleet = Fleet::default();
         for tenth in 0..30_u32 {
@@ -122,7 +121,6 @@ fn forged_messages_from_a_drones_own_address_blind_nobody() {
         assert!(fleet.get(Who::System(7).first()).unwrap().reported().unwrap().age_us(at) < 20_000, "{tenth}");
     }
     assert_eq!((names(&fleet), has(&fleet, "7", at, Alarm::Stale)), (vec!["7".to_owned()], false));
-    // A burst replaces the true sender while that one is silent. Three messages of the true sender restore it.
     let lost = at + SECOND;
     for burst in 0..3 {
         take(&mut fleet, 7, 1, lost + burst, &profile(9_000_000 + 10 * burst as u32));
@@ -153,7 +151,6 @@ fn a_drone_whose_address_changed_is_one_again_after_silence() {
     }
     let over = |alarm| went.iter().any(|(id, change)| id == "7" && change.alarm == alarm && !change.raised);
     assert!(over(Alarm::Silent) && over(Alarm::Stale), "what was raised of it is over: {went:?}");
-    // The sender of another drone, whose HORUS started at another instant, is kept.
     let mut fleet = Fleet::default();
     for tenth in 0..300_u32 {
         let at = 100_000 * u64::from(tenth);

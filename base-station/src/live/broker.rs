@@ -43,7 +43,6 @@ pub const SILENCE: Duration = Duration::from_secs(12);
 /// The greatest number of messages that may wait to be sent: those of a thousand drones at 10 Hz in 0.3 s.
 const WAITING: usize = 3_000;
 
-/// The length of the longest accepted packet, bytes: a message, its topic, and what a broker may add.
 const MAX_PACKET: u32 = MAX_MESSAGE as u32 + 1_024;
 
 /// A broker's address and login.
@@ -59,7 +58,7 @@ pub struct Broker {
     pub tls: Option<Tls>,
 }
 
-/// Hides the password, which must not get into logs.
+/// The output hides the password, which must not get into logs.
 impl std::fmt::Debug for Broker {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{self}")
@@ -177,8 +176,8 @@ pub fn subscribe(broker: Broker, station: Option<&str>, line: u16, clock: Clock,
     let filter = format!("{TOPICS}/{}/+", station.unwrap_or("+"));
     let to = inlet.clone();
     spawn(broker, events, inlet, move |event| match event {
-        // The subscription is sent on each new connection. The queue has room for it, because it was emptied after the
-        // last one.
+        // The subscription is sent on each new connection. The client's queue has room for it, because it was emptied
+        // when the last connection ended.
         Happened::Connected => client.try_subscribe(filter.clone(), QoS::AtMostOnce).is_ok(),
         Happened::Lost => true,
         Happened::Came(published) => {
@@ -206,7 +205,6 @@ fn is_granted(answer: &SubAck) -> bool {
     answer.return_codes.iter().all(|code| matches!(code, SubscribeReasonCode::Success(_)))
 }
 
-/// Keeps a connection to the broker until the station ends or `each` returns false.
 fn spawn(
     broker: Broker,
     mut events: EventLoop,

@@ -172,8 +172,6 @@ mod tests {
         fleet.take(ID.who, Source::default(), u64::from(ms) * 1_000, &Bundle::datagram(sent.as_bytes()).unwrap());
     }
 
-    /// Returns the history of a drone that sends every 100 ms, except from 5 s to 6.5 s. Three receivers agree, except
-    /// at 3.1 s, when two do.
     fn flown(seconds: u32) -> History {
         let (mut history, mut fleet) = (History::default(), Fleet::default());
         for ms in (0..=seconds * 1_000).step_by(20) {

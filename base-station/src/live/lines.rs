@@ -26,7 +26,7 @@ const LOOK: Duration = Duration::from_millis(200);
 /// Returns an error if the address cannot be bound.
 pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inlet) -> io::Result<SocketAddr> {
     let socket = UdpSocket::bind(address)?;
-    // An error is ignored, because the system may grant a smaller buffer.
+    // The error is ignored, because the system may grant a smaller receive buffer.
     let _ = SockRef::from(&socket).set_recv_buffer_size(RECEIVE_BUFFER);
     socket.set_read_timeout(Some(LOOK))?;
     let bound = socket.local_addr()?;
@@ -43,7 +43,7 @@ pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inle
                     let bytes = buffer[..length].to_vec();
                     Event::Carried(Carried { at_us: clock.now_us(), kind, line, from: from.to_string(), bytes })
                 }
-                // After a timeout the loop checks whether the station still exists.
+                // A read times out so that the loop can check whether the station still exists.
                 Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) => {
                     Event::Line { name: bound.to_string(), why: None }
                 }

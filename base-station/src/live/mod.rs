@@ -51,7 +51,6 @@ const WAITING: usize = 65_536;
 /// The number of alarm changes that are kept for the page.
 pub const KEPT_CHANGES: usize = 100;
 
-/// How long the page reports that data could not be published, µs.
 const UNPUBLISHED_US: u64 = 5_000_000;
 
 /// A clock of µs since 1970 that does not go back: the system's time at its start plus the elapsed time.
@@ -276,7 +275,6 @@ pub fn start_publishing(
     (Inlet { to, dropped, mouths }, station, handle)
 }
 
-/// Makes the page report unpublished data for [`UNPUBLISHED_US`].
 #[derive(Default)]
 struct Unpublished {
     count: u64,
@@ -313,7 +311,7 @@ fn run(
             return;
         }
         let mut known = station.known();
-        // The readers are notified once for all waiting events.
+        // The readers are notified once for several events that wait.
         for event in event.into_iter().chain(from.try_iter().take(256)) {
             match event {
                 Event::Carried(carried) => {
@@ -338,7 +336,8 @@ fn run(
                 Event::Played(record) => {
                     export::judge(&mut known.intake, &record);
                     known.now_us = known.now_us.max(record.carried.at_us);
-                    // The history gets the recording's time. During a jump, the playback's own time is ahead of it.
+                    // The history gets the time of the recorded data. During a jump, the playback's time is ahead of
+                    // it.
                     let StationData { history, intake, .. } = &mut *known;
                     history.look(record.carried.at_us, intake.fleet());
                 }

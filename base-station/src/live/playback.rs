@@ -90,12 +90,11 @@ impl Recording {
 
 #[derive(Clone, Copy, Debug)]
 struct Pace {
-    /// The playback's position at `since`: an instant in the recording, µs.
+    /// The playback's position, at the instant `since`, in the recording, µs.
     at_us: u64,
     since: Instant,
     /// The pace as a multiple of real time. 0 means that the playback stands still.
     speed: f64,
-    /// The instant in the recording to which a user wants to jump, µs.
     jump_us: Option<u64>,
     changes: u64,
 }
@@ -211,7 +210,6 @@ impl Player {
                 there
             };
             recording.read(&mut hold, |_| {})?;
-            // At the recording's end the player waits for a jump.
             if !self.wait(u64::MAX) {
                 continue;
             }
@@ -246,7 +244,6 @@ mod tests {
         Carried { at_us, kind: Kind::Datagrams, line: 0, from: "127.0.0.1:4000".into(), bytes }
     }
 
-    /// Records these cycles into a file. With `killed`, the recorder does not finish the file.
     fn record(path: PathBuf, cycles: std::ops::Range<u32>, killed: bool) {
         let mut recorder = Recorder::new(Files::new(path));
         let mut intake = Intake::default();
@@ -270,7 +267,6 @@ mod tests {
         assert_eq!((contents.first_us, contents.last_us), (START, START + 19_900_000));
         assert!((195..=200).contains(&contents.records), "{} records", contents.records);
 
-        // The playback stands still at 15 s. All data until then are passed to the station, and none after.
         let player = Arc::new(Player::new(&contents, START + 15_000_000, 0.0));
         let (inlet, station, _) = live::start(None, None, Time::Playback(Arc::clone(&player)), |_, _| {});
         let feeding = Arc::clone(&player);

@@ -67,9 +67,9 @@ pub async fn serve(listener: TcpListener, router: Router, limits: Limits) -> io:
             sleep(REST).await;
             continue;
         };
-        // The limit is reached. Dropping the new connection closes it.
+        // The limit of connections is reached. Dropping the new connection closes it.
         let Ok(place) = Arc::clone(&places).try_acquire_owned() else { continue };
-        // An error is ignored, because the system may grant a smaller buffer.
+        // The error is ignored, because the system may grant a smaller send buffer.
         let _ = socket2::SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER);
         // A state must be sent at once, even if the last one is not acknowledged yet.
         let _ = stream.set_nodelay(true);

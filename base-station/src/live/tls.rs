@@ -99,7 +99,6 @@ mod with {
             Transport::tls_with_config(TlsConfiguration::Rustls(Arc::clone(&self.0)))
         }
 
-        /// Returns the text of `error` if it is a TLS error with the broker `host`.
         pub(in crate::live) fn words(&self, error: &rumqttc::ConnectionError, host: &str) -> Option<String> {
             if let Some(error) = find(error) {
                 return Some(words(error, host));
@@ -144,7 +143,6 @@ mod with {
         }
     }
 
-    /// Returns in words what the broker's alert means (RFC 8446, section 6).
     fn alert(name: &str) -> String {
         match name {
             "CertificateRequired" => {

@@ -26,10 +26,8 @@ use crate::intake::Carried;
 /// second of a thousand drones is 2 MB.
 pub(super) const LONGEST: u64 = 256 << 20;
 
-/// The size of a record's opcode and length, bytes.
 const HEAD: usize = 1 + 8;
 
-/// The size of a message's channel, sequence number and two times, bytes.
 const MESSAGE_HEAD: usize = 2 + 4 + 8 + 8;
 
 /// Bytes that arrived, with the recorded verdicts.
@@ -64,7 +62,6 @@ pub struct Reader<R> {
     from: R,
     begun: bool,
     body: Vec<u8>,
-    /// The range of `body` that holds a chunk's remaining records.
     chunk: Range<usize>,
     channels: HashSet<u16>,
     read: u64,
@@ -186,7 +183,7 @@ impl<R: Read> Reader<R> {
         Ok(())
     }
 
-    /// Replaces the buffer's contents by the next `length` bytes. Returns whether the file had that many bytes.
+    /// Replaces the buffer's contents by the next `length` bytes. Returns whether the file had that many.
     fn fill(&mut self, length: u64) -> io::Result<bool> {
         self.chunk = 0..0;
         self.body.clear();
@@ -201,7 +198,6 @@ fn head(mut bytes: &[u8]) -> Option<(u8, u64)> {
     Some((opcode, u64::from_le_bytes(*take::<8>(&mut bytes)?)))
 }
 
-/// Returns the range of a chunk's verified records in its body.
 fn records(body: &[u8]) -> Result<Range<usize>, Stop> {
     let (crc, compression, length, rest) = chunk_head(body).ok_or(McapError::UnexpectedEoc)?;
     if !compression.is_empty() {
@@ -222,7 +218,7 @@ fn records(body: &[u8]) -> Result<Range<usize>, Stop> {
 
 fn chunk_head(body: &[u8]) -> Option<(u32, String, u64, &[u8])> {
     let mut rest = body;
-    // Skips the times of the first and the last message, and the uncompressed length.
+    // The times of the first and the last message and the uncompressed length are not used.
     take::<{ 8 + 8 + 8 }>(&mut rest)?;
     let crc = u32::from_le_bytes(*take::<4>(&mut rest)?);
     let compression = string(&mut rest)?;
@@ -255,7 +251,7 @@ fn look(channels: &mut HashSet<u16>, is_lossy: bool, opcode: u8, body: &[u8]) ->
 
 fn channel(mut body: &[u8]) -> Option<(u16, &[u8])> {
     let id = u16::from_le_bytes(*take::<2>(&mut body)?);
-    // Skips the number of the channel's schema.
+    // The number of the channel's schema is not used.
     take::<2>(&mut body)?;
     Some((id, array(&mut body)?))
 }

@@ -8,7 +8,6 @@ use crate::drone::words;
 use crate::intake::{Carried, Judged, Kind};
 use crate::{Alarm, DroneId, Place, Verdict};
 
-/// The description of a kind of message: its name, and its fields in the language of ROS 1.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Schema {
     pub(super) name: &'static str,
@@ -235,14 +234,12 @@ pub(super) fn read_carried(data: &[u8]) -> Option<(Carried, Vec<Found>)> {
     Some((Carried { at_us, kind: Kind::of(kind)?, line, from, bytes }, found))
 }
 
-/// Takes the next `N` bytes from the front of `rest`; `None` if there are fewer.
 pub(super) fn take<'a, const N: usize>(rest: &mut &'a [u8]) -> Option<&'a [u8; N]> {
     let (taken, after) = rest.split_first_chunk()?;
     *rest = after;
     Some(taken)
 }
 
-/// Takes a length, and that number of bytes after it, from the front of `rest`.
 pub(super) fn array<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     let length = u32::from_le_bytes(*take::<4>(rest)?);
     let (taken, after) = rest.split_at_checked(usize::try_from(length).ok()?)?;
@@ -306,8 +303,6 @@ mod tests {
         }
     }
 
-    /// Returns the length of a message of this schema, bytes. Its strings and arrays of variable length have `text`
-    /// bytes.
     fn length(schema: Schema, text: usize) -> usize {
         let kinds = schema.text.lines().filter(|line| !line.starts_with('#')).filter_map(|line| line.split(' ').next());
         let size = |kind| match kind {
@@ -340,7 +335,6 @@ mod tests {
 
     #[test]
     fn a_fix_has_the_length_that_its_schema_gives() {
-        // The length is that of header (4 + 8 + (4 + 5)), status (1 + 2), three and nine numbers, and one byte.
         assert_eq!(fix(1_500_000, [1.0, 2.0, 3.0]).len(), 21 + 3 + 12 * 8 + 1);
         assert_eq!(fix(1_500_000, [1.0, 2.0, 3.0])[4..12], [1, 0, 0, 0, 0x00, 0x65, 0xCD, 0x1D]);
     }

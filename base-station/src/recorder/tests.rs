@@ -8,7 +8,6 @@ use crate::intake::{Intake, Kind};
 
 const START: u64 = 1_790_000_000_000_000;
 
-/// The parts of a recording in memory, as on a disk of limited size.
 #[derive(Clone, Default)]
 struct Disk {
     parts: Rc<RefCell<Vec<Vec<u8>>>>,
@@ -147,7 +146,7 @@ fn a_file_cut_anywhere_keeps_all_but_the_last_half_second() {
     let mut recorder = Recorder::new(disk.clone());
     let mut recorded = vec![];
     let mut intake = Intake::default();
-    // The file's length after each arrival is the length that a process killed at that instant would leave.
+    // A process that is killed after an arrival leaves a file of the length at that instant.
     let mut left = vec![];
     for cycle in 0..60 {
         let carried = arrival(cycle);
@@ -234,7 +233,6 @@ fn a_disk_that_stays_full_is_told_without_a_pause() {
     record(&mut recorder, 0..100);
     let since = recorder.trouble().unwrap().since_us;
     for second in 1..20 {
-        // The system makes each file and accepts the data, but no data reach the disk.
         record(&mut recorder, 100 * second..100 * second + 7);
         assert_eq!(recorder.trouble().map(|trouble| trouble.since_us), Some(since), "{second}");
     }
@@ -298,7 +296,6 @@ fn head(opcode: u8, length: u64) -> Vec<u8> {
     [&[opcode][..], &length.to_le_bytes()].concat()
 }
 
-/// Returns a recording without its end, and the length of its readable part.
 fn unfinished() -> (Vec<u8>, usize) {
     let disk = Disk::default();
     let mut recorder = Recorder::new(disk.clone());
@@ -310,7 +307,6 @@ fn unfinished() -> (Vec<u8>, usize) {
     (file, records.len())
 }
 
-/// Reads a whole file. Returns the number of arrivals, why reading ended, and the numbers of bytes held and read.
 fn read_through(from: impl io::Read) -> (usize, String, usize, u64) {
     let mut reader = Reader::new(from);
     let mut count = 0;
@@ -348,7 +344,6 @@ fn what_is_claimed_within_a_chunk_is_not_believed_either() {
     use mcap::records::op;
     let (file, records) = unfinished();
     let string = |length: u32, text: &[u8]| [&length.to_le_bytes()[..], text].concat();
-    // The chunk has no CRC, so everything in it is accepted as intact.
     let chunk = |compression: Vec<u8>, claimed: u64, inside: &[u8]| {
         let body = [&[0; 24][..], &[0; 4], &compression, &claimed.to_le_bytes(), inside].concat();
         [&file[..], &head(op::CHUNK, body.len() as u64), &body, &head(op::MESSAGE, 0)].concat()
@@ -360,7 +355,6 @@ fn what_is_claimed_within_a_chunk_is_not_believed_either() {
     let cases = [
         (whole(&head(op::MESSAGE, 1 << 40)), inside),
         (whole(&head(op::MESSAGE, u64::MAX)), inside),
-        // The claimed length reaches to the end of the bytes after the chunk.
         (whole(&head(op::MESSAGE, 9)), inside),
         (whole(&[op::MESSAGE, 1, 0]), inside),
         (whole(&channel), "a channel that is malformed"),

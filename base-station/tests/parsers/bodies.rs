@@ -13,7 +13,6 @@ const NOW: u64 = 1_790_000_000_000_000;
 
 const LONGEST: usize = 396;
 
-/// The name of a fuzz target, and the function that checks an input of its parser.
 pub(crate) type Body = (&'static str, fn(&[u8]));
 
 pub(crate) const ALL: [Body; 5] = [
@@ -28,7 +27,6 @@ fn key() -> Key {
     Key::new([7; 32])
 }
 
-/// Cuts `bytes` into pieces whose lengths the bytes determine.
 fn pieces(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     let mut rest = bytes;
     std::iter::from_fn(move || {
@@ -72,7 +70,6 @@ fn judged(kind: Kind, from: &str, bytes: &[u8]) -> Vec<Judged> {
     let judged = intake.take_each(&carried, |_, _| true, all);
     assert_eq!(intake.fleet().iter().len() > 0, judged.iter().any(|judged| judged.verdict.is_intact()));
     assert!(brought.is_empty() || brought.iter().copied().eq(judged.iter().map(|judged| judged.verdict)));
-    // The same input again shows nothing new.
     assert!(intake.take(&carried).iter().all(|judged| judged.verdict != Verdict::New));
     judged
 }
@@ -177,7 +174,6 @@ fn recorded() -> Vec<u8> {
     memory.0.lock().expect("one thread").clone()
 }
 
-/// Returns the initial inputs: the parser, the input's name, and its bytes.
 pub(crate) fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     let image = image(70_000);
     let bundle = Bundle::datagram(&image).expect("an image of three receivers");
@@ -191,7 +187,6 @@ pub(crate) fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         std::iter::from_fn(|| forwarder.poll(1_000_000, NOW)).flatten().collect::<Vec<u8>>()
     };
     let (plain, signed) = (sent(None, 1_000_000), sent(Some(Signer::new(key(), 3)), 0));
-    // The first message is cut off in its signature and followed by whole ones.
     let cut = [&signed[..118], &signed[..]].concat();
     let verdicts = Fleet::default().take(base_station::Who::System(7), base_station::Source::default(), NOW, &bundle).1;
     let whole = published::message(NOW, &bundle, &verdicts);

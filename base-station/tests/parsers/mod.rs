@@ -25,7 +25,6 @@ fn corpus(parser: &str) -> Vec<Vec<u8>> {
     names(&folder).iter().map(|name| std::fs::read(folder.join(name)).unwrap()).collect()
 }
 
-/// Applies a few changes to an input: bits, bytes, cuts, repetitions, and pieces of another input.
 fn changed(drawn: &mut Drawn, input: &[u8], other: &[u8]) -> Vec<u8> {
     let mut bytes = input.to_vec();
     for _ in 0..=drawn.below(4) {

@@ -133,7 +133,6 @@ fn payload(message: &Value) -> (u16, Vec<u8>) {
     (u16::try_from(fields["payload_type"].as_u64().unwrap()).unwrap(), all[..length].to_vec())
 }
 
-/// Returns the objects of an image as messages carry them: payload type and bytes.
 fn expected(image: &[u8]) -> Vec<(u16, Vec<u8>)> {
     let gps =
         |first: u8, from: usize, to: usize| (tunnel::payload_type(Place::Gps(first)).unwrap(), image[from..to].into());
@@ -204,7 +203,6 @@ fn every_object_that_pymavlink_sends_is_received_plain_and_signed() {
         };
         let all: Vec<Vec<u8>> = objects.iter().map(|(_, bytes)| bytes.clone()).collect();
 
-        // Each message is sent as a datagram, in order, and then once more, cut off.
         let mut receiver = Receiver::new(verifier());
         let mut received = vec![];
         for (nth, (ours, frame)) in frames.iter().enumerate() {
@@ -218,7 +216,6 @@ fn every_object_that_pymavlink_sends_is_received_plain_and_signed() {
         let other = receiver.counts().foreign + receiver.counts().malformed;
         assert_eq!(other, objects.len() as u64 * 7, "MAVLink 1 is not looked at");
 
-        // The messages are sent as a stream in pieces of any length, and some of its bytes are damaged.
         let mut drawn = Drawn(1);
         let mut line = vec![];
         for (nth, (_, frame)) in frames.iter().enumerate() {
@@ -240,7 +237,6 @@ fn every_object_that_pymavlink_sends_is_received_plain_and_signed() {
         }
         assert!(unpack(&received) == all, "{} of {}", received.len(), all.len());
 
-        // A receiver with another key accepts none of these messages.
         if signed {
             let mut receiver = Receiver::new(Some(Verifier::new(Key::new([7; 32]))));
             assert!(frames.iter().all(|(_, frame)| receiver.datagram(NOW, frame).is_empty()));
@@ -257,7 +253,6 @@ fn every_object_pymavlink_reads_from_a_damaged_stream_is_read_here_too() {
     let mut line = vec![];
     for frame in &frames {
         match drawn.below(6) {
-            // The damage is a flipped bit, a message that is cut off, foreign bytes, or a lost message.
             0 => {
                 let mut frame = frame.clone();
                 let bit = drawn.below(frame.len() as u64 * 8) as usize;
@@ -292,7 +287,6 @@ fn every_object_pymavlink_reads_from_a_damaged_stream_is_read_here_too() {
 #[test]
 fn pymavlink_and_a_station_hear_each_other_over_udp() {
     let Some(mut peer) = Peer::start() else { return };
-    // First this crate sends to pymavlink, as to any ground station.
     let port = peer.ask(&json!({ "do": "listen" })).as_u64().unwrap();
     let frames = sent(&mut forwarder(false, SECOND), 5);
     peer.request(&json!({ "do": "hear", "count": frames.len() }));
@@ -305,7 +299,6 @@ fn pymavlink_and_a_station_hear_each_other_over_udp() {
     let expected_of = |cycles: u32| (0..cycles).flat_map(|cycle| expected(&image(70_000 + 10 * cycle)));
     assert_eq!(tunnels.map(payload).collect::<Vec<_>>(), expected_of(5).collect::<Vec<_>>());
 
-    // Then pymavlink sends to a running station.
     let clock = Clock::begin();
     let (inlet, station, ended) = live::start(None, None, Time::Clock(clock.clone()), |_, _| {});
     let bound = lines::udp("127.0.0.1:0".parse().unwrap(), Kind::MavlinkDatagrams, 0, clock, inlet.clone()).unwrap();
@@ -316,7 +309,7 @@ fn pymavlink_and_a_station_hear_each_other_over_udp() {
         let drone = known.intake.fleet().iter().next();
         drone.map(|(id, drone)| (id.to_string(), drone.timestamp(), drone.counts().new))
     };
-    // Reported-Position comes before the GPS objects of its cycle. The test waits until all have come once.
+    // Reported-Position comes before the GPS objects of its cycle, so the test waits until all have come.
     let began = Instant::now();
     while shown() != Some(("42".into(), Some(70_040), 5 * 5)) {
         assert!(began.elapsed() < Duration::from_secs(20), "arrived is {:?}", shown());

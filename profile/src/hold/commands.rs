@@ -82,13 +82,10 @@ pub enum Executed {
 #[derive(Clone, Copy, Debug)]
 struct Seen {
     timestamp: u32,
-    /// The time on the hold's clock at which this timestamp first came, ms.
     since_ms: u64,
-    /// Whether this timestamp was later than the writer's timestamp before it.
     is_later: bool,
 }
 
-/// The age of an uplink, as far as the hold can judge it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Age {
     Fresh,
@@ -103,7 +100,6 @@ struct Memory {
 }
 
 impl Memory {
-    /// The age of an uplink with `timestamp` that the hold receives at `now_ms`.
     fn age(&mut self, timestamp: u32, now_ms: u64) -> Age {
         let seen = match self.seen {
             Some(seen) if seen.timestamp == timestamp => seen,
@@ -143,7 +139,6 @@ impl Memory {
     }
 }
 
-/// Whether `number` is 1 to 32767 ahead of `than`.
 pub(super) const fn is_newer(number: u16, than: u16) -> bool {
     let ahead = number.wrapping_sub(than);
     ahead != 0 && ahead <= u16::MAX / 2

@@ -43,7 +43,6 @@ pub(crate) fn compile(arguments: &[&str]) {
     assert!(output.status.success(), "{compiler} {} failed:\n{text}", arguments.join(" "));
 }
 
-/// A build of the C program that plays a tape to the C client.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Build {
     /// The program has the options of a flight controller's firmware.

@@ -32,7 +32,6 @@ impl Random {
     }
 }
 
-/// A tape of random transactions, with the state from which the next one is drawn.
 struct Drawn {
     random: Random,
     tape: Tape,
@@ -204,7 +203,6 @@ impl Drawn {
         self.tape.transaction(self.now_us, fresh_us, &miso);
     }
 
-    /// Returns a map of sealed objects with random values.
     fn map<const N: usize>(&mut self) -> Vec<u8> {
         let plausible = seeds::reported_values(self.timestamp);
         let status = ReportedStatus::from_bits(if self.once_in(8) { self.bits() } else { plausible.status.bits() });

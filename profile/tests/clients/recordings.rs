@@ -15,12 +15,10 @@ use profile::{
 use super::support::seeds;
 use super::support::tape::{NO_FRESH, Tape};
 
-/// The time from HORUS's sample to the publication of the image with that sample, µs.
 const LATENCY_US: u64 = 5_300;
 const CYCLE_US: u64 = 10_000;
 const START_US: u64 = 1_000_000;
 
-/// What happens in a transaction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Event {
     Good,
@@ -46,10 +44,8 @@ pub(crate) struct World<const N: usize> {
     client: Client,
     horus: Horus,
     fresh_is_wired: bool,
-    /// The window that the next transaction reads.
     window: Option<Request>,
     port: PortArea,
-    /// The hold's object in the map, if there is one.
     hold: Option<HoldStatus>,
     age_100us: u16,
     now_us: u64,
@@ -83,7 +79,6 @@ impl<const N: usize> World<N> {
         let sent = (self.horus)(n);
         let mut image = Image::<N>::EMPTY;
         if let Some(reported) = sent {
-            // Every receiver value differs from Reported-Position's.
             let same = seeds::gps_values(reported.timestamp);
             let gps = GpsValues {
                 latitude: same.latitude + 1.0,
@@ -164,7 +159,6 @@ impl<const N: usize> World<N> {
         let _ = self.client.ask(window);
     }
 
-    /// Writes an uplink that contains the present command to the hold.
     fn command(&mut self, timestamp: u32) {
         self.tape.commanding(timestamp, 0x00C0, &[0x3C; 52]);
         let values = UplinkValues { timestamp, ..UplinkValues::default() };
@@ -249,7 +243,6 @@ fn invalid(n: u32) -> Option<ReportedValues> {
         27 => ReportedValues { altitude: -1_000.000_000_000_000_2, ..all },
         28 => ReportedValues { altitude: f64::NAN, ..all },
         29 => ReportedValues { status: status.with_state(HorusState::EmergencyFired), latitude: 1e300, ..all },
-        // HORUS has no position after the emergency measure. Its status must still be shown.
         30..33 => {
             ReportedValues { status: status.with_position_valid(false).with_state(HorusState::EmergencyFired), ..all }
         }
@@ -417,7 +410,6 @@ fn windows_and_silence() -> Tape {
     world.tape
 }
 
-/// Records ages and silences at their limit, and one microsecond above it.
 fn limits() -> Tape {
     let mut world = World::<3>::new(|config| (config.age_limit_us, config.silence_us) = (17_400, 12_000));
     world.good(10);
@@ -430,7 +422,6 @@ fn limits() -> Tape {
         world.now_us += 4_000 - more_us;
         world.good(4);
     }
-    // The same image is read twice at one instant. Then another image is read at that instant.
     let (map, next) = (world.map(30), world.map(31));
     for shown in [&map, &map, &next] {
         world.tape.transaction(world.now_us, NO_FRESH, &shown[..96]);
@@ -485,7 +476,6 @@ fn edges() -> Tape {
     world.tape
 }
 
-/// Records a hold that is shown, hangs, expires and restarts, and a flight controller's commands to it.
 fn hold() -> Tape {
     let mut world = World::<3>::new(|config| {
         config.layout = config.layout.with_hold();
@@ -514,7 +504,6 @@ fn hold() -> Tape {
     world.tape.view();
     world.good(2);
     world.command(6);
-    // Sends every command, with every way in which a command is answered or lost.
     for (n, (outcome, timestamp)) in
         (0..).zip([(Outcome::Done, 1_200), (Outcome::Unknown, 1_300), (Outcome::TooOld, 1_400)])
     {
@@ -538,8 +527,6 @@ fn hold() -> Tape {
     world.tape.send(3, 0.0);
     world.hold = object(0, 0, Outcome::Nothing);
     world.good(1);
-    // The hold's object does not change until it is old. Then the DPR shows no object, another maker's, and one of
-    // HORUS's.
     world.now_us += 290_000;
     world.good(4);
     world.hold = None;
@@ -555,7 +542,6 @@ fn hold() -> Tape {
         world.tape.transaction(world.now_us, NO_FRESH, &map);
         world.tape.view();
     }
-    // The hold's object alone is requested as a window. Then the clock is set back.
     world.hold = object(300, 0, Outcome::Nothing);
     world.ask(468, 64);
     world.good(2);

@@ -22,7 +22,6 @@ use super::tape::{self, TransactionData};
 /// Panics if a parser's invariant does not hold for an input.
 pub(crate) type Invariant = fn(&[u8]);
 
-/// The name of each parser, which is that of its fuzz target, and its invariant.
 pub(crate) const ALL: [(&str, Invariant); 12] = [
     ("client", client),
     ("reported_position", reported_position),
@@ -38,7 +37,6 @@ pub(crate) const ALL: [(&str, Invariant); 12] = [
     ("hold", hold),
 ];
 
-/// Checks a report of the flight controller's client.
 pub(crate) fn report(told: &TransactionData<'_>) {
     let TransactionData { began_us: _, config, report } = told;
     if let Some(position) = &report.position {
@@ -265,7 +263,6 @@ fn air_frame_of<const N: usize>(input: &[u8]) {
     assert!(objects.iter().map(|(index, _)| *index).eq(first..first + count));
     assert_eq!(objects.iter().flat_map(|(_, bytes)| *bytes).copied().collect::<Vec<_>>(), input);
 
-    // An accepted object is in the image unchanged. The bytes of a rejected one stay zero.
     let mut image = Image::<N>::EMPTY;
     for (index, bytes) in &objects {
         let judged = Object::verify(*index, bytes);
@@ -436,7 +433,6 @@ fn judge_hold_object(bytes: &[u8]) -> bool {
     true
 }
 
-/// Checks that the bytes of an answer determine what the hold executes and acknowledges.
 fn judge_answer(commands: &mut Commands, bytes: &[u8], now_ms: u64) {
     let before = commands.acknowledged();
     let mut executed = [false; 2];

@@ -72,7 +72,6 @@ pub(crate) fn flipped(bytes: &[u8], bits: impl IntoIterator<Item = usize>) -> Ve
     damaged
 }
 
-/// The byte range of each object in a profile of `n` receivers.
 pub(crate) fn places(n: usize) -> Vec<std::ops::Range<usize>> {
     let gps = (1..=n).map(|receiver| 4 + 60 * receiver..64 + 60 * receiver);
     std::iter::once(0..64).chain(gps).collect()

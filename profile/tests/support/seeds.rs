@@ -56,7 +56,6 @@ pub(crate) fn reported_values(timestamp: u32) -> ReportedValues {
     }
 }
 
-/// A profile whose receivers have different values.
 pub(crate) fn profile<const N: usize>(timestamp: u32) -> Profile<N> {
     let mut metres = 0.0;
     let gps = [(); N].map(|()| {
@@ -154,7 +153,6 @@ pub(crate) fn all() -> Vec<(&'static str, Seeds)> {
     ]
 }
 
-/// Tapes on which a client starts, requests windows and writes objects.
 fn tapes() -> Seeds {
     let layout = Layout::for_receivers(3).unwrap();
     let image = |n: u32| {
@@ -380,8 +378,6 @@ fn hold() -> Seeds {
     seeds.push(("at-start".into(), start.as_bytes().to_vec()));
     let theirs = HoldObject::seal(writer, Identifier(0x41FF), &start.as_object().values());
     seeds.push(("of-another-maker".into(), theirs.as_bytes().to_vec()));
-    // The answers have, in this order: no command, each word, an unknown word, a repeated command, a command that is
-    // too old.
     let step = |time: u8, timestamp: u32, number: u8, word: u8| {
         let mut values = UplinkValues { timestamp, ..UplinkValues::default() };
         values.payload[..8].copy_from_slice(&[number, 0, word, 0, 0, 0, 0x90, 0x40]);

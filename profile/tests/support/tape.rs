@@ -32,7 +32,7 @@ use profile::{
 
 const MAX_MISO: usize = 1024;
 
-/// The bit that stands for a hold, in the number of receivers of a step that makes a new client.
+/// The bit in the number of receivers that stands for a hold.
 const WITH_HOLD: u8 = 0x80;
 
 /// The instant of FRESH if that line is not wired. It is in the future, so the client ignores it.
@@ -137,7 +137,6 @@ fn hex(bytes: &[u8]) -> String {
     })
 }
 
-/// The line of the output with a sample's values, to the last bit.
 fn sample(timestamp: u32, status: u16, position: [f64; 3], attitude: [f32; 3], acceleration: [f32; 3]) -> String {
     let mut text = format!(" t={timestamp} s={status:04x}");
     position.iter().for_each(|value| write!(text, " {:016x}", value.to_bits()).expect("written"));

@@ -35,7 +35,6 @@ const LONGEST: u64 = 12 + Tunnel::ENCODED_LEN as u64 + SIGNATURE_SIZE as u64;
 
 const HEARTBEAT_US: u64 = 1_000_000;
 
-/// How long HEARTBEAT reports HORUS's state after the last new Reported-Position, µs.
 const FRESH_US: u64 = 1_000_000;
 
 /// The rates at which the forwarder sends.
@@ -50,7 +49,7 @@ pub struct Rates {
     pub standard_us: u64,
 }
 
-/// The default is 10 Hz within 3 kB/s, without standard messages.
+/// 10 Hz within 3 kB/s, without standard messages.
 impl Default for Rates {
     fn default() -> Self {
         Self { bytes_per_s: 3_000, period_us: 100_000, standard_us: 0 }
@@ -74,13 +73,10 @@ pub struct Forwarder {
     /// The instant, µs, at which each message of [`UNITS`] is due: one period after it was last due, even if it was
     /// sent late.
     due_us: [u64; UNITS.len()],
-    /// Whether Reported-Position was sent last, so that one of the other messages is next.
     others_turn: bool,
     /// The budget, in millionths of a byte, and the instant, µs, for which it was calculated.
     bucket: (u64, u64),
     heartbeat_us: Option<u64>,
-    /// Whether a new Reported-Position was offered since the last poll, and the instant of the last poll after such an
-    /// offer.
     reported: (bool, Option<u64>),
     standard_us: Option<u64>,
     standard: Vec<MavMessage>,

@@ -44,7 +44,6 @@ pub struct Counts {
 pub struct Inbound {
     system: u8,
     receiver: Receiver,
-    /// The last uplink that was received, and whether the DPR has shown it.
     last: Option<(Uplink, bool)>,
     due_us: Option<u64>,
     counts: Counts,

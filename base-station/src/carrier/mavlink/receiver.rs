@@ -69,7 +69,6 @@ pub struct Counts {
 /// A receiver of one link. See the [module](self).
 #[derive(Default)]
 pub struct Receiver {
-    /// The incomplete message at the end of a stream.
     held: Vec<u8>,
     verifier: Option<Verifier>,
     counts: Counts,
@@ -95,7 +94,7 @@ impl Receiver {
         self.counts.version_1 += u64::from(bytes.first() == Some(&MAV_STX));
         while at < bytes.len() {
             at = self.all(unix_us, bytes, at, &mut received);
-            // In a datagram this is no incomplete message, so the search continues at the next byte.
+            // A datagram cannot be continued, so the search for a message continues at the next byte.
             at += 1;
         }
         received
@@ -142,7 +141,6 @@ impl Receiver {
         self.counts
     }
 
-    /// Returns the objects in a message, if they are accepted, and whether the signature is known to be good.
     fn message(&mut self, unix_us: u64, raw: &MAVLinkV2MessageRaw) -> (Option<Received>, bool) {
         let Some(received) = received(raw) else {
             let count =
@@ -169,7 +167,6 @@ enum Begin {
     Message(Box<MAVLinkV2MessageRaw>),
 }
 
-/// Parses bytes that begin with MAVLink's start marker.
 fn begin(candidate: &[u8]) -> Begin {
     let (Some(payload), Some(flags)) = (candidate.get(PAYLOAD_LEN_OFFSET), candidate.get(INCOMPAT_FLAGS_OFFSET)) else {
         return Begin::Short;

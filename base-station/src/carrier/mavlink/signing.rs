@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use mavlink::MAVLinkV2MessageRaw;
 use mavlink::consts::v2::{IFLAG_SIGNED, SIGNATURE_VALUE_SIZE};
 
-/// 2015-01-01T00:00:00Z, from which signatures count time, s since 1970.
+/// The instant 2015-01-01T00:00:00Z, from which signatures count time, s since 1970.
 const EPOCH_S: u64 = 1_420_070_400;
 
 /// How far the first timestamp of an unknown stream may be behind this station's clock, in units of 10 µs: one minute.
@@ -46,7 +46,7 @@ impl Key {
     }
 }
 
-/// Hides the key, which must not get into logs.
+/// The output hides the key, which must not get into logs.
 impl fmt::Debug for Key {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Key(..)")
@@ -85,7 +85,6 @@ impl Signer {
 #[derive(Clone, Debug)]
 pub struct Verifier {
     key: Key,
-    /// The last timestamp of each stream: link, system and component.
     streams: BTreeMap<(u8, u32, u8), u64>,
 }
 

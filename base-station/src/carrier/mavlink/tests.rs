@@ -133,8 +133,7 @@ fn the_budget_holds_over_every_second() {
     }
 }
 
-/// Returns how often Reported-Position and the rarest GPS object are sent, in tenths per second, and the bytes per
-/// second.
+/// Returns the rates of Reported-Position and of the rarest GPS object, in tenths per second, and the bytes per second.
 fn rates(receivers: usize, bytes_per_s: u32) -> (u32, u32, usize) {
     let mut forwarder = Forwarder::new(7, 1, Rates { bytes_per_s, ..Rates::default() });
     let mut receiver = Receiver::default();
@@ -337,7 +336,6 @@ proptest! {
                 sent.push(frame);
             }
         }
-        // These bytes complete any foreign bytes that look like the beginning of a frame.
         line.extend([0; 600]);
         let mut receiver = Receiver::default();
         let mut received = vec![];

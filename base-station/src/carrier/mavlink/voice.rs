@@ -338,8 +338,7 @@ impl Voice {
 }
 
 impl Sending {
-    /// Evaluates the answers to a drone's uplink that have come by `now_us`. Returns whether to send the uplink, for
-    /// the first time or again.
+    /// Evaluates the answers to a drone's uplink until `now_us`. Returns whether to send the uplink, perhaps again.
     fn look(&mut self, now_us: u64, fleet: &Fleet, drone: DroneId) -> bool {
         let Some(heard) = fleet.get(drone) else { return false };
         let came_back = heard.uplink() == Some(&self.uplink);
@@ -369,7 +368,6 @@ impl Sending {
     }
 }
 
-/// Returns why the DPR has not stored an uplink, from the first Port-Status after the sending and the present one.
 fn why(first: &PortValues, now: &PortValues) -> String {
     let grown = |kind: &Violation| now.violations.of(*kind) > first.violations.of(*kind);
     let words = |kind: &Violation| match kind {

@@ -51,7 +51,6 @@ pub const PUSH: Duration = Duration::from_millis(16);
 /// The shortest time between two states with the list of all drones.
 pub const LIST: Duration = Duration::from_millis(500);
 
-/// The time after which a browser tries to connect again.
 const RETRY: Duration = Duration::from_millis(500);
 
 /// The greatest number of drones that one connection can request. Their states are sent in turn.
@@ -220,7 +219,7 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
         }
         let Round { drones, next, with, .. } = &mut round;
         let Asked { name, shown } = &mut drones[*next];
-        // A connection keeps the drone that it shows, even if it requested none and another one appears.
+        // A connection keeps the drone that it shows. Another drone that appears later does not replace it.
         if shown.is_none() {
             *shown = page.station.known().intake.fleet().iter().next().map(|(id, _)| id.to_string());
         }
@@ -233,7 +232,6 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
     Sse::new(states).into_response()
 }
 
-/// The drones that one connection requested. Each state has one of them, in turn.
 struct Round {
     drones: Vec<Asked>,
     next: usize,
@@ -246,7 +244,6 @@ struct Asked {
     shown: Option<String>,
 }
 
-/// Returns the drones in the query, each once. If there are none, returns one entry that stands for any drone.
 fn all_asked(query: Option<&str>) -> Vec<Asked> {
     let mut names: Vec<String> = vec![];
     for (_, name) in parts(query).filter(|(is, _)| is == "drone") {

@@ -17,9 +17,7 @@ struct State {
     asked: String,
     playback: Option<Playback>,
     station: About,
-    /// The list of all drones, sent every half second.
     drones: Option<Vec<Line>>,
-    /// The alarms that began or ended, the oldest first. They are sent with the list of all drones.
     log: Option<Vec<Change>>,
     drone: Option<Detail>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -65,7 +63,6 @@ struct Line {
     state: Option<&'static str>,
     worst: Option<Worst>,
     alarms: usize,
-    /// Latitude and longitude, if they are valid and not old.
     place: Option<[f64; 2]>,
 }
 
@@ -127,7 +124,6 @@ struct Uplink {
     state: &'static str,
     why: Option<String>,
     times: u32,
-    /// The time from the first sending until the outcome was known, or until now, ms.
     after_ms: u64,
     ago_ms: u64,
 }
@@ -158,7 +154,6 @@ struct Reported {
     degraded: bool,
     memory_fault: bool,
     reset: &'static str,
-    /// Whether the reason of HORUS's last reset is power-on or the reset pin.
     reset_usual: bool,
     /// Latitude (degrees), longitude (degrees) and height (m).
     position: [f64; 3],
@@ -250,9 +245,9 @@ fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Opti
         playback: player.map(|player| {
             let (first_us, last_us) = player.span_us();
             let seconds = |us: u64| us.saturating_sub(first_us) as f64 / 1e6;
-            // The number of changes is read first, so that the state includes all changes that it counts.
+            // The number is read first, so that the state includes all changes that it counts.
             let changes = player.changes();
-            // The player has the instant. During a jump back the station is behind the player.
+            // During a jump back the station is behind the player, so the instant is the player's.
             let at_s = seconds(player.now_us());
             Playback { speed: player.speed(), at_s, length_s: seconds(last_us), changes }
         }),

@@ -45,7 +45,6 @@ fn absent() -> ReportedValues {
     ReportedValues::absent(70_000)
 }
 
-/// Returns a station with data of drones 3 and 9, and the channel that signals changes of its state.
 fn station() -> (Station, watch::Sender<u64>) {
     let mut known = StationData::default();
     for system in [3, 9] {
@@ -194,7 +193,6 @@ fn a_new_drone_does_not_take_the_place_of_the_shown_one() {
         }
         changed.send_modify(|count| *count += 1);
         assert_eq!(id(&events.next().await.unwrap().unwrap()), "3");
-        // If a sender does not exist, another sender with the same drone's id is found.
         for (query, expected) in [("1-2", "1".into()), ("3-2", "3".into()), ("3-x", Value::Null), ("33", Value::Null)] {
             let state = text(ask(&page, Method::GET, &format!("/state?drone={query}"), "localhost").await).await;
             assert_eq!(serde_json::from_str::<Value>(&state).unwrap()["drone"]["id"], expected, "{query}");

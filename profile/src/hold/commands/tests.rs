@@ -37,7 +37,6 @@ fn answer<W: WritesUplink>(timestamp: u32, payload: [u8; Uplink::PAYLOAD]) -> An
 
 const LIMIT: f32 = 500.0;
 
-/// A hold that records which commands it executed.
 #[derive(Default)]
 struct Hold {
     commands: Commands,
@@ -56,14 +55,12 @@ impl Hold {
         self.commands.acknowledged()
     }
 
-    /// A hold that has received one uplink of the base station, without a command, with timestamp 1000, at 0 ms.
     fn started() -> Self {
         let mut hold = Self::default();
         assert_eq!(hold.take(&answer::<BaseStation>(1_000, payload(0, 0, 0.0, 0)), 0), [NONE; 2]);
         hold
     }
 
-    /// Passes a command of the base station to the hold, and returns the hold's acknowledgement.
     fn base(&mut self, timestamp: u32, number: u16, word: u16, now_ms: u64) -> Acknowledged {
         let [acknowledged, other] = self.take(&answer::<BaseStation>(timestamp, payload(number, word, 4.5, 0)), now_ms);
         assert_eq!(other, NONE);
@@ -149,8 +146,6 @@ fn the_first_uplink_waits_for_a_later_timestamp_of_its_writer() {
 
 #[test]
 fn a_timestamp_is_too_old_after_more_than_1000_ms() {
-    // The first row's new command comes with a fresh timestamp, the second row's with the first one after the hold's
-    // start.
     for (mut hold, timestamp, at_limit) in
         [(Hold::started(), 1_001, Acknowledged::new(1, Outcome::Done)), (Hold::default(), 1_001, NONE)]
     {
@@ -232,7 +227,6 @@ fn a_damaged_or_misplaced_uplink_changes_nothing() {
     assert_eq!(hold.take(Answer::read(&good).expect("128 bytes"), 100)[0], Acknowledged::new(1, Outcome::Done));
 }
 
-/// One period of a link between writer and hold that loses, repeats and reorders objects.
 #[derive(Clone, Copy, Debug)]
 struct Period {
     /// The number of uplinks written since the one that the DPR hands on; `None` if the answer is lost.
@@ -240,9 +234,7 @@ struct Period {
     /// The number of periods since the hold sealed the object that the writer reads; `None` if it reads none.
     object: Option<usize>,
     writes: bool,
-    /// Whether the writer gives its waiting command up.
     gives_up: bool,
-    /// Whether the hold restarts and keeps its acknowledgements.
     restarts: bool,
 }
 
@@ -254,7 +246,6 @@ fn periods() -> impl Strategy<Value = Vec<Period>> {
     prop::collection::vec(period, 1..120)
 }
 
-/// A base station that sends one command after another, with the hold and the results of the commands.
 struct Flight {
     hold: Hold,
     started: u32,

@@ -46,7 +46,6 @@ pub struct HoldReport {
 #[derive(Clone, Copy, Debug)]
 struct Last {
     values: HoldValues,
-    /// The instant at which this Hold-Status was first read, µs.
     read_us: u64,
     /// The greatest possible age of this Hold-Status at `read_us`, µs.
     age_us: u32,

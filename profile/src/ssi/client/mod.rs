@@ -124,7 +124,6 @@ pub struct Client {
     asked: Option<Request>,
     /// The object to write, until the DPR is known to have received it.
     object: Option<[u8; Uplink::SIZE]>,
-    /// Whether the present transaction writes `object`.
     object_under_way: bool,
     /// The request of the present transaction, until the DPR is known to have received it.
     sent: Option<Request>,
@@ -236,7 +235,6 @@ impl Client {
         let view = self.view(miso);
         let (busy, prefix) = (view.is_busy(), view.prefix());
         if !busy {
-            // Only a DPR that was not busy has received the request.
             self.window = mem::take(&mut self.sent);
             self.object = self.object.filter(|_| !self.object_under_way);
             self.object_under_way = false;

@@ -17,13 +17,10 @@ pub(super) struct Brought<'a> {
     pub(super) busy: bool,
     /// Whether the transaction read a window that does not begin with the map's first 96 bytes.
     pub(super) another: bool,
-    /// Whether any object in such a window was intact.
     pub(super) intact: bool,
-    /// The map's first 96 bytes, if they were all read.
     pub(super) prefix: Option<Prefix<'a>>,
 }
 
-/// The last intact sample that was read.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
     timestamp: u32,
@@ -41,12 +38,11 @@ impl Sample {
     }
 }
 
-/// The state of the client about earlier transactions.
 #[derive(Clone, Debug)]
 pub(super) struct Track {
     last: Option<Sample>,
     found: u8,
-    /// The last sample's values if they may be shown, with a valid position or not.
+    /// The last sample's values, if the sample may be shown. Its position need not be valid.
     shown: Option<ReportedValues>,
     /// The DPR's timestamp in the last intact Link-Status, by which its image is known, and the instant of reading it,
     /// µs.
@@ -98,7 +94,6 @@ impl Track {
         }
     }
 
-    /// Judges an intact sample, which may be the last one again.
     fn sample(
         &mut self,
         config: &Config,
@@ -142,7 +137,7 @@ impl Track {
         let units = link.values().age_100us;
         // Link-Status rounds the age down, and its highest value stands for that age or more.
         let published_us = if units == u16::MAX { AGE_UNKNOWN } else { 100 * (u32::from(units) + 1) };
-        // If the last reading showed another image, this one was published after that reading.
+        // The image was published after the previous reading if that reading showed another image.
         let before_us = self.image.filter(|(image, _)| *image != link.timestamp()).map(|(_, read_us)| read_us);
         let since = |instant: Option<u64>| instant.and_then(|instant| began_us.checked_sub(instant));
         let bounds = [since(fresh_us), since(before_us)];

@@ -17,7 +17,6 @@ fn key() -> Key {
     Key::new([9; 32])
 }
 
-/// A flight controller with its DPR, and a station, with a link between them that loses messages.
 struct Scene {
     now: u64,
     intake: Intake,
@@ -84,7 +83,6 @@ impl Scene {
 
     fn step(&mut self) {
         let ms = ((self.now - NOW) / 1_000) as u32 + 50_000;
-        // The DPR stores an uplink and shows it in the image after the next one.
         for (uplink, at) in std::mem::take(&mut self.writes) {
             if at > self.now {
                 self.writes.push((uplink, at));
@@ -161,7 +159,7 @@ fn without_loss_it_is_sent_once_or_twice_and_then_no_more() {
 fn what_the_dpr_does_not_store_is_refused_and_why_is_said() {
     for loss in [0, 30] {
         let mut scene = Scene::new(loss, 77);
-        // Another station's clock is ahead, and its uplink has been stored.
+        // The clock of another station, whose uplink the DPR has stored, is ahead.
         let values = UplinkValues { timestamp: (NOW / 1_000) as u32 + 3_600_000, ..UplinkValues::default() };
         scene.stored = Some((Uplink::seal(Writer::<BaseStation>::claim(), &values), scene.now));
         scene.send(1);
@@ -182,7 +180,6 @@ fn an_uplink_that_nobody_answers_is_said_to_be_unanswered() {
     scene.fly(SECOND);
     let sending = scene.voice.sending(scene.drone()).unwrap().clone();
     assert_eq!((sending.state, sending.times), (State::Unanswered, 20));
-    // The uplink is sent every 0.25 s for 5 s, and not after that.
     assert!(scene.voice.tick(scene.now + SECOND, scene.intake.fleet()).is_empty());
 }
 
@@ -280,7 +277,6 @@ fn a_heartbeat_goes_each_second_to_every_received_peer() {
         (beat.mavtype, beat.autopilot),
         (MavType::MAV_TYPE_ONBOARD_CONTROLLER, MavAutopilot::MAV_AUTOPILOT_INVALID)
     );
-    // HEARTBEAT is sent to at most [`MAX_HEARERS`] peers, and only while messages come from them.
     for port in 0..200 {
         voice.heard(2, SocketAddr::from(([10, 0, 0, 1], 2_000 + port)), NOW + SECOND);
     }
