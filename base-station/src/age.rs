@@ -1,7 +1,5 @@
 //! Determines the age of data whose delay on the way was not measured.
 //!
-//! # Design
-//!
 //! A sample's timestamp is HORUS's time; its arrival is the base station's. Their difference is the offset of the two
 //! clocks plus the delay on the way. Delays are never negative, so the smallest difference belongs to the sample with
 //! the shortest delay. The age of any other sample is its difference minus the smallest one. So a sample that a radio

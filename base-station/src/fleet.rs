@@ -1,7 +1,5 @@
 //! Keeps all drones from which messages arrive.
 //!
-//! # Design
-//!
 //! **A drone is identified by its id and its sender.** Two drones with one MAVLink system id, or an attacker who forges
 //! one, are two senders. Each is judged and shown separately (`7` and `7-2`), and both have the alarm
 //! [`TwoSenders`](crate::Alarm::TwoSenders). Messages belong to another sender if they come from elsewhere ([`Source`])

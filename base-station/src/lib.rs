@@ -1,7 +1,5 @@
 //! The base station: judges the objects that HORUS sealed, keeps them, and shows them to people.
 //!
-//! # Design
-//!
 //! **One judge.** Only [`Drone::take`] judges arriving bytes, object by object. [`profile`] determines whether an
 //! object is intact, and the timestamp whether it is newer than the displayed one. The carrier is not trusted (black
 //! channel).
@@ -15,20 +13,6 @@
 //!
 //! **There is neither clock nor I/O** outside `live`. Time is an argument, in µs of the caller's clock, which must not
 //! go back. So the same code runs on the bench in virtual time.
-//!
-//! | module | what |
-//! |---|---|
-//! | [`place`] | the kinds of objects, and the check whether bytes are an intact one |
-//! | [`bundle`] | several objects in one message |
-//! | [`drone`] | the state of one drone |
-//! | [`age`] | the age of data whose delay was not measured |
-//! | [`alarm`] | the alarms for the user |
-//! | [`fleet`] | all drones |
-//! | [`carrier`] | the carriers that bring objects |
-//! | `intake` | from a carrier's bytes to the state of all drones |
-//! | `recorder` | every byte that a carrier brought, in a file |
-//! | `live` | the lines of a real base station, their threads, and the recorder's |
-//! | `export` | a recording as CSV, GPX, KML |
 #![forbid(unsafe_code)]
 
 pub mod age;

@@ -1,7 +1,5 @@
 //! Air frames: their objects, and their time on the air.
 //!
-//! # Design
-//!
 //! An NFC-F frame (ISO/IEC 18092, 424 kbit/s) is 48 bits of preamble, 16 of sync, LEN, the payload and a CRC-16; the
 //! RFID chips add and remove all but the payload. The payload consists only of whole objects. The link has no header of
 //! its own, so received bytes are deposited unchanged, and errors of a header cannot occur.

@@ -1,7 +1,5 @@
 //! The two CRC-32 of the profile, and the reasons for their byte order.
 //!
-//! # Design
-//!
 //! **Polynomials** are the paper's (section 2.3), in Koopman's notation: the frame CRC 0xF8C9140A with Hamming distance
 //! 8, the position CRC 0x9D7F97D6 with Hamming distance 9. The paper states the first distance for 56 bytes of payload;
 //! it also holds for the 60 bytes of Reported-Position. This crate's tests prove both by exhaustion. Koopman's notation

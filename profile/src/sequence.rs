@@ -1,7 +1,5 @@
 //! Sequence: determines which arriving cycles continue the ones before them, and may therefore be shown.
 //!
-//! # Design
-//!
 //! A CRC proves that an object is intact, an identifier that it is where it belongs. Neither proves that it is new: the
 //! objects of a repeated, delayed, reordered or inserted frame verify. The timestamp and the receiver's own clock
 //! protect against these errors (IEC 61784-3: unintended repetition, unacceptable delay, incorrect sequence,

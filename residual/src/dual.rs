@@ -1,7 +1,5 @@
 //! Counts all words of the dual code by weight.
 //!
-//! # Design
-//!
 //! A CRC of r check bits over n bits is a linear code of 2^(n - r) words, too many to count when n is in the hundreds.
 //! Its dual, all sums of its r parity checks, has 2^r words for any n: 4.3 · 10^9 for r = 32. MacWilliams' identity
 //! converts the weights of the dual into those of the code ([`crate::weights`]).

@@ -1,7 +1,5 @@
 //! The exact error detection of the profile's two CRCs.
 //!
-//! # Design
-//!
 //! **No estimates.** The probability that damage goes undetected follows from the number of codewords of each weight.
 //! These numbers are exact integers: the 2^32 words of the dual code are counted one by one ([`DualWeights`]), and
 //! MacWilliams' identity gives the weights of the code ([`Weights`]). Probabilities are sums over all of them
@@ -15,15 +13,6 @@
 //! **One command.** `cargo xtask residual` does all of it and writes `docs/safety/residual-error.md` with its plot. The
 //! counting takes a minute or two, so its result is committed ([`codes`]). Tests start from the committed result; the
 //! command counts again and compares.
-//!
-//! | module | contents |
-//! |---|---|
-//! | [`codes`] | the polynomials and lengths |
-//! | [`rate`] | residual errors per hour, SIL bounds, the error interval limit |
-//! | [`burst`] | bursts |
-//! | [`joint`] | both CRCs over latitude and longitude |
-//! | [`wire`] | injected errors, judged by `profile` |
-//! | [`report`], [`plot`] | all of it, for people and programs |
 
 pub mod burst;
 pub mod codes;

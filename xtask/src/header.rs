@@ -1,7 +1,5 @@
 //! The C header of the flight controller's client, generated from the layouts of `profile`.
 //!
-//! # Design
-//!
 //! cbindgen cannot read these objects: they are arrays of bytes with private fields, and a macro defines their status
 //! words. So this generator makes `profile` seal each object with a value that occurs in one field only, and searches
 //! for the value's bytes. Nothing is generated unless fields fill their object and bits their status word, so a new

@@ -1,8 +1,6 @@
 //! The layout of all objects for programs: a description in JSON, a Kaitai Struct file, and the Python package's
 //! module.
 //!
-//! # Design
-//!
 //! All three come from the table of the C header: `header::objects` measures the fields, and `header::status` names
 //! bits and codes. So a new field or bit in Rust is in all of them. The JSON Schema,
 //! `python/horus_profile/layout.schema.json`, is written by hand.

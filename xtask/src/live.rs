@@ -1,7 +1,5 @@
 //! Runs the whole link in real time, with the base station's page.
 //!
-//! # Design
-//!
 //! Both firmwares run on the bench, and the bench's flight controller reads the DPR. It offers each undamaged image to
 //! the forwarder of [`base_station::carrier::mavlink`], which has the budget of a fast telemetry radio. The forwarder's
 //! messages go through a UDP socket to the station and the page of `horus-base serve`, in this process.

@@ -1,7 +1,5 @@
 //! Runs a headless Chromium for tests of a page.
 //!
-//! # Design
-//!
 //! Chromium is controlled by its [DevTools protocol](https://chromedevtools.github.io/devtools-protocol/) over two
 //! pipes (`--remote-debugging-pipe`): JSON, each message ended by a zero byte. No port is opened, and Chromium ends
 //! with the pipes. The libraries `headless_chrome` and `chromiumoxide` would bring 141 and 150 crates for the dozen

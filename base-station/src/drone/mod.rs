@@ -1,7 +1,5 @@
 //! Keeps the state of one drone: the newest of each of its objects, their ages, and the alarms.
 //!
-//! # Design
-//!
 //! **Each object is judged separately.** CRCs and identifier determine whether an object is intact ([`Place::judge`]).
 //! An intact object is shown if it is newer than the displayed object of its kind. So if two messages arrive in the
 //! wrong order, the objects of the older one have no effect, except those that the newer one lacks.

@@ -1,7 +1,5 @@
 //! Connects base stations through a broker: MQTT 5, by the `rumqttc-v5-next` crate (decision 19).
 //!
-//! # Design
-//!
 //! **A carrier like the others.** Objects and verdicts are published ([`published`]). The broker is not trusted: a
 //! subscriber judges, records and shows the objects as if they had come over a line.
 //!

@@ -1,7 +1,5 @@
 //! Records every byte that a carrier brought, with its time and the verdicts on its objects, in an MCAP file.
 //!
-//! # Design
-//!
 //! **Contents.** `/carried` has the bytes and the verdicts, which suffice for a playback. `/alarms` has the alarms that
 //! began or ended. `/drone/ID/…` has positions for maps, the state with agreement and attitude, and the link.
 //! `/uplinks` has the uplinks that this station sent, and their states. The schemas in the file, in ROS 1's language,

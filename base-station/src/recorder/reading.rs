@@ -1,7 +1,5 @@
 //! Reads a recording, whether it is whole or cut off.
 //!
-//! # Design
-//!
 //! The input may be damaged anywhere, so no length in it can be trusted. The `mcap` crate's reader (0.26) trusts
 //! several. It allocates the buffer of a record or a string by the claimed length, up to 4 GiB. It subtracts without a
 //! check if a record is longer than the rest of its chunk, or an attachment shorter than its CRC. So this module parses

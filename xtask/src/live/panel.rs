@@ -1,7 +1,5 @@
 //! The panel, with which a user injects faults into the running flight and sees both boards' logs.
 //!
-//! # Design
-//!
 //! The panel is at a separate address, and affects the base station only through the faults. It passes them to the
 //! bench between two steps of the run ([`Observer::faults`](bench::sim::Observer::faults)), as tests do. The judge is
 //! told of them too.
@@ -18,10 +16,6 @@
 //! **Access.** Any page in a browser on this machine can send requests to the panel. So a change is refused unless the
 //! browser names the panel's own page as its origin (`Origin`, or `Sec-Fetch-Site` if there is none), and requests to
 //! another name of this machine are refused altogether ([`page::guarded`]).
-//!
-//! | left out | why |
-//! |---|---|
-//! | further faults of `--faults` | a user would not find one of them among forty buttons |
 
 use std::collections::VecDeque;
 use std::fmt;

@@ -1,7 +1,5 @@
 //! Selects, in the flight controller, which objects are sent when.
 //!
-//! # Design
-//!
 //! HORUS sends 100 profiles of 244 bytes a second, 24 kB/s; a telemetry radio carries 1 to 6 kB/s. So the forwarder
 //! keeps the newest object of each kind and sends what its budget allows, never an object older than one that it has
 //! sent.

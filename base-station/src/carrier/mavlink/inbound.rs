@@ -1,8 +1,6 @@
 //! Selects, in the flight controller, which of the base station's uplinks are written to the DPR, and when an answer is
 //! due.
 //!
-//! # Design
-//!
 //! An uplink comes as a TUNNEL message to this system: payload type 0xC200, one object of 64 bytes, signed with the key
 //! that station and drone share. Messages that are not signed, are for another system, are replayed, or hold no intact
 //! uplink of the base station are counted and not written.

@@ -1,7 +1,5 @@
 //! Sends the base station's own messages: HEARTBEAT, and uplink objects for drones. Both are off by default.
 //!
-//! # Design
-//!
 //! **HEARTBEAT** is sent once a second over every serial line, to every UDP peer from which a message came within
 //! [`HEARD_US`], and to configured addresses. Some autopilots send nothing, or not MAVLink 2, before they receive it.
 //! The station must not look like a ground station that can fly: while PX4 or ArduPilot receives one, it holds back its

@@ -1,7 +1,5 @@
 //! Serves the page, which shows the station's state in a browser.
 //!
-//! # Design
-//!
 //! **Read-only.** The page can only change the pace of a playback, and send an uplink if the station was started with
 //! uplinks enabled ([`voice`](crate::carrier::mavlink::voice)). A user of the page sees every drone; by default the
 //! page can be opened only on this machine.

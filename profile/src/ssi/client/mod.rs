@@ -1,7 +1,5 @@
 //! The flight controller's end of the SSI: determines what is sent to the DPR, and evaluates the answer.
 //!
-//! # Design
-//!
 //! [`Client`] is a state machine without a bus or a clock, and allocates nothing: [`Client::begin`] returns the bytes
 //! to send in the next transaction, [`Client::end`] takes the answer and returns a [`Report`]. It checks every byte
 //! that was read and computes every CRC, whatever the bytes are. `blocking` (feature `embedded-hal`) and `asynch`
