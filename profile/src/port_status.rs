@@ -33,7 +33,6 @@
 //! last that is granted. Link-Status's [`access_violations`](crate::LinkValues::access_violations) is the total of all
 //! kinds since the DPR's start; no command clears it. The counters show a transaction from the first image that is
 //! published after the DPR has judged it, which may be the image after next.
-//! has judged it, which may be the image after next.
 use core::{mem::offset_of, ops::Range};
 
 use bytemuck::{Pod, Zeroable};

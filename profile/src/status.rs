@@ -287,8 +287,8 @@ bit_set! {
     /// to 1 % at 25 °C and deviates more over temperature (DS9405), and so does the length of HORUS's cycle. The DPR
     /// detects a deviation of more than 2 %.
     without_crystal, with_without_crystal = 7;
-    /// Bit 12: HORUS has found that flash, code or RAM did not hold the written contents, since its start or just
-    /// before it.
+    /// Bit 12: flash, code or RAM did not hold the written contents. HORUS has found this since its start, or stopped
+    /// for it before.
     memory_fault, with_memory_fault = 12;
 }
 

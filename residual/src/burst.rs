@@ -1,9 +1,9 @@
 //! Bursts: errors confined to some consecutive bits.
 //!
-//! A burst of b bits has its first and last bit wrong and any pattern between them: 2^(b - 2) patterns. It goes
+//! A burst of b bits has its first and last bit wrong and any pattern between them: 2^(b - 2) patterns. A burst goes
 //! undetected if and only if it is a multiple of the polynomial, apart from a factor x^i. A polynomial of degree r has
-//! no multiple of fewer than r + 1 bits, one of r + 1 bits, and 2^(b - r - 2) of b > r + 1 bits. So for any CRC of r
-//! bits whose codeword is sent in the polynomial's own order:
+//! no multiple of at most r bits, one of r + 1 bits, and 2^(b - r - 2) of b > r + 1 bits. So for any CRC of r bits
+//! whose codeword is sent in the polynomial's own order:
 //!
 //! | bits | undetected |
 //! |---|---|

@@ -10,8 +10,8 @@
 //! A_w is the number of codewords of weight w. All A_w are known exactly.
 //!
 //! **Conditional probability.** P_re,cond(p) = P_ud(p) / (1 - (1 - p)^n) is the fraction of damaged codewords that goes
-//! undetected. Multiplied by a rate of damaged messages, from any cause, it gives the rate of residual errors. OPC UA
-//! Safety (OPC 10000-15, 9.3) bounds it by 4.0e-10 for its own CRC.
+//! undetected. The rate of residual errors is P_re,cond times the rate of damaged messages, from any cause. OPC UA
+//! Safety (OPC 10000-15, 9.3) bounds P_re,cond by 4.0e-10 for its own CRC.
 //!
 //! **Precision.** [`undetected_exactly`] adds fractions of integers; tables have its results, rounded once.
 //! [`ErrorCurve`] gives curves, maxima and crossings. It adds the terms in binary64 from their logarithms, with a

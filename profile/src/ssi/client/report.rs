@@ -24,7 +24,7 @@ pub enum Verdict {
     /// Link-Status is intact, but there is no Reported-Position: HORUS's frame was missed, or the DPR has lost the
     /// sequence. Link-Status says which.
     Empty = 5,
-    /// A new sample in sequence whose position HORUS marks as invalid or is implausible ([`range`](crate::range)).
+    /// A new sample in sequence whose position is marked invalid by HORUS or is implausible ([`range`](crate::range)).
     /// [`Report::status`] is shown without a position.
     Invalid = 6,
     /// An intact sample in sequence that is older than [the limit](super::Config::age_limit_us) and is not shown.
@@ -68,10 +68,10 @@ pub struct Report {
     /// its own receiver. Values that are not valid are NaN.
     pub position: Option<ReportedValues>,
     /// HORUS's own status: its state, which includes an emergency, and the number of agreeing receivers. It is from the
-    /// sample of the position and under the same rules, but is present also if the position is invalid.
+    /// same sample as the position and under the same rules, but also shown if the position is invalid.
     pub status: Option<ReportedStatus>,
     /// An upper bound of the age of the last intact sample when the transaction began, µs; [`AGE_UNKNOWN`] if there is
-    /// no sample. If there is a position, it is from this sample.
+    /// none. [`Report::position`], if any, is from this sample.
     pub age_us: u32,
     /// Link-Status, if this transaction read it intact.
     pub link: Option<LinkValues>,
