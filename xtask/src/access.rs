@@ -20,14 +20,12 @@ const FIRST_LOCKED: u8 = b'F';
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Refusal {
-    /// The debug port is locked, and the library was not allowed to unlock it by erasing everything.
+    /// The library was not allowed to unlock the debug port by erasing everything.
     Locked,
-    /// The debug port is still locked after the library has erased everything.
     StaysLocked,
     NoAnswer,
 }
 
-/// The kind of part at the probe, identified before any access changes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Seen {
     /// A Nordic part, identified by its CTRL-AP, with FICR.INFO.PART if it is not locked.

@@ -52,7 +52,6 @@ struct Switched {
 }
 
 impl BenchBoard {
-    /// Switches the board on with the memory in `file`, or as a new board if there is no such file.
     pub(crate) fn switch_on(board: Board, file: PathBuf) -> Result<Self> {
         let kept = bench_flash::read(board, &file)?;
         let wire = switch_on(desk(board), kept.as_deref()).context("the board's flash has another size")?;

@@ -31,7 +31,7 @@ fn is_checked(path: &str) -> bool {
     (text || path == ".ci/run") && !data
 }
 
-/// Checks every tracked file, and prints each missing target as `file:line: what`.
+/// Checks every tracked file, and prints each citation of something missing as `file:line: what`.
 ///
 /// # Errors
 ///

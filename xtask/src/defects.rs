@@ -195,7 +195,6 @@ fn write_changed(path: &Path, bytes: &[u8]) -> Result<()> {
     fs::write(path, bytes).with_context(|| format!("could not write {}", path.display()))
 }
 
-/// Both firmwares of the copy, with no defect chosen and without a CRC.
 struct Built(Vec<(Board, Vec<u8>)>);
 
 impl Built {

@@ -11,7 +11,6 @@ use profile::{Identifier, LinkStatus, Profile, ReportedPosition, Uplink, crc, im
 
 const PAGE: &str = include_str!("../../docs/design.md");
 
-/// Checks that the page has each of `numbers` exactly once, whatever its line breaks.
 fn states(numbers: &[String]) {
     let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
     let page = words(PAGE);
@@ -20,7 +19,6 @@ fn states(numbers: &[String]) {
     }
 }
 
-/// Nanoseconds as milliseconds or microseconds, without zeros at the end.
 fn ms(ns: u64) -> String {
     (ns as f64 / 1e6).to_string()
 }

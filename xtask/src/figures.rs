@@ -53,7 +53,6 @@ pub(crate) fn figures(args: &FiguresArgs) -> Result<ExitCode> {
 }
 
 fn write(check: bool, path: PathBuf, text: &str) -> Result<()> {
-    // A page that does not exist yet is not current.
     let current = std::fs::read_to_string(&path).is_ok_and(|found| found == text);
     if check {
         ensure!(current, "{} does not show what the link does now: run `cargo xtask figures`", path.display());
@@ -147,7 +146,6 @@ fn violations(report: &Report) -> String {
     if report.violations.is_empty() { "none".into() } else { report.violations.join("; ") }
 }
 
-/// Converts ns to µs, as text.
 fn thousandths(ns: u64) -> String {
     format!("{}.{:03}", ns / 1_000, ns % 1_000)
 }

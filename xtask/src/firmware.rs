@@ -9,7 +9,6 @@ use anyhow::{Context, Result, bail};
 use crate::workspace::{FLIP_LINK, TARGET, cargo, install, target_dir};
 use crate::{Board, Receivers, seal};
 
-/// The folder of the built firmwares. Each profile has a subfolder with the name of its cargo feature.
 pub(crate) fn folder() -> PathBuf {
     target_dir().join("firmware")
 }

@@ -41,7 +41,6 @@ pub(crate) fn gdb(args: &GdbArgs) -> Result<ExitCode> {
     })
 }
 
-/// Waits at `port` of this machine until a debugger connects to `board`, which runs the program `image`.
 pub(crate) fn wait(port: u16, board: Board, image: &Path, say: &mut dyn FnMut(&str)) -> Result<TcpStream> {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))
         .with_context(|| format!("--port {port}: cannot wait there for a debugger"))?;
@@ -54,7 +53,7 @@ pub(crate) fn wait(port: u16, board: Board, image: &Path, say: &mut dyn FnMut(&s
         image.display()
     ));
     let (connection, _) = listener.accept().context("no debugger came")?;
-    // A run has only one debugger, so the listener is closed.
+    // A run has only one debugger, so the listener is closed here.
     Ok(connection)
 }
 

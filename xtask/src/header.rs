@@ -53,7 +53,6 @@ pub(crate) fn check() -> Result<()> {
     files()?.iter().try_for_each(|(path, text)| check_one("header", path, text))
 }
 
-/// Fails if a file that `cargo xtask COMMAND` generates is not current.
 pub(crate) fn check_one(command: &str, path: &Path, text: &str) -> Result<()> {
     let found = std::fs::read_to_string(path).with_context(|| format!("could not read {}", path.display()))?;
     ensure!(found == text, "{} is not what the layouts say: run `cargo xtask {command}`", path.display());

@@ -49,7 +49,6 @@ const SYSTEM: u8 = 1;
 
 const COMPONENT: u8 = 1;
 
-/// The rates of a fast telemetry radio, which carries all objects at 10 Hz.
 const RATES: Rates = Rates { bytes_per_s: 6_000, period_us: 100_000, standard_us: 0 };
 
 /// The length of a step of the run, virtual ns. The run can be ended after each step.
@@ -95,7 +94,6 @@ pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
     }
 }
 
-/// Returns a key for this run only, because both ends of the way back are in this process.
 fn key() -> Key {
     let mut bytes = [0; 32];
     for chunk in bytes.chunks_mut(8) {
@@ -153,12 +151,10 @@ struct Page {
     unsent: Option<std::io::Error>,
     panel: Panel,
     inbound: Option<Inbound>,
-    /// The percentage of messages that are lost each way, and the generator that draws them.
     loss: (u64, Rng),
 }
 
 impl Page {
-    /// Opens the page on this port. `told` is called with every change of an alarm.
     fn start(port: u16, pace: f64, uplink: bool, told: impl FnMut(DroneId, Change) + Send + 'static) -> Result<Self> {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = if pace == 1.0 { Clock::begin() } else { Clock::told(Arc::clone(&passed_us)) };
@@ -210,7 +206,6 @@ impl Page {
         rng.below(100) < *percent
     }
 
-    /// Runs the link, and forwards the messages of its flight controller to the station.
     fn run(&mut self, setup: &Setup) -> Result<Outcome> {
         self.panel.begin(setup.gps, setup.duration_ns);
         let outcome = bench::sim::run(setup, self)?;
@@ -220,7 +215,6 @@ impl Page {
         }
     }
 
-    /// Waits until the station has received all messages, at most [`ARRIVES_WITHIN`].
     fn settle(&self) -> Shown {
         let began = Instant::now();
         loop {
@@ -246,7 +240,6 @@ impl Page {
         format!("pace                  {} x real time, {held}: {behind:.1} ms late at worst\n", self.pace)
     }
 
-    /// Waits until as much real time as virtual time has passed.
     fn wait(&mut self, virtual_ns: u64) {
         if self.pace == 0.0 {
             return;
@@ -276,7 +269,6 @@ impl Observer for Page {
                 continue;
             }
             match self.socket.send_to(&message, self.to) {
-                // A receiver counts the messages in the datagram.
                 Ok(_) => self.sent += Receiver::default().datagram(0, &message).len() as u64,
                 Err(error) => self.unsent = Some(error),
             }

@@ -55,7 +55,6 @@ const LOG_POLL: Duration = Duration::from_millis(10);
 
 const LOG_START: Duration = Duration::from_secs(3);
 
-/// How long the log of a board on the bench is shown by default, s.
 const BENCH_LOG: f64 = 1.0;
 
 #[derive(Debug)]
@@ -134,7 +133,6 @@ fn say_findings(probe: &Found) -> bool {
     !found.is_empty()
 }
 
-/// Writes an ELF file to a board, runs it and shows its log. The exit code is that of the program's semihosting exit.
 pub(crate) fn run(board: Board, elf: &Path, args: &ProbeArgs) -> Result<ExitCode> {
     let probe = choose(board, args)?;
     let (mut session, feeding) = attach(board, &probe, args)?;
@@ -352,7 +350,7 @@ fn set_brown_out_level(session: &mut Session) -> Result<()> {
     let is_done = |core: &mut Core<'_>| core.read_word_32(SR).is_ok_and(|status| status & BSY == 0);
     let done = (0..LOOKS).any(|_| is_done(&mut core));
     core.write_word_32(OPTCR, wanted | OPTLOCK)?;
-    // This start loads the programmed option bytes. The register may hold other values.
+    // The option bytes take effect at this start. The register may hold other values.
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not halt")?;
     let loaded = core.read_word_32(OPTCR)?;
     if !done || loaded & BOR_LEV != 0 {
@@ -472,7 +470,6 @@ fn follow(
         if !restarted {
             match drain(&mut rtt, &mut core, decoder.as_mut()) {
                 Ok(()) => {}
-                // The part has restarted. Its start-up code initialises the log's control block again.
                 Err(probe_rs::rtt::Error::ReadPointerChanged | probe_rs::rtt::Error::ControlBlockCorrupted(_)) => {
                     restarted = true;
                 }
@@ -488,7 +485,6 @@ fn follow(
             if follow == Follow::Suite && restarts == MOST_RESTARTS {
                 bail!("the part restarted {restarts} times: the suite does not come to its end");
             }
-            // An incomplete log message is lost in a restart.
             decoder = table.new_stream_decoder();
             if follow == Follow::Suite && catch_again(&mut core)? {
                 // The HardFault occurred before the vector catch was set. Its log is still in the buffer.

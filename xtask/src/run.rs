@@ -163,7 +163,6 @@ fn linked_elsewhere(board: Board, firmware: &Firmware) -> Option<String> {
     })
 }
 
-/// Returns a hint about the ways in which a firmware can print text, if it printed nothing.
 fn said_nothing(args: &RunArgs, firmware: &Firmware, outcome: &Outcome) -> Option<&'static str> {
     if !outcome.lines.is_empty() || !args.uart.is_empty() {
         return None;
@@ -175,7 +174,6 @@ fn said_nothing(args: &RunArgs, firmware: &Firmware, outcome: &Outcome) -> Optio
     })
 }
 
-/// Returns the run's exit code. Prints a message if the reason for that code is not obvious.
 fn ending(args: &RunArgs, outcome: &Outcome) -> ExitCode {
     let (says, status) = verdict(args.seconds, args.limit, outcome);
     if let Some(says) = says {
@@ -215,7 +213,6 @@ fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (Option<Strin
 
 type Files = BTreeMap<Pin, (String, BufWriter<File>)>;
 
-/// Returns what these arguments connect to the board's pins, and the files for the UARTs' bytes.
 fn leads(args: &RunArgs) -> Result<(Connected, Files)> {
     let pin = |option: &str, name: &str| {
         pin_called(args.board, name).with_context(|| {
@@ -326,7 +323,6 @@ struct Output<W> {
     half: BTreeMap<Pin, (u64, Vec<u8>)>,
 }
 
-/// The greatest number of bytes of a UART's line that are shown at once.
 const LONGEST_LINE: usize = 4096;
 
 impl<W: Write> Output<W> {

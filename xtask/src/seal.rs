@@ -34,8 +34,6 @@ impl Loaded {
     }
 }
 
-/// Writes the ELF file `from` to `to` with its CRC, or writes nothing if it cannot be sealed.
-///
 /// # Errors
 ///
 /// A file cannot be read or written, or is not an ELF file that [`seal`] accepts.
@@ -106,7 +104,6 @@ fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
                 crc.address
             );
         }
-        // Only the bytes before the CRC count in the segment that holds the CRC.
         let len = usize::try_from(segment.end().min(crc.address).saturating_sub(segment.address))?;
         let to = usize::try_from(segment.address - first)?.min(image.len());
         let from = usize::try_from(segment.offset)?;
@@ -121,10 +118,8 @@ mod tests {
     use super::*;
     use firmware_common::program::Comparison;
 
-    /// A section of the test's ELF file, with its own segment: name, load address, bytes.
     type Part<'a> = (&'a str, u32, &'a [u8]);
 
-    /// Returns a little-endian 32-bit ELF file with these sections.
     fn elf(parts: &[Part<'_>]) -> Vec<u8> {
         let words = |words: &[u32]| -> Vec<u8> { words.iter().flat_map(|word| word.to_le_bytes()).collect() };
         let halves = |halves: &[u16]| -> Vec<u8> { halves.iter().flat_map(|half| half.to_le_bytes()).collect() };
@@ -155,7 +150,6 @@ mod tests {
     const CODE: [u8; 6] = [0x70, 0x47, 0x00, 0xBF, 0x12, 0x34];
     const UNSEALED: [u8; 4] = [0xFF; 4];
 
-    /// Returns the ELF file of a program: a vector table at 0x1000, code, two bytes of gap, and the CRC.
     fn image() -> Vec<u8> {
         elf(&[(FIRST_SECTION, 0x1000, &VECTORS), (".text", 0x1008, &CODE), (CRC_SECTION, 0x1010, &UNSEALED)])
     }

@@ -351,7 +351,7 @@ fn reported_position(reported: &Reported) -> String {
     };
     let silent: Vec<String> = (1..)
         .zip(&reported.last_solution_ns)
-        // A receiver that gave a solution later was not silent.
+        // A receiver that gave a solution after the position had ceased to be valid was not silent.
         .filter(|(_, last)| last.is_none_or(|last| last < since))
         .map(|(receiver, last)| match last {
             Some(last) => format!("GPS{receiver} silent since {}", seconds(*last)),
@@ -421,7 +421,6 @@ pub(crate) fn table(report: &Report) -> String {
     let us = |ns: u64| format!("{:.3} us", ns as f64 / 1e3);
     let or_none = |text: Option<String>| text.unwrap_or_else(|| "none".to_owned());
     let Report { horus, air, dpr, latency_ns: latency, ssi, reported, base, .. } = report;
-    // The DPR's own counters begin at 0 with each start of the DPR.
     let since = match dpr.since_ns {
         0 => String::new(),
         since => format!(" since its start at {:.3} s", since as f64 / 1e9),

@@ -22,7 +22,6 @@ pub(crate) struct Footprint {
     pub(crate) code_in_ram: u64,
 }
 
-/// The greatest number of bytes that a firmware may have in flash and in RAM.
 struct Budget {
     flash: u64,
     ram: u64,
@@ -81,7 +80,6 @@ pub(crate) fn footprint(elf: &Path) -> Result<Footprint> {
 fn measure(data: &[u8]) -> Result<Footprint> {
     let header = object::elf::FileHeader32::<object::Endianness>::parse(data)?;
     let endian = header.endian()?;
-    // A programmer writes the bytes that the file has for each loadable segment.
     let segments = header.program_headers(endian, data)?;
     let loaded = || segments.iter().filter(|segment| segment.p_type(endian) == PT_LOAD);
     let flash = loaded().map(|segment| u64::from(segment.p_filesz(endian))).sum();
@@ -91,7 +89,6 @@ fn measure(data: &[u8]) -> Result<Footprint> {
         .filter(|segment| is_code(segment) && segment.p_vaddr(endian) != segment.p_paddr(endian))
         .map(|segment| u64::from(segment.p_memsz(endian)))
         .sum();
-    // Statics are in the sections that are writable and have an address at run time.
     let ram = header
         .section_headers(endian, data)?
         .iter()

@@ -22,7 +22,6 @@ fn is_checked(path: &str) -> bool {
     (source || path == ".ci/run") && !data
 }
 
-/// The greatest number of words in a test's name, and of characters.
 const TEST_NAME: (usize, usize) = (12, 80);
 
 /// Words with which a comment may not begin, because its first sentence would be incomplete.
@@ -100,7 +99,6 @@ mod tests {
     fn a_line_is_too_long_from_121_characters_on_whatever_it_holds() {
         let fits = "x".repeat(120);
         let comment = format!("// {}", "x".repeat(118));
-        // This line has 120 characters of two bytes each, so it is not too long.
         let accents = "é".repeat(120);
         let text = format!("{fits}\n{comment}\r\n\n{accents}\n{accents}é");
         assert_eq!(too_long(&text).collect::<Vec<_>>(), [(2, 121), (5, 121)]);

@@ -42,7 +42,6 @@ fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<(Vec<String>
     for package in metadata["packages"].as_array().into_iter().flatten() {
         let Some(of_package) = package["name"].as_str() else { continue };
         let mut args = vec!["--package".to_owned(), of_package.to_owned()];
-        // These cargo features include the code that some tests of xtask need.
         if of_package == "xtask" {
             args.extend(["--features".into(), "live,probe".into()]);
         }

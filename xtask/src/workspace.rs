@@ -11,7 +11,6 @@ use anyhow::{Context, Result, bail, ensure};
 /// The target of both microcontrollers: Cortex-M4F.
 pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// A pinned tool from crates.io that xtask installs under `target/tools`.
 pub(crate) struct Tool {
     name: &'static str,
     version: &'static str,
@@ -147,7 +146,6 @@ mod tests {
         }
     }
 
-    /// Returns each module in `folder`: its path, and its code without tests and comments.
     fn modules(folder: &str) -> BTreeMap<Vec<String>, String> {
         let of_file = |file: String| {
             let within = file

@@ -34,7 +34,6 @@ fn suite() -> PathBuf {
 
 #[test]
 fn a_failing_suite_reports_its_message_and_earlier_restarts() {
-    // The new folder makes the board a new one.
     let folder = std::env::temp_dir().join(format!("failing-suite-{}", std::process::id()));
     let ran = Command::new(env!("CARGO_BIN_EXE_xtask"))
         .args(["run", "--board", "dpr", "--on", "hardware", "--probe", "bench", "--erase-all"])
@@ -46,7 +45,6 @@ fn a_failing_suite_reports_its_message_and_earlier_restarts() {
     let (out, err) = (String::from_utf8_lossy(&ran.stdout), String::from_utf8_lossy(&ran.stderr));
     let said = format!("{out}\n{err}");
     assert_eq!(ran.status.code(), Some(1), "{said}");
-    // The output has both starts of the first test and the failure, and nothing after the failure.
     assert_eq!(out.matches("(1/3) running `the_watchdog_bites_once`").count(), 2, "{said}");
     assert_eq!(out.matches("(2/3) running `one_and_one_are_three`").count(), 1, "{said}");
     assert!(out.contains("this test is made to fail"), "{said}");

@@ -85,7 +85,6 @@ fn run_with_gdb(folder: &Path, arguments: &str, script: &[&str]) -> (Output, Str
     (Output { stderr, ..ran }, said)
 }
 
-/// Runs `cargo run` in the project, with `arguments` added to the documented command line.
 fn cargo_run(folder: &Path, arguments: &str) -> Output {
     let runner = env!("CARGO_BIN_EXE_xtask");
     let config = format!(

@@ -81,7 +81,6 @@ fn kind_of<T: Number>(_: T) -> Kind {
     T::KIND
 }
 
-/// A field that was found.
 pub(crate) struct Field {
     pub(crate) name: &'static str,
     pub(crate) place: std::ops::Range<usize>,
@@ -153,14 +152,12 @@ impl Object {
         )
     }
 
-    /// Adds a field whose value cannot be set. It follows the fields before it.
     fn rest(mut self, name: &'static str, kind: Kind, what: &'static str, bytes: usize) -> Self {
         let start = self.fields.iter().map(|field| field.place.end).max().unwrap_or(0);
         self.fields.push(Field { name, place: start..start + bytes, kind, unit: "", what });
         self
     }
 
-    /// Adds the field of a CRC, which covers the bytes from a field up to the CRC.
     fn crc(
         self,
         name: &'static str,
@@ -220,7 +217,6 @@ pub(crate) fn all() -> Result<Vec<Object>> {
         .collect()
 }
 
-/// Returns the request of a window, which has no identifier.
 pub(crate) fn request() -> Result<Object> {
     let request = Request { offset: U16, length: !U16 };
     let bytes = ssi::encode(request);

@@ -12,7 +12,7 @@ use profile::{
 
 use super::defines;
 
-/// A bit of a status word: name, mask, meaning.
+/// The bit's name, mask and meaning.
 type Bit = (&'static str, u16, &'static str);
 
 /// How a code of several bits is read.
@@ -354,7 +354,6 @@ pub(crate) fn hold_shown() -> Enumeration {
     enumeration("hold_shown", "Whether there is a Hold-Status.", "HOLD_", &cases)
 }
 
-/// Returns the commands to the hold: name, word, effect.
 pub(crate) fn hold_words() -> [(&'static str, u16, &'static str); 4] {
     let commands = [HoldCommand::SetPoint(0.0), HoldCommand::Lock, HoldCommand::Unlock, HoldCommand::ClearShock];
     commands.map(|command| {

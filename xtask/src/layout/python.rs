@@ -184,7 +184,6 @@ fn status_word(word: &Word) -> String {
     text
 }
 
-/// Returns the numpy type of a field, how many of it there are, and the type in Python.
 fn types(field: &Field) -> (&'static str, usize, String) {
     let bytes = field.place.len();
     match field.kind {

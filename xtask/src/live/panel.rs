@@ -44,7 +44,6 @@ const LONGEST: f64 = 600.0;
 
 const LINES: usize = 1_000;
 
-/// The fraction of frames that are lost on the air.
 const LOST: f64 = 0.4;
 
 /// The bit error rate on the air. A frame has about 2000 bits, so about one in three survives.
@@ -120,9 +119,7 @@ impl fmt::Display for Thing {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum How {
     Once,
-    /// The fault lasts for a number of seconds of flight.
     ForSeconds,
-    /// The fault lasts for a number of seconds of flight, or until the user ends it.
     Lasting,
 }
 
@@ -169,7 +166,6 @@ struct Inner {
 }
 
 impl Inner {
-    /// The instant from which on no fault may begin, so that the run's end is undisturbed, virtual ns.
     const fn last_ns(&self) -> u64 {
         self.end_ns.saturating_sub(LAST_BEFORE_END)
     }
@@ -242,7 +238,6 @@ impl Inner {
         self.broken.iter().any(|broken| broken.thing == thing && broken.until > now)
     }
 
-    /// Returns the panel's state as JSON, with the log's lines from number `from` on.
     fn state(&self, from: u64) -> Value {
         let seconds = |ns: u64| ns as f64 / 1e9;
         let broken = self.broken.iter().map(|broken| {
@@ -356,7 +351,6 @@ async fn state(State(panel): State<Panel>, RawQuery(query): RawQuery) -> Respons
     json(&panel.inner().state(from))
 }
 
-/// Returns whether a request comes from the panel's own page, by the browser's headers.
 fn is_from_here(headers: &HeaderMap) -> bool {
     let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
     match (text(header::ORIGIN), text(header::HOST)) {

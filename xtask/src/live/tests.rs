@@ -205,7 +205,6 @@ fn an_uplink_from_the_page_is_written_and_confirmed_despite_loss() {
             count += drone["uplink"]["times"].as_u64().unwrap();
             shown.push(drone["uplink"]["after_ms"].as_u64().unwrap());
         }
-        // A page of another origin cannot send uplinks.
         assert_eq!(ask(page, "POST", "/uplink?drone=1&payload=01", "Origin: http://example.org\r\n").0, 403);
     });
     println!("five uplinks in {count} messages, shown as written after {shown:?} ms");
@@ -293,7 +292,6 @@ fn a_board_hangs_once_its_watchdog_runs_and_not_without_a_supply() {
     assert_eq!(hangs(10, &["hang-dpr", "hang-horus"]), [AHEAD_NS; 2]);
     // The board hangs already. Its next hang is delayed until the watchdog has had 190 ms to restart it.
     assert_eq!(hangs(11, &["hang-dpr"]), [AHEAD_NS + HANG_LENGTH.0 - PIECE]);
-    // A board that is restarted at the same time hangs only once its watchdog runs again.
     assert_eq!(hangs(20, &["hang-dpr", "reset-dpr"]), [AHEAD_NS + WATCHDOG_STARTS]);
     assert!(hangs(30, &["off-dpr&seconds=1"]).is_empty());
     assert_eq!(hangs(35, &["hang-dpr", "hang-horus"]), [AHEAD_NS], "HORUS alone has a supply");

@@ -31,7 +31,6 @@ fn args(board: Board, erase_all: bool) -> FlashArgs {
     FlashArgs { board, gps: Receivers::DEFAULT, seconds: Some(0.02), probe }
 }
 
-/// Flashes a board and returns what the user would get.
 fn flash(on: &BenchBoard, board: Board, elf: &Path, erase_all: bool) -> Result<(), String> {
     let outcome = flash_elf(&args(board, erase_all), &Found::Bench(on.clone()), elf);
     match outcome {
@@ -90,7 +89,6 @@ fn flashing_horus_sets_brown_out_level_3_and_leaves_the_other_options() {
         let mut level_3 = AS_DELIVERED;
         level_3[0] &= !0x0C;
         assert_eq!(on.kept()[OPTIONS..], level_3);
-        // Without the programmed brown-out level, the firmware would stop at its start.
         on.switch_off_and_on();
         on.run(500_000_000);
         assert_eq!(on.restarts(), [""; 0]);

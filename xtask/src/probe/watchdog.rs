@@ -49,7 +49,6 @@ const IWDG_STOP: u32 = 1 << 12;
 /// are 100 ms apart.
 const HALTS: usize = 3;
 
-/// Returns the library's description of the board's chip, with the handling of the watchdog added.
 pub(super) fn target(board: Board) -> Result<Target> {
     let mut target = Registry::from_builtin_families().get_target_by_name(chip(board))?;
     let DebugSequence::Arm(library) = target.debug_sequence else { bail!("{} is no Arm part", chip(board)) };
