@@ -1,5 +1,4 @@
-//! Writes the initial inputs of the fuzz targets into `base-station/fuzz/corpus`. Tests fail if the inputs in that
-//! folder differ from those that this program writes.
+//! Writes the initial inputs of the fuzz targets into `base-station/fuzz/corpus`. Tests fail if other inputs are there.
 
 #[path = "../tests/parsers/bodies.rs"]
 mod bodies;

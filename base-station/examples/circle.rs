@@ -1,6 +1,5 @@
-//! Simulates the side of a flight controller: it sends what a drone with three receivers that flies in a circle would
-//! forward, as MAVLink to UDP port 14550 of this machine. The values are invented here; the objects, the forwarder and
-//! the messages are the real ones.
+//! Simulates the flight controller of a drone that flies in a circle: sends MAVLink to UDP port 14550 of this machine.
+//! The values are invented; objects, forwarder and messages are the real ones.
 //!
 //!     cargo run -p base-station --example circle -- [SYSTEM] [SECONDS] [ADDRESS:PORT]
 
@@ -36,9 +35,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Returns the DPR's image `ms` after HORUS's start. The drone flies in a circle of 150 m around a point and by 20 m up
-/// and down; each turn takes half a minute. From 20 to 40 s of each minute the third receiver drifts away and is
-/// excluded.
+/// Returns the DPR's image `ms` after HORUS's start. The drone circles at a radius of 150 m and rises and sinks by 20
+/// m; a turn takes half a minute. From 20 to 40 s of each minute the third receiver drifts away and is excluded.
 fn image(ms: u32) -> Vec<u8> {
     let seconds = f64::from(ms) / 1e3;
     let angle = TAU * seconds / 30.0;

@@ -1,15 +1,14 @@
-//! Records, reads and judges again a day of one drone's profiles; it measures memory and checks that all data are
-//! there.
+//! Records a day of one drone's profiles, reads it, and judges it again. Checks memory, and that no data are missing.
 //!
 //!     cargo run -p base-station --example endurance -- [HOURS] [FOLDER]
 //!
-//! 24 hours are 8.64 million images of three receivers at 100 Hz. One in a hundred of them is damaged, and one in a
-//! hundred arrives twice. The images go through the same intake and recorder as in `horus-base`, without its threads
-//! and as fast as possible; the files are not forced to the disk each half second, which would take most of the time.
-//! Then the `mcap` crate's reader reads each part and checks the CRC of each chunk, a fresh intake judges the part, and
-//! the part is removed. FOLDER holds about 8 GB meanwhile.
+//! 24 hours are 8.64 million images of three receivers at 100 Hz. One in a hundred is damaged, and one in a hundred
+//! arrives twice. The images go through the intake and the recorder of `horus-base`, without its threads, as fast as
+//! possible. The files are not forced to the disk each half second, which would take most of the time. Then the `mcap`
+//! crate's reader checks each chunk's CRC, a fresh intake judges each part again, and the part is removed. FOLDER holds
+//! about 8 GB meanwhile.
 //!
-//! The program fails if anything is missing or was judged differently the second time, or if memory grows.
+//! The program fails if data are missing or were judged differently the second time, or if memory grows.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -21,51 +20,39 @@ use base_station::{Verdict, export};
 use indicatif::{ProgressBar, ProgressStyle};
 use profile::{GpsStatus, GpsValues, LinkStatus, LinkValues, Profile, ReportedStatus, ReportedValues};
 
-/// The number of images that arrive per hour.
 const HOUR: u64 = 360_000;
 
-/// The instant at which the first image arrives, µs since 1970.
 const START_US: u64 = 1_790_000_000_000_000;
 
 /// The limit for the growth of memory after the first tenth of the work, kB. The index of a recording's part grows
-/// while the part is written, and is freed when the part ends.
+/// until the part is finished.
 pub(crate) const GROWTH_KB: u64 = 16 << 10;
 
-/// The figures of a run.
 #[derive(Debug, Default)]
 pub(crate) struct Figures {
-    /// The number of images that arrived; an image that arrived twice counts twice.
     pub(crate) arrivals: u64,
-    /// The number of objects that were shown.
     pub(crate) shown: u64,
-    /// The number of objects that were refused.
     pub(crate) refused: u64,
-    /// The number of parts of the recording.
     pub(crate) parts: usize,
-    /// The size of all parts, bytes.
     pub(crate) bytes: u64,
-    /// The number of arrivals that were read back unchanged.
     pub(crate) read: u64,
-    /// The memory of the process, kB, at each tenth of the recording and then at each tenth of the reading.
+    /// The memory of the process at each tenth of the recording and then at each tenth of the reading, kB.
     pub(crate) memory_kb: Vec<u64>,
 }
 
 impl Figures {
-    /// Returns by how much memory has grown since the first tenth of the work, kB.
     #[must_use]
     pub(crate) fn growth_kb(&self) -> u64 {
         let first = self.memory_kb.first().copied().unwrap_or_default();
         self.memory_kb.iter().max().map_or(0, |most| most.saturating_sub(first))
     }
 
-    /// Returns whether all arrivals were read again, and memory stayed within its limit.
     #[must_use]
     pub(crate) fn is_good(&self) -> bool {
         self.read == self.arrivals && self.growth_kb() <= GROWTH_KB
     }
 }
 
-/// The files of a recording, which are not forced to the disk.
 struct Unforced(Files);
 
 impl Parts for Unforced {
@@ -80,7 +67,7 @@ impl Parts for Unforced {
     }
 }
 
-/// Records `images` images into `folder`, and reads them again. `progress` gets the finished share, 0 to 1.
+/// Records `images` images into `folder` and reads them again. `progress` gets the finished share, 0 to 1.
 ///
 /// # Errors
 ///
@@ -142,9 +129,7 @@ pub(crate) fn run(images: u64, folder: &Path, progress: impl Fn(f64)) -> io::Res
     Ok(figures)
 }
 
-/// Returns the arrival with this number; there are a hundred arrivals a second.
 fn arrival(number: u64) -> Carried {
-    // HORUS's clock wraps only after seven weeks, far more than a day.
     let time = u32::try_from(number * 10).unwrap_or(u32::MAX);
     let angle = number as f64 / 3_000.0;
     let (latitude, longitude) = (47.497_9 + 1e-3 * angle.cos(), 8.728_9 + 1e-3 * angle.sin());
@@ -162,7 +147,6 @@ fn arrival(number: u64) -> Carried {
     Carried { at_us: START_US + 10_000 * number, kind: Kind::Datagrams, line: 0, from, bytes }
 }
 
-/// Returns the memory of this process, kB.
 fn resident_kb() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));

@@ -1,16 +1,14 @@
-//! Measures the load that one `horus-base` carries: a thousand drones at once, as MAVLink over UDP, and the time from a
-//! datagram to the event that it causes on the page.
+//! Measures the load that one `horus-base` carries: a thousand drones as MAVLink over UDP, and the time from a datagram
+//! to its event on the page.
 //!
 //!     cargo run -p base-station --example load -- [DRONES] [SECONDS]
 //!
-//! Each drone has its own system id. MAVLink has 255 of them; the drones above that use the flag for ids of 32 bits,
-//! which the `mavlink` crate reads, and which distinguishes a thousand drones at one port. Each drone sends
-//! {Link-Status, Reported-Position} and both messages of its three receivers ten times a second, at its own turn within
-//! the tenth of a second. The station and its page run here as in `horus-base serve`, on threads of their own; the
-//! drones and the readers of the page share the processors with them. Each event of a watched drone is compared with
-//! the instant at which its datagram was sent.
+//! MAVLink has 255 system ids; the drones above that use ids of 32 bits, which the `mavlink` crate reads. Each drone
+//! sends {Link-Status, Reported-Position} and both messages of its three receivers ten times a second. The station and
+//! its page run on threads of this process and share the processors with the drones and the page's readers. Each event
+//! of a watched drone is compared with the instant at which its datagram was sent.
 //!
-//! The program fails if anything was dropped, an object was not shown, or the 99th percentile of that time is above 50
+//! The program fails if a message was dropped, an object was not shown, or the 99th percentile of that time is above 50
 //! ms.
 
 use std::io::{BufRead, BufReader, Write};
@@ -30,10 +28,8 @@ use mavlink::{MAVLinkV2MessageRaw, MavHeader};
 use profile::{GpsValues, LinkStatus, LinkValues, Profile, ReportedStatus, ReportedValues};
 use serde_json::Value;
 
-/// The number of drones whose page is watched.
 const WATCHED: u32 = 8;
 
-/// The limit for the 99th percentile of the time from a datagram to its event, ms.
 const BOUND_MS: f64 = 50.0;
 
 fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
@@ -45,8 +41,6 @@ fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
     let bound = lines::udp("127.0.0.1:0".parse()?, Kind::MavlinkDatagrams, 0, clock, inlet.clone())?;
     let server = Server::start(station.clone(), "127.0.0.1:0".parse()?)?;
 
-    // For each watched drone and each of its samples, this holds the instant at which the sample was sent, ns since the
-    // beginning.
     let cycles = seconds as usize * 10;
     let sent: Arc<Vec<Vec<AtomicU64>>> =
         Arc::new((0..WATCHED).map(|_| (0..cycles).map(|_| AtomicU64::new(0)).collect()).collect());
@@ -68,7 +62,6 @@ fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
     let mut datagrams = 0_u64;
     for cycle in 0..cycles {
         for system in 1..=drones {
-            // The drones send one after another within each tenth of a second.
             let due = Duration::from_millis(100) * cycle as u32 + Duration::from_millis(100) * (system - 1) / drones;
             sleep(due.saturating_sub(began.elapsed()));
             let time = 70_000 + 100 * cycle as u32;
@@ -76,7 +69,7 @@ fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
             for message in messages(system, cycle as u8, time)? {
                 if let Some(nth) = nth {
                     let now = u64::try_from(began.elapsed().as_nanos())?;
-                    // The first message contains the position.
+                    // Only the first message of a cycle has the position.
                     let _ = sent[nth][cycle].compare_exchange(0, now, Ordering::Relaxed, Ordering::Relaxed);
                 }
                 socket.send(&message)?;
@@ -114,7 +107,6 @@ fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
     Ok(if good { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// Returns the messages of a drone for one cycle.
 fn messages(system: u32, sequence: u8, time: u32) -> Result<Vec<Vec<u8>>, Box<dyn std::error::Error>> {
     let status = ReportedStatus::new().with_position_valid(true);
     let (latitude, longitude) = (47.0 + f64::from(system) / 1e4, 8.0);
@@ -131,8 +123,7 @@ fn messages(system: u32, sequence: u8, time: u32) -> Result<Vec<Vec<u8>>, Box<dy
     units.into_iter().map(message).collect()
 }
 
-/// Reads the page's events of a drone. Returns, for each sample, the delay from its datagram to the first event with
-/// it, ms.
+/// Reads the page's events of a drone. Returns the time from each sample's datagram to the sample's first event, ms.
 fn watch(
     address: std::net::SocketAddr,
     system: u32,
@@ -166,7 +157,6 @@ fn watch(
     took
 }
 
-/// Returns the memory of this process, kB.
 fn resident_kb() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));

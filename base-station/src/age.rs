@@ -1,27 +1,23 @@
 //! Determines the age of data whose delay on the way was not measured.
 //!
-//! # Design
-//!
-//! A sample's timestamp is HORUS's time; its arrival is the base station's. The difference of the two is the offset of
-//! the two clocks plus the delay on the way, and one number cannot separate them. But a delay is never negative: the
-//! smallest observed difference of arrival and timestamp belongs to the sample with the shortest delay, and the excess
-//! of a later sample's difference is its additional delay. So a sample that a radio has held back for two seconds gets
-//! an age two seconds above that of a sample that the radio passed on at once.
+//! A sample's timestamp is HORUS's time; its arrival is the base station's. Their difference is the offset of the two
+//! clocks plus the delay on the way. Delays are never negative, so the smallest difference belongs to the sample with
+//! the shortest delay. The age of any other sample is its difference minus the smallest one. So a sample that a radio
+//! held back for two seconds gets an age two seconds above that of a sample that passed at once.
 //!
 //! One sample must not define the shortest delay: an attacker who inserts one early sample could make all others look
-//! late, for hours. So a difference that is smaller than all before is used only when [`AGREEING`] samples had such a
-//! difference, and the first and the last of them are at least [`AGREE_US`] and at most [`WITHIN_US`] apart. The
-//! largest of their differences is then used. The first [`AGREEING`] samples count at once, because there is no other
-//! reference.
+//! late, for hours. So the smallest difference only changes when [`AGREEING`] samples have smaller ones, over at least
+//! [`AGREE_US`] and at most [`WITHIN_US`]. It becomes the largest of these. The first [`AGREEING`] samples count at
+//! once.
 //!
-//! The shortest delay itself remains unknown: about 5 ms from sample to readable (docs/figures.md), up to a control
-//! cycle of the flight controller, and the delay of the carrier. Each age here is therefore a lower bound, and the true
-//! age exceeds it by the shortest delay.
+//! The shortest delay itself remains unknown. It consists of about 5 ms from sample to readable (docs/figures.md), up
+//! to a control cycle of the flight controller, and the delay of the carrier. True ages exceed the ages here by the
+//! shortest delay.
 //!
-//! **Drift.** Two crystals differ, so the smallest difference must not be kept for ever: it may rise by
-//! [`CRYSTAL_DRIFT`] of the time that passes, and by [`NO_CRYSTAL_DRIFT`] while HORUS reports that it runs without its
-//! crystal. If HORUS's clock is slower than that, its samples seem to come ever later, and if it is faster, ever
-//! earlier; both are reported as an [implausible clock](Ages::is_clock_implausible).
+//! **Drift.** Two crystals differ, so the smallest difference rises by [`CRYSTAL_DRIFT`] of the time that passes, or by
+//! [`NO_CRYSTAL_DRIFT`] while HORUS reports that it runs without its crystal. With a clock of HORUS that differs by
+//! more, samples seem to come ever later or ever earlier; that is reported as an [implausible
+//! clock](Ages::is_clock_implausible).
 
 /// The greatest difference between HORUS's crystal and a computer's, parts per million: 100 for each of them.
 pub const CRYSTAL_DRIFT: i64 = 200;
@@ -32,19 +28,17 @@ pub const NO_CRYSTAL_DRIFT: i64 = 1_000_000 / profile::sequence::TOLERANCE_SHARE
 /// The length of the windows over which the two clocks are compared, µs.
 pub const WINDOW_US: u64 = 30_000_000;
 
-/// The number of samples that must have a smaller difference of arrival and timestamp than all before them until that
-/// difference is used.
+/// The number of samples with a difference below the smallest one after which the smallest one changes.
 pub const AGREEING: u8 = 3;
 
-/// The shortest time, µs, over which the samples with a smaller difference of arrival and timestamp must be spread, so
-/// that one burst of messages does not suffice.
+/// The shortest time, µs, from the first to the last of the [`AGREEING`] samples, so that a burst of messages does not
+/// suffice.
 pub const AGREE_US: u64 = 1_000_000;
 
-/// The longest time, µs, over which the samples with a smaller difference of arrival and timestamp may be spread.
+/// The longest time, µs, from the first to the last of the [`AGREEING`] samples.
 pub const WITHIN_US: u64 = 10_000_000;
 
-/// Samples whose difference of arrival and timestamp is smaller than all before, while they are too few for that
-/// difference to be used.
+/// Samples whose difference of arrival and timestamp is below the smallest one, while they are fewer than [`AGREEING`].
 #[derive(Clone, Copy, Debug)]
 struct Lower {
     began_us: u64,
@@ -52,43 +46,38 @@ struct Lower {
     largest_us: i64,
 }
 
-/// The smallest difference of arrival and timestamp so far, and the instant from which on the drift of the clocks may
-/// have increased it.
+/// The smallest difference of arrival and timestamp, and the instant from which on drift raises it.
 #[derive(Clone, Copy, Debug)]
 struct Floor {
     difference_us: i64,
     at_us: u64,
 }
 
-/// The smallest difference of arrival and timestamp within a window.
 #[derive(Clone, Copy, Debug)]
 struct Window {
     began_us: u64,
-    /// The smallest difference of arrival and timestamp in this window so far, and the instant of that difference.
     least: Floor,
-    /// The smallest difference of arrival and timestamp in the window before, if there was one.
     before: Option<Floor>,
 }
 
-/// The state of the comparison of one HORUS's timestamps with their arrivals, since that HORUS started.
+/// Compares one HORUS's timestamps with their arrivals since that HORUS started.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Ages {
-    /// The last timestamp as it arrived, ms, and that timestamp without wrapping, ms since the first one.
+    /// The last timestamp, ms, as it arrived and without wrapping.
     last: Option<(u32, i64)>,
     floor: Option<Floor>,
     lower: Option<Lower>,
-    /// The number of samples so far, which is counted up to [`AGREEING`].
     taken: u8,
     window: Option<Window>,
     implausible: bool,
 }
 
 impl Ages {
-    /// Records a sample with this timestamp, ms, that arrived at `at_us`, µs; `crystal` says whether HORUS runs on its
-    /// crystal. Returns the delay of the sample beyond the shortest delay, µs.
+    /// Records a sample with this timestamp, ms, that arrived at `at_us`. `crystal` says whether HORUS runs on its
+    /// crystal. Returns the sample's delay beyond the shortest delay, µs.
     pub fn take(&mut self, timestamp: u32, at_us: u64, crystal: bool) -> u64 {
         let (unwrapped, difference_us) = self.difference(timestamp, at_us);
-        // An object with the timestamp of the last sample is of the same cycle, so it is not another sample.
+        // Two objects with one timestamp are parts of one sample.
         let another = self.last.is_none_or(|(last, _)| last != timestamp);
         self.last = Some((timestamp, unwrapped));
         let floor_us = self.floor_us(at_us, crystal);
@@ -101,26 +90,23 @@ impl Ages {
         floor_us.map_or(0, |floor_us| difference_us.saturating_sub(floor_us).max(0)).unsigned_abs()
     }
 
-    /// Returns how much earlier, µs, a sample with this timestamp, ms, that arrived at `at_us`, µs, came than one with
-    /// the shortest delay; negative if it came later.
+    /// Returns how much earlier, µs, this sample came than one with the shortest delay; negative if it came later. The
+    /// arguments are those of [`take`](Self::take).
     #[must_use]
     pub fn early_us(&self, timestamp: u32, at_us: u64, crystal: bool) -> i64 {
         let (_, difference_us) = self.difference(timestamp, at_us);
         self.floor_us(at_us, crystal).map_or(0, |floor_us| floor_us.saturating_sub(difference_us))
     }
 
-    /// Returns the timestamp without wrapping, ms since the first one, and the difference of arrival and timestamp, µs.
     fn difference(&self, timestamp: u32, at_us: u64) -> (i64, i64) {
         let unwrapped = match self.last {
             None => 0,
-            // A step of the timestamp is less than half of its range in either direction, as in `profile::freshness`.
+            // A timestamp advances or goes back by less than half of its range, as in `profile::freshness`.
             Some((last, unwrapped)) => unwrapped + i64::from(timestamp.wrapping_sub(last).cast_signed()),
         };
         (unwrapped, at_us.cast_signed().saturating_sub(unwrapped.saturating_mul(1_000)))
     }
 
-    /// Returns the smallest difference of arrival and timestamp, plus the drift of the clocks that is possible by
-    /// `at_us`.
     fn floor_us(&self, at_us: u64, crystal: bool) -> Option<i64> {
         let drift = if crystal { CRYSTAL_DRIFT } else { NO_CRYSTAL_DRIFT };
         self.floor.map(|floor| {
@@ -129,7 +115,6 @@ impl Ages {
         })
     }
 
-    /// Records a sample whose difference of arrival and timestamp is smaller than all before.
     fn lower(&mut self, here: Floor) {
         let since = |lower: &Lower| here.at_us.saturating_sub(lower.began_us);
         let before = self.lower.filter(|lower| since(lower) <= WITHIN_US);
@@ -148,7 +133,7 @@ impl Ages {
     }
 
     /// Returns whether HORUS's clock and the base station's differed by more than 2 % over the last two windows. A
-    /// carrier's delay that grows by more than 0.6 s and stays has the same effect.
+    /// carrier's delay that grows by more than 0.6 s for good has the same effect.
     #[must_use]
     pub const fn is_clock_implausible(&self) -> bool {
         self.implausible
@@ -183,7 +168,6 @@ mod tests {
         assert_eq!(ages.take(1_010, 5_030_000, true), 19_994, "20 ms, less 200 ppm of 30 ms");
         assert_eq!(ages.take(1_020, 5_015_000, true), 0, "5 ms earlier than any before");
         assert_eq!(ages.take(1_030, 5_030_000, true), 4_997);
-        // Samples that are held back and reordered are judged by their own timestamps.
         assert_eq!(ages.take(1_000, 5_995_000, true), 999_804);
     }
 
@@ -193,7 +177,6 @@ mod tests {
         for cycle in 0..10_u32 {
             ages.take(100 * cycle, 100_000 * u64::from(cycle), true);
         }
-        // First one sample comes too early, then a burst of three.
         for (at, timestamps) in [(1_000_000, &[2_900][..]), (1_100_000, &[2_980, 2_990, 3_000])] {
             for timestamp in timestamps {
                 assert_eq!(ages.take(*timestamp, at, true), 0);
@@ -202,8 +185,7 @@ mod tests {
             assert!(ages.take(own, at, true) < 1_000, "the true one is on time");
         }
         assert_eq!(ages.early_us(2_900, 1_200_000, true), 1_700_200, "and the drift of a second");
-        // If the delay becomes 200 ms shorter for good, the shorter delay counts after a second; the longest of the new
-        // delays is used.
+        // If the delay becomes 200 ms shorter for good, the longest of the new delays counts after a second.
         let mut late = vec![];
         for cycle in 130..150_u32 {
             let at = 100_000 * u64::from(cycle) - 200_000 - u64::from(cycle % 2) * 10_000;
@@ -236,7 +218,6 @@ mod tests {
     #[test]
     fn a_window_is_compared_by_its_fastest_sample() {
         let mut ages = Ages::default();
-        // A quarter of all samples is held back for 0.9 s in one window, and none in the next window.
         for cycle in 0..9_000_u32 {
             let held = if cycle % 4 == 3 && cycle > 3_000 && cycle < 6_000 { 900_000 } else { 0 };
             ages.take(10 * cycle, 10_000 * u64::from(cycle) + held, true);
@@ -248,8 +229,7 @@ mod tests {
     fn a_rise_is_compared_with_the_time_between_the_two_fastest_samples() {
         let mut ages = Ages::default();
         for half in 0..=122_u32 {
-            // The sample with the shortest delay is at the start of the first window, and at the end of the second one.
-            // The delay rises by 1 s between these two samples, which are 60 s apart: that is below 2 %.
+            // The samples with the shortest delay are 60 s apart. A rise of the delay by 1 s between them is below 2 %.
             let late = match half {
                 0 => 0,
                 1..60 => 300_000,
@@ -263,8 +243,7 @@ mod tests {
 
     #[test]
     fn a_clock_off_by_just_2_percent_is_plausible() {
-        // The first value is the time, ms, by which HORUS's clock falls behind the station's in each of two windows;
-        // 600 ms are 2 % of a window.
+        // HORUS's clock falls behind by `more` ms in each of two windows; 600 ms are 2 %.
         for (more, implausible) in [(600, false), (601, true)] {
             let mut ages = Ages::default();
             for window in 0..=2_u32 {

@@ -5,7 +5,7 @@ use core::fmt;
 /// The severity of an alarm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Severity {
-    /// Some condition is wrong, but the displayed data are valid.
+    /// A condition is wrong, but the displayed data are valid.
     Warning,
     /// The displayed data are not valid, or HORUS has acted.
     Critical,
@@ -23,7 +23,7 @@ macro_rules! alarms {
             /// All alarms, the gravest first.
             pub const ALL: &[Self] = &[$(Self::$name,)*];
 
-            /// Returns the alarm's name for programs: lower case and dashes. It stays the same in later versions.
+            /// Returns the alarm's name for programs, which does not change in later versions.
             #[must_use]
             pub const fn code(self) -> &'static str {
                 match self { $(Self::$name => $code,)* }
@@ -53,12 +53,12 @@ alarms! {
     SwitchedToRedundant, "switched-to-redundant", Critical, "HORUS has switched to the redundant flight controller";
     /// HORUS reports that the position is outside of the flight range.
     OutsideRange, "outside-range", Critical, "the drone is outside of its flight range";
-    /// A state input of HORUS contradicts itself, and nothing more severe is known.
+    /// The state inputs of HORUS contradict each other, and no more severe state is known.
     InputsContradict, "inputs-contradict", Critical, "HORUS cannot tell its state: its inputs contradict";
-    /// HORUS reports a state that has no name here, because it belongs to a later version.
+    /// HORUS reports a state of a later version, which has no name here.
     UnknownState, "unknown-state", Critical, "HORUS is in a state that this station does not know";
-    /// Within the last [`RECENT_US`](crate::drone::RECENT_US), another sender used this drone's id, or the same sample
-    /// came with two contents.
+    /// Within the last [`RECENT_US`](crate::drone::RECENT_US), another sender used this drone's id, or one sample came
+    /// with two contents.
     TwoSenders, "two-senders", Critical, "two senders speak as this drone: one of them may be false";
     /// HORUS reports that it has lost its position.
     PositionLost, "position-lost", Critical, "HORUS has lost its position and does not monitor";
@@ -70,7 +70,7 @@ alarms! {
     Stale, "stale", Critical, "the position shown is old";
     /// The DPR reports that frames of HORUS miss their deadline.
     LinkDown, "link-down", Critical, "the radio link from HORUS to the DPR is down";
-    /// The DPR's front end works but detects no field of HORUS's.
+    /// The DPR's front end works but detects no field of HORUS.
     NoField, "no-field", Critical, "the DPR senses no field of HORUS's transmitter";
     /// HORUS repeats its timestamp: the DPR reports this, or the same sample keeps arriving.
     Frozen, "frozen", Critical, "HORUS repeats the same sample";
@@ -104,7 +104,7 @@ alarms! {
     Degraded, "degraded", Warning, "fewer receivers agree than the drone has, or on no altitude";
     /// HORUS runs on its internal oscillator, without its crystal.
     NoCrystal, "no-crystal", Warning, "HORUS runs without its crystal";
-    /// A damaged object, or one where another object belongs, arrived within the last
+    /// An object that is damaged or of another kind than expected arrived within the last
     /// [`RECENT_US`](crate::drone::RECENT_US).
     Damaged, "damaged", Warning, "damaged data arrived and were rejected";
 }
@@ -115,7 +115,7 @@ impl fmt::Display for Alarm {
     }
 }
 
-/// A set of alarms that hold.
+/// A set of alarms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Alarms(u64);
 

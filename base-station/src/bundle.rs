@@ -1,8 +1,7 @@
 //! Finds the objects in a message that carries several.
 //!
-//! Objects travel whole and unchanged. The message's length (and, over MAVLink, its payload type) determines which
-//! objects it contains and where, and never the objects' own bytes: so a damaged identifier makes only its own object
-//! unreadable.
+//! The message's length and, over MAVLink, its payload type determine which objects are in it. So a damaged identifier
+//! makes only its own object unreadable.
 
 use core::ops::Range;
 
@@ -14,14 +13,12 @@ use crate::Place;
 #[derive(Clone, Copy, Debug)]
 pub struct Bundle<'a> {
     bytes: &'a [u8],
-    /// The number of the message's first object, in the order of the image.
     first: usize,
-    /// The number of successive objects, including the first.
     count: usize,
 }
 
 impl<'a> Bundle<'a> {
-    /// Returns the `count` objects from `first` on, in the order of the image, if `bytes` has their total length.
+    /// Returns the `count` objects from `first` on, in the order of the map, if `bytes` have their total length.
     #[must_use]
     pub fn new(first: Place, count: usize, bytes: &'a [u8]) -> Option<Self> {
         let first = first.index();
@@ -30,8 +27,8 @@ impl<'a> Bundle<'a> {
         (count > 0 && length == bytes.len()).then_some(Self { bytes, first, count })
     }
 
-    /// Returns the successive objects from `first` on, in the order of the image, that fill `bytes`; `None` if `bytes`
-    /// has the total length of no such objects.
+    /// Returns the objects from `first` on, in the order of the map, that fill `bytes`; `None` if the length of `bytes`
+    /// does not fit.
     #[must_use]
     pub fn from_first(first: Place, bytes: &'a [u8]) -> Option<Self> {
         (1..=Place::COUNT).find_map(|count| Self::new(first, count, bytes))
@@ -43,8 +40,7 @@ impl<'a> Bundle<'a> {
         Self::new(Place::Reported, layout.objects(), bytes)
     }
 
-    /// Returns the objects of a datagram, which is a profile, or an image, which is Link-Status and a profile. The
-    /// eight possible lengths all differ.
+    /// Returns the objects of a datagram, a profile or an image. The lengths of all profiles and images differ.
     #[must_use]
     pub fn datagram(bytes: &'a [u8]) -> Option<Self> {
         Layout::ALL.into_iter().find_map(|layout| {
@@ -66,7 +62,6 @@ impl<'a> Bundle<'a> {
         Place::ALL.into_iter().skip(self.first).take(self.count).map(move |place| {
             let range = Range { start: end, end: end + place.size() };
             end = range.end;
-            // The length of the message was checked when the bundle was made.
             (place, bytes.get(range).unwrap_or_default())
         })
     }

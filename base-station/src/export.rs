@@ -6,11 +6,10 @@
 //! | GPX 1.1 | the track of each drone by its Reported-Position, where that is valid; interrupted at a gap |
 //! | KML 2.2 | the same tracks as in GPX |
 //!
-//! No library is used for these formats: the output consists of numbers, times and names of drones, without any
-//! character to escape.
+//! The output consists of numbers, times and drones' names, without any character to escape, so no library is needed.
 //!
-//! Heights are above the WGS-84 ellipsoid, as in the objects. KML expects heights above mean sea level, so its track is
-//! drawn on the ground, and the heights are only in the coordinates.
+//! Heights are above the WGS-84 ellipsoid. KML expects heights above mean sea level, so its track is drawn on the
+//! ground.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -34,20 +33,20 @@ pub enum Form {
     Kml,
 }
 
-/// The names of the columns of CSV.
+/// The names of CSV's columns.
 pub const COLUMNS: &str = "time,drone,object,timestamp_ms,age_ms,status,latitude_deg,longitude_deg,altitude_m,\
                            pitch_rad,yaw_rad,roll_rad,ax_m_s2,ay_m_s2,az_m_s2,words";
 
 /// The time without valid positions after which a track is interrupted, µs.
 pub const GAP_US: u64 = 2_000_000;
 
-/// Writes the recording that `reader` reads; `progress` gets the number of bytes that were read. Returns the number of
-/// objects (CSV) or points (GPX, KML) that were written.
+/// Writes the recording that `reader` reads; `progress` gets the number of bytes read. Returns the number of written
+/// objects (CSV) or points (GPX, KML).
 ///
 /// # Errors
 ///
-/// Returns an error if the recording cannot be read, or `to` cannot be written. A recording that is cut off is exported
-/// up to the place where it ends ([`Reader::torn`]).
+/// Returns an error if the recording cannot be read or `to` cannot be written. A recording that is cut off is exported
+/// up to that point ([`Reader::torn`]).
 pub fn export<R: Read, W: Write>(
     reader: &mut Reader<R>,
     form: Form,
@@ -88,12 +87,12 @@ pub fn export<R: Read, W: Write>(
     Ok(written)
 }
 
-/// Judges a record again and returns the objects that were judged when it was recorded. If a message was refused for
-/// its signature, no object of it was judged.
+/// Judges a record again and returns the objects that were judged when it was recorded. If the signature was refused,
+/// there are none.
 pub fn judge(intake: &mut Intake, record: &Record) -> Vec<Judged> {
     intake.take_if(&record.carried, |who, place| {
         let who = who.to_string();
-        // The number of the sender may differ from the recorded one.
+        // The number of a drone's sender may differ from the recorded one.
         let is_of = |drone: &str| drone.strip_prefix(&who).is_some_and(|rest| rest.is_empty() || rest.starts_with('-'));
         record.found.iter().any(|found| found.place == place && is_of(&found.drone))
     })
@@ -109,7 +108,6 @@ pub fn time(at_us: u64) -> String {
 fn row(intake: &Intake, judged: &Judged, at_us: u64) -> String {
     let mut row = format!("{},{},{}", time(at_us), judged.drone, judged.place);
     let Some(drone) = intake.fleet().get(judged.drone) else { return row + "\n" };
-    // A write to a String cannot fail.
     let _ = match judged.place {
         Place::LinkStatus => drone.link().map_or(Ok(()), |held| {
             let age_ms = held.age_us(at_us) / 1_000;
@@ -136,7 +134,7 @@ fn row(intake: &Intake, judged: &Judged, at_us: u64) -> String {
             let words = if status.last_refused() { "last refused" } else { "none refused" };
             write!(row, ",{},{age_ms},0x{:04x},,,,,,,,,,{words}", held.timestamp, status.bits())
         }),
-        // The time of an uplink is that of the base station that sent it, so an age cannot be stated.
+        // The uplink's timestamp is on the clock of the base station that sent it, so its age is not known.
         Place::Uplink => drone.uplink().map_or(Ok(()), |uplink| {
             write!(row, ",{},,0x{:04x},,,,,,,,,,", uplink.timestamp(), uplink.values().status.bits())
         }),
@@ -144,8 +142,8 @@ fn row(intake: &Intake, judged: &Judged, at_us: u64) -> String {
     row + "\n"
 }
 
-/// Writes the values of an object. Rust prints a number with the digits that distinguish it from every other. Unknown
-/// values are left out.
+/// Writes the values of an object with all digits that distinguish a number from every other. Unknown values are left
+/// out.
 fn values(
     row: &mut String,
     (timestamp, age_ms, status): (u32, u64, u16),
@@ -163,18 +161,14 @@ fn values(
     Ok(())
 }
 
-/// Returns the position of a Reported-Position, if it is valid.
 fn position(intake: &Intake, judged: &Judged) -> Option<[f64; 3]> {
     let held = intake.fleet().get(judged.drone)?.reported().filter(|_| judged.place == Place::Reported)?;
     let values = &held.values;
     values.status.position_valid().then_some([values.latitude, values.longitude, values.altitude])
 }
 
-/// For each drone, the instants at which new Reported-Positions arrived, each with the drone's position if that was
-/// valid.
 type Tracks = BTreeMap<DroneId, Vec<(u64, Option<[f64; 3]>)>>;
 
-/// Returns the parts of a track between its gaps.
 fn segments(points: &[(u64, Option<[f64; 3]>)]) -> impl Iterator<Item = Vec<(u64, [f64; 3])>> {
     let valid = points.split(|(_, position)| position.is_none());
     let near =
@@ -259,7 +253,6 @@ mod tests {
         }
     }
 
-    /// Returns a recording of two samples of one drone, the second without altitude.
     fn recording() -> Vec<u8> {
         let memory = Memory::default();
         let mut recorder = Recorder::new(memory.clone());

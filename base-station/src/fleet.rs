@@ -1,18 +1,16 @@
 //! Keeps all drones from which messages arrive.
 //!
-//! # Design
-//!
 //! **A drone is identified by its id and its sender.** Two drones with one MAVLink system id, or an attacker who forges
-//! one, are two senders: each is judged and shown separately (`7` and `7-2`), and both have the alarm
-//! [`TwoSenders`](crate::Alarm::TwoSenders). Messages belong to another sender if they come from elsewhere
-//! ([`Source`]), or if they do not continue the earlier ones ([`order`](crate::drone::order)).
+//! one, are two senders. Each is judged and shown separately (`7` and `7-2`), and both have the alarm
+//! [`TwoSenders`](crate::Alarm::TwoSenders). Messages belong to another sender if they come from elsewhere ([`Source`])
+//! or do not continue the earlier ones ([`order`](crate::drone::order)).
 //!
 //! **The fleet cannot be flooded.** There are at most [`MAX_DRONES`] drones and [`MAX_SENDERS`] senders for each id.
-//! When the fleet is full, the sender that has been silent longest is dropped, and one from which few messages came
-//! before one from which many came. A drone that sends is never dropped.
+//! When there is no room, a sender of fewer than [`SEARCH_CYCLES`] messages is dropped first. Other senders are dropped
+//! only after [`SILENT_US`] of silence, the one with the longest silence first.
 //!
-//! **A drone whose address changed** becomes a new sender, and its earlier one is silent. The silent sender is dropped
-//! after [`RECENT_US`], if the new sender's HORUS started at the same instant, which shows that it is the same drone.
+//! **A drone whose address changed** becomes a new sender. Its silent earlier sender is dropped after [`RECENT_US`] if
+//! both senders' HORUS started at the same instant.
 
 use core::fmt;
 use std::collections::BTreeMap;
@@ -36,14 +34,14 @@ pub enum Who {
     System(u32),
     /// The address from which the drone's datagrams come.
     Address(SocketAddr),
-    /// The number of the line over which the drone's messages come, which is a serial port without MAVLink.
+    /// The number of the serial port without MAVLink over which the drone's messages come.
     Line(u16),
-    /// The name that another base station publishes the drone under.
+    /// The name under which another base station publishes the drone.
     Named(Name),
 }
 
 impl Who {
-    /// Returns the first sender with this id.
+    /// Returns the id of the drone of the first sender that uses this id.
     #[must_use]
     pub const fn first(self) -> DroneId {
         DroneId { who: self, sender: 1 }
@@ -61,12 +59,12 @@ impl fmt::Display for Who {
     }
 }
 
-/// A drone's id, and one of the senders that use it.
+/// Identifies a drone: by its own id, and by the sender among those that use that id.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct DroneId {
     /// The id that the sender states for its drone.
     pub who: Who,
-    /// The number of the sender, from 1, in the order in which the senders with this id first sent.
+    /// The number of the sender, from 1, in the order in which the senders of this id appeared.
     pub sender: u8,
 }
 
@@ -92,7 +90,6 @@ pub struct Source {
     pub signed: bool,
 }
 
-/// A sender that uses the id of a drone.
 #[derive(Clone, Debug)]
 struct Sender {
     source: Source,
@@ -100,7 +97,6 @@ struct Sender {
 }
 
 impl Sender {
-    /// Returns the rank by which a sender is kept: the sender with the least rank is dropped first.
     fn worth(&self) -> (bool, u64) {
         (self.drone.counts().messages >= u64::from(SEARCH_CYCLES), self.drone.heard_us())
     }
@@ -120,14 +116,13 @@ pub struct Fleet {
 }
 
 impl Fleet {
-    /// Passes a message's objects, which arrived at `at_us`, to the drone that sent them. Returns the sender and the
-    /// verdict on each object, in their order. There are no verdicts if there is no room for another drone, or if an
-    /// unknown drone brought no intact object.
+    /// Passes a message's objects, which arrived at `at_us`, to the drone that sent them. Returns the drone and the
+    /// verdict on each object. There are no verdicts if there is no room for another drone, or if an unknown drone
+    /// brought no intact object.
     pub fn take(&mut self, who: Who, source: Source, at_us: u64, bundle: &Bundle<'_>) -> (DroneId, Vec<Verdict>) {
         let mine: Vec<DroneId> = self.of(who).filter(|(_, sender)| sender.source == source).map(|(id, _)| id).collect();
         let fits = |id: &&DroneId| self.drones.get(id).is_some_and(|sender| sender.drone.fits(at_us, bundle));
-        // If only one sender has this id and source, that sender's own state determines whether the message is from
-        // another sender.
+        // If only one sender has this id and source, its own state determines whether the message is another sender's.
         let fitting = mine.iter().find(|id| mine.len() == 1 || fits(id)).or(mine.first()).copied();
         if let Some((id, sender)) = fitting.and_then(|id| self.drones.get_mut(&id).map(|sender| (id, sender))) {
             let verdicts = sender.drone.take_bundle(at_us, bundle);
@@ -136,7 +131,6 @@ impl Fleet {
                 return (id, verdicts);
             }
         }
-        // Only an intact object shows that a drone exists.
         let mut drone = Drone::new(at_us);
         let verdicts = drone.take_bundle(at_us, bundle);
         if !verdicts.iter().any(|verdict| verdict.is_intact()) {
@@ -155,13 +149,11 @@ impl Fleet {
         }
     }
 
-    /// Returns all senders with the id of a drone.
     fn of(&self, who: Who) -> impl Iterator<Item = (DroneId, &Sender)> {
         let all = who.first()..=DroneId { who, sender: u8::MAX };
         self.drones.range(all).map(|(id, sender)| (*id, sender))
     }
 
-    /// Records in each recent sender with this drone's id that another sender uses the id too, if there is one.
     fn note_rivals(&mut self, id: DroneId, at_us: u64, verdicts: &[Verdict]) {
         if !verdicts.iter().any(|verdict| verdict.is_intact()) {
             return;
@@ -177,7 +169,6 @@ impl Fleet {
         }
     }
 
-    /// Makes room for another sender with this drone's id, and returns the id of that sender.
     fn room(&mut self, who: Who, at_us: u64) -> Option<DroneId> {
         let least = |senders: &mut dyn Iterator<Item = (DroneId, &Sender)>| {
             senders
@@ -233,7 +224,7 @@ impl Fleet {
         changes
     }
 
-    /// Returns whether a sender is silent while another sender with the same id continues the data of the same HORUS.
+    /// Returns whether a sender is silent while another sender with its id continues the data of the same HORUS.
     fn has_moved(&self, id: DroneId, sender: &Sender, now_us: u64) -> bool {
         let silent = |sender: &Sender, span_us| now_us.saturating_sub(sender.drone.heard_us()) > span_us;
         let same = |other: &Sender| {

@@ -1,4 +1,4 @@
-//! Turns a carrier's bytes into the state of all drones, in the same way for arriving and for played-back data.
+//! Turns a carrier's bytes into the state of all drones, for arriving and for played-back data.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -10,8 +10,8 @@ use crate::carrier::published::{Name, Published};
 use crate::carrier::stream::Deframer;
 use crate::{Bundle, Change, DroneId, Fleet, Place, Source, Verdict, Who};
 
-/// The length of the longest datagram with objects, bytes, which exceeds an Ethernet frame. A longer one is refused
-/// without being read.
+/// The length of the longest datagram with objects, bytes: more than an Ethernet frame. Longer datagrams are refused
+/// unread.
 pub const MAX_DATAGRAM: usize = 2_048;
 
 /// The form in which a line brings objects.
@@ -45,12 +45,12 @@ impl Kind {
     }
 }
 
-/// Bytes that arrived together, and how they arrived.
+/// Bytes that arrived together, with their origin.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Carried {
     /// The instant at which the bytes arrived, µs since 1970; it does not go back.
     pub at_us: u64,
-    /// The form in which the line brings objects.
+    /// The form of the bytes.
     pub kind: Kind,
     /// The number of the line, which stands for a socket or port.
     pub line: u16,
@@ -71,16 +71,14 @@ pub struct Judged {
     pub verdict: Verdict,
 }
 
-/// The state of a line that is kept from one message to the next.
 #[derive(Debug)]
 enum Line {
     Mavlink(Box<Receiver>),
     Stream(Deframer),
-    /// Each message is complete in itself, so nothing is kept.
     Messages,
 }
 
-/// All lines, and all drones from which messages arrive on them. See the [module](self).
+/// All lines, and all drones from which messages arrive on them.
 #[derive(Debug, Default)]
 pub struct Intake {
     fleet: Fleet,
@@ -90,45 +88,45 @@ pub struct Intake {
     oversized: u64,
 }
 
-/// Totals of the messages that were refused before it was known from which drone they are.
+/// Totals of the messages that were refused before their drone was known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Refused {
-    /// The number of messages that are not signed with this station's key, or were replayed.
+    /// The number of messages that were not signed with this station's key, or were replayed.
     pub unsigned: u64,
-    /// The number of TUNNEL messages with a payload type or a length that no message with objects has.
+    /// The number of TUNNEL messages whose payload type or length fits no objects.
     pub malformed: u64,
     /// The number of TUNNEL messages with a wrong MAVLink checksum.
     pub bad_crc: u64,
     /// The number of datagrams of MAVLink 1, which has no TUNNEL.
     pub version_1: u64,
-    /// The number of MAVLink messages of other kinds, which are no error.
+    /// The number of MAVLink messages without objects, which are no error.
     pub foreign: u64,
     /// The number of datagrams and frames without MAVLink that have the length of neither a profile nor an image.
     pub damaged: u64,
-    /// The number of datagrams that are longer than [`MAX_DATAGRAM`].
+    /// The number of datagrams longer than [`MAX_DATAGRAM`].
     pub oversized: u64,
 }
 
 impl Intake {
-    /// Returns an intake without drones; with a verifier it accepts only signed MAVLink messages.
+    /// Returns an intake without drones. With a verifier it accepts only signed MAVLink messages.
     #[must_use]
     pub fn new(verifier: Option<Verifier>) -> Self {
         Self { verifier, ..Self::default() }
     }
 
-    /// Judges and keeps the objects in bytes that arrived. Returns the verdict on each of these objects.
+    /// Judges the objects in bytes that arrived, keeps those that are accepted, and returns the verdicts.
     pub fn take(&mut self, carried: &Carried) -> Vec<Judged> {
         self.take_if(carried, |_, _| true)
     }
 
-    /// Judges and keeps the objects in bytes that arrived for which `wanted` is true. For a recording, these are the
-    /// objects that were judged when it was made. Returns the verdict on each of them.
+    /// Judges like [`take`](Self::take), but only objects for which `wanted` is true. For a recording, these are the
+    /// objects that were judged when it was made.
     pub fn take_if(&mut self, carried: &Carried, wanted: impl Fn(Who, Place) -> bool) -> Vec<Judged> {
         self.take_each(carried, wanted, |_, _, _| {})
     }
 
-    /// Judges and keeps objects as [`take_if`](Self::take_if) does; `told` gets the objects of each message of a known
-    /// drone, and the verdict on each.
+    /// Judges like [`take_if`](Self::take_if). `told` gets the objects of each message of a known drone, with the
+    /// verdicts.
     pub fn take_each(
         &mut self,
         carried: &Carried,
@@ -157,7 +155,6 @@ impl Intake {
         let of_kind = || match kind {
             Kind::MavlinkDatagrams | Kind::MavlinkStream => Line::Mavlink(Box::new(Receiver::new(verifier.clone()))),
             Kind::Datagrams | Kind::Published => Line::Messages,
-            // The longest frame holds Link-Status and the largest profile.
             Kind::Stream => Line::Stream(Deframer::new(MAX_SIZE + Place::LinkStatus.size())),
         };
         match lines.entry((*line, *kind as u8)).or_insert_with(of_kind) {

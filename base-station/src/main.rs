@@ -232,7 +232,6 @@ fn serve(listen: &Listen, uplink: bool, Output { page, record }: Output) -> Resu
     let (inlet, station, ended) = live::start(verifier(listen)?, files(record)?, Time::Clock(clock.clone()), tell);
     speak(listen, uplink, &station)?;
     open(listen, &clock, &inlet)?;
-    // Each line has an inlet of its own, and ends when the station does.
     show(station.clone(), None, &page)?;
     finish(inlet, &station, ended)
 }
@@ -277,7 +276,6 @@ fn subscribe(to: &BrokerArgs, only: Option<&str>, Output { page, record }: Outpu
     finish(inlet, &station, ended)
 }
 
-/// Returns the broker that these arguments name.
 fn broker(args: &BrokerArgs) -> Result<Broker> {
     let (scheme, address) = args.broker.split_once("://").unwrap_or(("mqtt", &args.broker));
     let encrypted = match scheme {
@@ -317,7 +315,6 @@ fn login(file: &Path) -> Result<(String, String)> {
     lines.next().zip(lines.next()).with_context(|| format!("{} has not two lines", file.display()))
 }
 
-/// Returns the settings of TLS from these arguments, with the authorities in this file.
 fn tls(ca: &Path, args: &BrokerArgs) -> Result<Tls> {
     let read = |file: &Path| std::fs::read(file).with_context(|| format!("cannot read {}", file.display()));
     let authorities = read(ca)?;
@@ -333,7 +330,6 @@ fn tls(ca: &Path, args: &BrokerArgs) -> Result<Tls> {
     made.with_context(|| file.display().to_string())
 }
 
-/// Returns a station's name, if it is valid.
 fn station(name: &str) -> Result<&str> {
     let words = "is no station's name: 1 to 32 letters, digits, dots, hyphens, underscores";
     if is_station(name) { Ok(name) } else { bail!("{name:?} {words}") }
@@ -376,7 +372,7 @@ fn export(file: &Path, form: Option<Forms>, output: &Path) -> Result<()> {
     bar.finish_and_clear();
     eprintln!("{} {}", written?, if form == Form::Csv { "objects" } else { "points" });
     told_torn(&reader);
-    // A user who names only the first part may mean the newest recording, which is in a file with a higher number.
+    // A user may name only the first part. The newest recording is then in a file with a higher number.
     let more: Vec<_> = (1..).map(|number| Files::name(file, number)).take_while(|part| part.exists()).collect();
     if let Some(last) = more.last() {
         eprintln!("{} alone: there are {} more beside it, the last is {}", file.display(), more.len(), last.display());
@@ -420,7 +416,7 @@ fn reader(file: &Path) -> Result<(Reader<BufReader<File>>, ProgressBar)> {
     Ok((Reader::new(BufReader::new(from)), bar))
 }
 
-/// Prints which parts of a recording could not be read. Returns whether there were such parts.
+/// Prints which parts of a recording could not be read. Returns whether there were any.
 fn told_torn<R: std::io::Read>(reader: &Reader<R>) -> bool {
     for why in reader.lost() {
         eprintln!("a chunk is damaged and left out ({why}); all before and behind it is there");
@@ -440,10 +436,9 @@ fn verifier(listen: &Listen) -> Result<Option<Verifier>> {
     Ok(key(listen)?.map(Verifier::new))
 }
 
-/// The number of the link in this station's signatures. Each sender that has the key needs a different number.
+/// The number of the link in this station's signatures. Each sender with the same key needs a different number.
 const SIGNING_LINK: u8 = 254;
 
-/// Enables the station's own messages, as the arguments require.
 fn speak(listen: &Listen, uplink: bool, station: &Station) -> Result<()> {
     if !listen.heartbeat && !uplink {
         return Ok(());
@@ -481,7 +476,6 @@ fn files(file: Option<PathBuf>) -> Result<Option<Files>> {
     Ok(Some(Files::new(file)))
 }
 
-/// Opens every line. The lines are numbered in the order of the arguments.
 fn open(listen: &Listen, clock: &Clock, inlet: &Inlet) -> Result<()> {
     let mut number = 0_u16;
     let default = [SocketAddr::from(([0, 0, 0, 0], 14_550))];
@@ -516,13 +510,11 @@ const fn words(kind: Kind) -> &'static str {
     }
 }
 
-/// Prints an alarm that began or ended.
 fn tell(drone: DroneId, change: Change) {
     let what = if change.raised { "ALARM" } else { "over " };
     say(&format!("drone {drone}: {what} {}", change.alarm));
 }
 
-/// Prints an event of the running station, with the time.
 fn say(words: &str) {
     eprintln!("{} {words}", export::time(Clock::begin().now_us()));
 }
@@ -531,7 +523,7 @@ fn runtime() -> Result<tokio::runtime::Runtime> {
     Ok(tokio::runtime::Builder::new_current_thread().enable_all().build()?)
 }
 
-/// Waits until the user ends the program, or until this many seconds have passed.
+/// Waits until the user ends the program or `seconds` have passed.
 async fn interrupted(seconds: Option<u64>) -> Result<()> {
     let time = async {
         match seconds {
@@ -539,7 +531,7 @@ async fn interrupted(seconds: Option<u64>) -> Result<()> {
             None => std::future::pending().await,
         }
     };
-    // A service manager ends the program by the signal TERM; the recording must be whole in that case, too.
+    // A service manager ends the program by the signal TERM. The recording must then be whole as well.
     #[cfg(unix)]
     let mut term = signal(SignalKind::terminate())?;
     #[cfg(unix)]
@@ -553,8 +545,7 @@ async fn interrupted(seconds: Option<u64>) -> Result<()> {
     }
 }
 
-/// Prints when the recorder or a line begins to fail, and when it works again, for as long as this process runs. The
-/// user may have no page open, or may not look at it.
+/// Prints when the recorder or a line begins to fail, and when it works again, because the user may have no page open.
 fn complain(station: Station) {
     thread::spawn(move || {
         let mut told = BTreeMap::<String, String>::new();
@@ -582,7 +573,6 @@ fn complain(station: Station) {
     });
 }
 
-/// Serves the page until the user ends it.
 fn show(station: Station, player: Option<Arc<playback::Player>>, page: &Page) -> Result<()> {
     let mut access = Access::from(page.http);
     if let Some(file) = &page.page_login {
@@ -602,7 +592,7 @@ fn show(station: Station, player: Option<Arc<playback::Player>>, page: &Page) ->
         let address = listener.local_addr()?;
         println!("http://{address}/");
         let router = page::router(station, player, access);
-        // A graceful end would wait for open event streams.
+        // A graceful shutdown would wait for the event streams, which do not end.
         tokio::select! {
             served = serve::serve(listener, router, Limits::default()) => served.context("the page ended"),
             ended = interrupted(page.seconds) => ended,

@@ -7,18 +7,18 @@ use profile::ssi::Request;
 use profile::ssi::client::{Shown, View};
 use profile::{Identifier, Layout, LinkStatus, MAX_RECEIVERS, Object, PortStatus, Uplink, image};
 
-/// An object that a base station knows, by its place in the DPR's map.
+/// A kind of object that a base station knows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Place {
-    /// Link-Status, which the DPR writes: 32 bytes.
+    /// Link-Status: 32 bytes.
     LinkStatus,
     /// Reported-Position: 64 bytes.
     Reported,
     /// GPS1 to GPS5, counted from 1: 60 bytes.
     Gps(u8),
-    /// Port-Status, which the DPR writes: 64 bytes.
+    /// Port-Status: 64 bytes.
     PortStatus,
-    /// The base station's uplink, as the DPR has stored it: 64 bytes.
+    /// The base station's uplink as the DPR stored it: 64 bytes.
     Uplink,
 }
 
@@ -39,15 +39,14 @@ impl Place {
         Self::Uplink,
     ];
 
-    /// Returns the kind of the profile's object number `index`: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5; `None`
-    /// for any other number.
+    /// Returns the kind of the profile's object number `index`: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5.
     #[must_use]
     pub fn of_object(index: usize) -> Option<Self> {
         Self::ALL.get(index.checked_add(1)?).copied().filter(|_| index <= MAX_RECEIVERS)
     }
 
-    /// Returns the object's number in the order of the map: 0 for Link-Status, 1 for Reported-Position, then the
-    /// receivers, Port-Status and the uplink.
+    /// Returns the object's number in the order of the map: 0 for Link-Status, 1 for Reported-Position, 2 to 6 for the
+    /// receivers, 7 for Port-Status and 8 for the uplink.
     #[must_use]
     pub const fn index(self) -> usize {
         match self {
@@ -89,12 +88,11 @@ impl Place {
         Self::ALL.into_iter().find(|place| place.identifier() == Some(identifier))
     }
 
-    /// Judges whether `bytes` are an intact object of this kind, by [`profile`]. Bytes of another length are damaged.
+    /// Judges by [`profile`] whether `bytes` are an intact object of this kind. Bytes of another length are damaged.
     #[must_use]
     pub fn judge(self, bytes: &[u8]) -> Shown<Intact<'_>> {
         let damaged = Shown::Damaged(profile::Rejection::Length);
-        // The layout with the most receivers contains every kind of object; only the bytes of the requested object are
-        // read.
+        // The layout with the most receivers has every kind of object.
         let [.., layout] = Layout::ALL;
         let offset = match self {
             Self::LinkStatus => Some(image::LINK_STATUS),
@@ -145,8 +143,8 @@ pub enum Intact<'a> {
 }
 
 impl Intact<'_> {
-    /// Returns the object's timestamp, ms: of Link-Status and Port-Status since the DPR's start, of the uplink by the
-    /// base station's clock, of the others since HORUS's start. All timestamps wrap.
+    /// Returns the object's timestamp, ms, which wraps. That of Link-Status and Port-Status counts from the DPR's
+    /// start, that of the profile's objects from HORUS's start. The uplink's is on the base station's clock.
     #[must_use]
     pub const fn timestamp(self) -> u32 {
         match self {

@@ -1,5 +1,5 @@
-//! Tests fleets over a real broker: mosquitto, on a port that the system chooses, and `horus-base` in separate
-//! processes. Each test of TLS makes its certificates.
+//! Tests fleets over a real broker: mosquitto and `horus-base` in separate processes. Each test of TLS makes its
+//! certificates.
 
 mod common;
 
@@ -20,10 +20,8 @@ use common::{image, not_run};
 use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, DnType, IsCa, KeyPair, date_time_ymd};
 use serde_json::Value;
 
-/// The time limit for each wait; on a machine that is not busy the whole test takes a few seconds.
 const BOUND: Duration = Duration::from_secs(60);
 
-/// Waits until `is_so` returns true.
 fn until(what: &str, mut is_so: impl FnMut() -> bool) {
     let began = Instant::now();
     while !is_so() {
@@ -32,7 +30,6 @@ fn until(what: &str, mut is_so: impl FnMut() -> bool) {
     }
 }
 
-/// A process that is ended when this value is dropped.
 struct Running(Child);
 
 impl Drop for Running {
@@ -43,7 +40,6 @@ impl Drop for Running {
 }
 
 impl Running {
-    /// Ends the process as Ctrl-C does, and waits until it has ended.
     fn interrupt(mut self) {
         let kill = Command::new("kill").args(["-INT", &self.0.id().to_string()]).status().unwrap();
         assert!(kill.success());
@@ -55,7 +51,6 @@ fn mosquitto(port: u16, folder: &Path) -> Option<Running> {
     mosquitto_with(port, folder, "")
 }
 
-/// Starts mosquitto with these lines added to its configuration.
 fn mosquitto_with(port: u16, folder: &Path, lines: &str) -> Option<Running> {
     let config = folder.join("mosquitto.conf");
     std::fs::write(&config, format!("listener {port} 127.0.0.1\nallow_anonymous true\n{lines}")).unwrap();
@@ -73,12 +68,10 @@ fn mosquitto_with(port: u16, folder: &Path, lines: &str) -> Option<Running> {
     Some(broker)
 }
 
-/// Returns a TCP port that is free now.
 fn free_port() -> u16 {
     TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
 }
 
-/// Starts `horus-base` with these arguments; returns the address of its page, and the UDP address that it prints.
 fn horus_base(arguments: &[&str]) -> (Running, SocketAddr, Option<SocketAddr>) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_horus-base"));
     command.args(arguments).args(["--http", "127.0.0.1:0"]).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -92,7 +85,6 @@ fn horus_base(arguments: &[&str]) -> (Running, SocketAddr, Option<SocketAddr>) {
         let _ = errors.read_to_string(&mut said);
         panic!("{line:?} {said}")
     });
-    // By now the program has printed everything that comes before the page's address.
     let mut first = String::new();
     errors.read_line(&mut first).unwrap();
     let udp = first.strip_prefix("listening on UDP ").and_then(|rest| rest.split(',').next()?.parse().ok());
@@ -100,7 +92,6 @@ fn horus_base(arguments: &[&str]) -> (Running, SocketAddr, Option<SocketAddr>) {
     (running, page, udp)
 }
 
-/// Returns the state that a page sends.
 fn state(page: SocketAddr) -> Value {
     let mut stream = TcpStream::connect(page).unwrap();
     stream.set_read_timeout(Some(BOUND)).unwrap();
@@ -112,7 +103,6 @@ fn state(page: SocketAddr) -> Value {
     serde_json::from_str(&body[begin..=end]).unwrap()
 }
 
-/// Returns the drones of a page that are not stale, in the page's order.
 fn fresh(page: SocketAddr) -> Vec<String> {
     let state = state(page);
     let drones = state["drones"].as_array().unwrap();
@@ -120,8 +110,6 @@ fn fresh(page: SocketAddr) -> Vec<String> {
     fresh.map(|drone| drone["id"].as_str().unwrap().to_owned()).collect()
 }
 
-/// A thread that sends the data of flying drones with these system ids to one port, ten times a second for each drone,
-/// until this value is dropped.
 struct Flying(Arc<AtomicBool>, Option<thread::JoinHandle<()>>);
 
 impl Flying {
@@ -134,7 +122,7 @@ impl Flying {
             let mut forwarders: Vec<_> = systems.map(|system| Forwarder::new(system, 1, rates)).collect();
             let began = Instant::now();
             while !told.load(Ordering::Relaxed) {
-                // The timestamps of the drones follow real time, even if this thread is delayed.
+                // The drones' timestamps follow real time, even if this thread is delayed.
                 let ms = u32::try_from(began.elapsed().as_millis()).unwrap() / 10 * 10;
                 for forwarder in &mut forwarders {
                     forwarder.offer(&Bundle::datagram(&image(ms)).unwrap());
@@ -156,7 +144,6 @@ impl Drop for Flying {
     }
 }
 
-/// Returns every object of a recording: drone, kind, verdict, bytes.
 fn objects(file: PathBuf, station: &str) -> Vec<(String, String, String, Vec<u8>)> {
     let mut objects = vec![];
     let mut intake = base_station::intake::Intake::default();
@@ -168,7 +155,6 @@ fn objects(file: PathBuf, station: &str) -> Vec<(String, String, String, Vec<u8>
         };
         intake.take_each(carried, |_, _| true, all);
         assert_eq!(bytes.len(), record.found.len());
-        // The recorded message also contains the verdicts of the publishing station.
         let told: Option<Vec<String>> = (carried.kind == Kind::Published).then(|| {
             let published = Published::read(&carried.bytes).unwrap();
             published.verdicts().map(|verdict| verdict.unwrap().code().to_owned()).collect()
@@ -202,13 +188,11 @@ fn a_page_fed_by_the_broker_shows_the_drones_of_all_stations() {
     let (south, _, south_udp) = publish("south", names[1]);
     let (all, page, _) = horus_base(&["subscribe", "--broker", &at, "--record", names[2]]);
 
-    // Two drones have the system id 3; each station receives one of them.
     let flying = [Flying::start(1..=3, north_udp.unwrap()), Flying::start(3..=4, south_udp.unwrap())];
     let drones = ["north/1", "north/2", "north/3", "south/3", "south/4"];
     until("all drones are shown", || fresh(page) == drones);
     assert_eq!(state(page)["drone"]["id"], "north/1");
 
-    // Without a broker, each station reports the lost connection and continues, and the data that it displays grow old.
     drop(broker);
     let complains = |page| state(page)["station"]["lines"].to_string().contains("broker 127.0.0.1");
     until("the loss is told", || complains(page) && complains(north_page) && fresh(page).is_empty());
@@ -224,8 +208,7 @@ fn a_page_fed_by_the_broker_shows_the_drones_of_all_stations() {
     let recorded = objects(all.clone(), "");
     assert!(recorded.len() >= 2 * 5 * 5, "before and after the restart, five drones, five objects each");
     for (station, file) in [("north", north), ("south", south)] {
-        // Each object that came through the broker is one that the publishing station recorded, with the same bytes and
-        // verdict. The objects come in the order of that recording.
+        // Each object that came through the broker must be one that the publishing station recorded, in the same order.
         let here = objects(file, station);
         let through = objects(all.clone(), station);
         let through: Vec<_> = through.iter().filter(|(drone, ..)| !drone.contains('/')).collect();
@@ -280,13 +263,11 @@ fn what_somebody_else_publishes_there_changes_nothing() {
             }
         }
     });
-    // The broker sends its retained message to a subscriber that comes late.
     let (_late, late, _) = horus_base(&["subscribe", "--broker", &at, "--station", "north"]);
     until("both show the drone, and no other", || fresh(late) == ["north/7"] && fresh(page) == ["north/7"]);
     for page in [page, late] {
         let drones = state(page)["drones"].as_array().unwrap().len();
-        // A subscriber that was connected before may show the first message as the drone `north/8`: the message reached
-        // this subscriber when it was new, and not as a retained one.
+        // The earlier subscriber may show `north/8`, because it got that message when it was new.
         let ids: Vec<_> = (0..drones).map(|nth| state(page)["drones"][nth]["id"].clone()).collect();
         assert!(ids.iter().all(|id| id == "north/7" || id == "north/8"), "{ids:?}");
         assert!(page != late || ids.len() == 1, "{ids:?}");
@@ -294,7 +275,6 @@ fn what_somebody_else_publishes_there_changes_nothing() {
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
-/// Returns a certificate authority of this name, and writes its certificate to `NAME.pem`.
 fn authority(folder: &Path, name: &str) -> CertifiedIssuer<'static, KeyPair> {
     let mut params = CertificateParams::default();
     params.distinguished_name.push(DnType::CommonName, name);
@@ -327,7 +307,7 @@ fn over_tls_only_an_authenticated_broker_and_station_exchange_data() {
     certificate(&folder, &authority(&folder, "theirs"), "stranger", "north", 2090);
     let file = |name: &str| folder.join(name).to_str().unwrap().to_owned();
 
-    // A broker that drops its privileges could not read the files in a folder of another user.
+    // A broker that drops its privileges could not read the files in another user's folder.
     let lines = |certificate: &str| {
         let [ca, certificate, key] = [file("ours.pem"), file(certificate), file(&certificate.replace("pem", "key"))];
         format!("user root\ncafile {ca}\ncertfile {certificate}\nkeyfile {key}\nrequire_certificate true\n")
@@ -345,7 +325,7 @@ fn over_tls_only_an_authenticated_broker_and_station_exchange_data() {
     let (_all, page, _) = horus_base(&[&["subscribe", "--broker", &at][..], &known].concat());
     let _flying = Flying::start(7..=7, udp.unwrap());
     until("the drone is shown", || fresh(page) == ["north/7"]);
-    // A station reports for a while the arrivals that could not be published before there was a connection.
+    // A connected station still reports the arrivals that it could not publish before.
     let is_well = |page| state(page)["station"]["lines"].as_array().unwrap().is_empty();
     until("nothing is wrong", || is_well(page) && is_well(north_page));
 

@@ -1,7 +1,7 @@
-//! Tests the page in a real browser: it must show the data that are sent over UDP.
+//! Tests that the page in a real browser shows the data that are sent over UDP.
 //!
-//! Objects travel as MAVLink over a real socket to the station and the server of `horus-base serve`. Screenshots are
-//! written to `target/screenshots`. Without a browser no test is run, which is reported ([`browser::program`]).
+//! Objects travel as MAVLink over a real socket to the station and the server of `horus-base serve`. Screenshots go to
+//! `target/screenshots`. Without a browser the tests are not run, and say so ([`browser::program`]).
 
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::PathBuf;
@@ -27,32 +27,24 @@ use profile::{
 };
 use serde_json::{Value, json};
 
-/// The time from one message of a drone to the next.
 const PERIOD: Duration = Duration::from_millis(50);
 
-/// The longest time until a page reports that data are old, ms: the requirement is within half a second.
 const SAYS_OLD_WITHIN: f64 = 500.0;
 
-/// The longest pause, ms, between two runs of a script that is due every 10 ms. If a pause is longer, the machine was
-/// busy with other work.
+/// The longest pause, ms, of a script that runs every 10 ms. A longer pause shows that the machine was busy.
 const UNDISTURBED: f64 = 60.0;
 
-/// The instants of an image, ms since 1970: `taken`, at which the image was taken, and `gone`, by which it had been
-/// sent.
 #[derive(Clone, Copy, Debug)]
 struct Sent {
     taken: f64,
     gone: f64,
 }
 
-/// Returns the present time, ms since 1970.
 fn now_ms() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64() * 1e3
 }
 
-/// A thread that records the time every 10 ms, ms since 1970, until this value is dropped. A gap between two records
-/// means that the machine did not run this process, and so not the base station in it either. A measurement during the
-/// gap is not valid.
+/// Records the time every 10 ms. A gap shows that this process did not run, which makes a measurement invalid.
 struct Beats {
     instants: Arc<Mutex<Vec<f64>>>,
 }
@@ -76,14 +68,13 @@ impl Beats {
     }
 }
 
-/// Only one browser runs at a time: two that start together would disturb each other's measurements.
+/// Only one browser runs at a time, because two would disturb each other's measurements.
 static ALONE: Mutex<()> = Mutex::new(());
 
 fn alone() -> MutexGuard<'static, ()> {
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Returns a browser; if there is none, prints a message and returns `None`.
 fn tab(name: &str) -> Option<Tab> {
     let program = browser::program()?;
     Some(Tab::start(&program, &PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("browser").join(name)))
@@ -94,7 +85,6 @@ fn screenshot(tab: &mut Tab, name: &str) {
     tab.picture(&target.join(name).with_extension("png"));
 }
 
-/// A listening base station, its page, and a drone's flight controller.
 struct Scene {
     server: Option<Server>,
     station: Station,
@@ -104,7 +94,6 @@ struct Scene {
     forwarder: Forwarder,
     began: Instant,
     sent: u64,
-    /// The elapsed time that the test sets, µs; it has no effect on a station that reads the system's clock.
     passed_us: Arc<AtomicU64>,
 }
 
@@ -113,8 +102,7 @@ impl Scene {
         Self::with_key(clock, None)
     }
 
-    /// Starts a station with this clock. With a key, the station accepts only messages signed with it, and sends
-    /// uplinks.
+    /// Starts a station with this clock. With a key, it sends uplinks and accepts only messages signed with the key.
     fn with_key(clock: impl FnOnce(Arc<AtomicU64>) -> Clock, key: Option<Key>) -> Self {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = clock(Arc::clone(&passed_us));
@@ -138,7 +126,6 @@ impl Scene {
         Self { server: Some(server), station, page, socket, to, forwarder, began, sent: 0, passed_us }
     }
 
-    /// Starts a station that reads the system's clock.
     fn begin() -> Self {
         Self::new(|_| Clock::begin())
     }
@@ -147,7 +134,6 @@ impl Scene {
         format!("http://{}/", self.page)
     }
 
-    /// Sends an image that is taken at this instant.
     fn send(&mut self, image: impl FnOnce(u32) -> Vec<u8>) -> Sent {
         let passed = self.began.elapsed();
         self.send_of(passed, image)
@@ -165,13 +151,11 @@ impl Scene {
         Sent { taken, gone: now_ms() }
     }
 
-    /// Returns the flight controller of another drone, with a socket of its own.
     fn another(&self, system: u8) -> (Forwarder, UdpSocket) {
         let rates = Rates { bytes_per_s: 1_000_000, period_us: 0, standard_us: 0 };
         (Forwarder::new(system, 1, rates), UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap())
     }
 
-    /// Sends an image that is taken at this instant, through another drone's flight controller.
     fn send_by(&self, (forwarder, socket): &mut (Forwarder, UdpSocket), image: impl FnOnce(u32) -> Vec<u8>) {
         let passed = self.began.elapsed();
         let image = image(70_000 + u32::try_from(passed.as_millis()).unwrap() / 10 * 10);
@@ -181,8 +165,6 @@ impl Scene {
         }
     }
 
-    /// Sends images at their usual pace until the condition `wanted` holds on the page. Returns the instants of the
-    /// last image.
     fn fly_until(&mut self, tab: &mut Tab, wanted: &str) -> Sent {
         let began = Instant::now();
         loop {
@@ -195,7 +177,6 @@ impl Scene {
         }
     }
 
-    /// Checks that the page has no errors and has requested nothing from elsewhere.
     fn is_clean(&self, tab: &mut Tab) {
         assert_eq!(tab.troubles(), Vec::<String>::new());
         let requests = tab.requests();
@@ -205,11 +186,10 @@ impl Scene {
     }
 }
 
-/// The latitude, longitude and altitude that Reported-Position states.
 const PLACE: (f64, f64, f64) = (-33.456_789_12, -70.648_271_83, 1_234.56);
 
-/// Returns the DPR's image `ms` after HORUS's start. It has three receivers, of which the second is excluded and the
-/// third silent.
+/// Returns the DPR's image `ms` after HORUS's start. Of three receivers, the second is excluded and the third is
+/// silent.
 fn image(ms: u32) -> Vec<u8> {
     image_at(ms, PLACE)
 }
@@ -248,7 +228,6 @@ fn image_at(ms: u32, (latitude, longitude, altitude): (f64, f64, f64)) -> Vec<u8
     [LinkStatus::seal(&link).as_bytes(), Profile::<3>::seal(&reported, &gps).as_bytes()].concat()
 }
 
-/// Returns the displayed text of each cell of a table, row by row.
 fn table(tab: &mut Tab, id: &str) -> Vec<Vec<String>> {
     let rows = format!(
         "[...document.getElementById('{id}').rows].map((row) => [...row.cells].map((cell) => cell.textContent))"
@@ -267,7 +246,6 @@ fn every_value_shown_is_the_one_that_was_sent() {
     tab.open(&scene.address());
     scene.fly_until(&mut tab, FRESH);
     let last = scene.fly_until(&mut tab, "document.querySelectorAll('#receivers tr').length === 3");
-    // The tables are read before the data are old.
     let (receivers, accuracy) = (table(&mut tab, "receivers"), tab.text("#accuracy"));
     assert_eq!(tab.text("#verdict"), "HORUS has switched to the redundant flight controller");
     tab.until("document.getElementById('alarms').textContent.includes('the position shown is old')");
@@ -322,7 +300,6 @@ fn every_value_shown_is_the_one_that_was_sent() {
         assert!(alarms.contains(words), "{words}: {alarms}");
     }
 
-    // Every displayed age is the time since the last image was sent. The page is read between these two instants.
     let before = now_ms() - last.gone;
     let read = "[document.getElementById('age-value').textContent, \
                 ...[...document.getElementById('receivers').rows].map((row) => row.cells[4].textContent), \
@@ -331,7 +308,7 @@ fn every_value_shown_is_the_one_that_was_sent() {
     let after = now_ms() - last.taken;
     for age in &ages {
         let ms = age.strip_suffix(" s").and_then(|age| age.parse::<f64>().ok()).unwrap() * 1e3;
-        // On a machine with other work, the display may lag by the time of two pushes and one frame of the screen.
+        // On a busy machine the display may lag by two pushes and one frame of the screen.
         assert!((before - 250.0..=after + 50.0).contains(&ms), "{ages:?}, {before} to {after} ms");
     }
     scene.is_clean(&mut tab);
@@ -343,7 +320,7 @@ fn the_page_marks_data_as_old_within_half_a_second() {
     let Some(mut tab) = tab("stale") else { return };
     let mut scene = Scene::begin();
     tab.open(&scene.address());
-    // The script records the instants at which the verdict changes. It also records every 10 ms that it runs itself.
+    // The script records the instants at which the verdict changes, and each of its own runs, every 10 ms.
     tab.eval(
         "window.turns = []; window.beats = [];
         new MutationObserver(() => turns.push([Date.now(), document.body.className]))
@@ -363,7 +340,7 @@ fn the_page_marks_data_as_old_within_half_a_second() {
             let beats: Vec<f64> = beats.collect();
             beats.windows(2).map(|beats| beats[1] - beats[0]).fold(0.0, f64::max)
         };
-        // If other work stopped the browser or the base station, this measurement of the page is not valid.
+        // The measurement is not valid if other work stopped the browser or the base station.
         if longest(beats) <= UNDISTURBED && longest(own.take()) <= UNDISTURBED {
             let turns = tab.eval("turns");
             assert!(verdict.ends_with("OLD DATA"), "{verdict}, sent {last:?}, old at {at}; {turns}");
@@ -375,11 +352,11 @@ fn the_page_marks_data_as_old_within_half_a_second() {
     }
     println!("old after {took:?} ms; where the machine did not let the browser or the station run, {disturbed:?}");
     assert!(took.iter().all(|(_, since_gone)| *since_gone <= SAYS_OLD_WITHIN), "{took:?}");
-    // The last sample may be 10 ms older than the limit allows, because its timestamp is that of a cycle. `Date.now()`
-    // returns whole milliseconds.
+    // The last sample may be 10 ms older, because timestamps are those of cycles. `Date.now()` returns whole
+    // milliseconds.
     assert!(took.iter().all(|(since_taken, _)| *since_taken >= 400.0 - 10.0 - 1.0), "{took:?}");
     screenshot(&mut tab, "stale");
-    // A state that was delayed by 200 ms on its way must not make data look younger.
+    // A state that was delayed by 200 ms must not make data look younger.
     let held_up = "(() => {
             const drone = { ...state.drone, reported: { ...state.drone.reported } };
             drone.reported.age_ms -= 200;
@@ -409,12 +386,10 @@ fn a_page_that_lost_its_station_reconnects_by_itself() {
     drop(scene.server.take());
     tab.until("document.body.className === 'lost'");
     assert_eq!(tab.text("#verdict"), "NO CONNECTION TO THE BASE STATION");
-    // The pause is long enough for the browser to try to connect once, and fail.
     sleep(Duration::from_millis(1_500));
     scene.server = Some(Server::start(scene.station.clone(), scene.page).unwrap());
     scene.fly_until(&mut tab, FRESH);
     assert_eq!(tab.eval("performance.timeOrigin"), loaded, "it was not loaded anew");
-    // The failed connections are the only errors on the console.
     let troubles = tab.troubles();
     let network = |trouble: &String| trouble.starts_with("network: ") && trouble.contains("/events");
     assert!(troubles.iter().all(network), "{troubles:?}");
@@ -425,7 +400,6 @@ fn a_page_that_is_opened_late_shows_the_last_minutes() {
     let _alone = alone();
     let Some(mut tab) = tab("late") else { return };
     let mut scene = Scene::new(Clock::told);
-    // The drone flies for three minutes at 10 Hz, 900 m to the north and 45 m up.
     for cycle in 0..=1_800_u32 {
         let passed = Duration::from_millis(u64::from(cycle) * 100);
         scene.passed_us.store(u64::try_from(passed.as_micros()).unwrap(), Ordering::Relaxed);
@@ -458,8 +432,7 @@ fn the_page_is_readable_on_each_screen_in_light_and_dark() {
     let Some(mut tab) = tab("looks") else { return };
     let mut scene = Scene::begin();
     tab.open(&scene.address());
-    // The script computes relative luminance and contrast by WCAG 2.2; the background is the nearest one that is not
-    // transparent.
+    // Computes relative luminance and contrast by WCAG 2.2. The background is the nearest one that is not transparent.
     let contrast = "window.contrast = (selector) => {
         const parts = (colour) => colour.match(/[\\d.]+/g).map(Number);
         const luminance = (colour) => {
@@ -481,7 +454,6 @@ fn the_page_is_readable_on_each_screen_in_light_and_dark() {
         for scheme in ["light", "dark"] {
             tab.scheme(scheme);
             let seen = format!("matchMedia('(prefers-color-scheme: {scheme})').matches");
-            // The page draws its diagrams and their legend ten times a second.
             scene.fly_until(
                 &mut tab,
                 &format!(
@@ -495,12 +467,10 @@ fn the_page_is_readable_on_each_screen_in_light_and_dark() {
                 let found = tab.eval(&format!("contrast({})", json!(selector))).as_f64().unwrap();
                 assert!(found >= 4.5, "{selector}, {scheme}: {found}");
             }
-            // The page must not scroll sideways.
             let wide =
                 tab.eval("[document.documentElement.scrollWidth, document.documentElement.clientWidth, innerWidth]");
             assert_eq!(wide[0], wide[1], "{name}, {scheme}");
             assert_eq!(wide[2], screen.width);
-            // The screenshot is taken while the page is being drawn.
             scene.send(image);
             screenshot(&mut tab, &format!("{name}-{scheme}"));
             tab.until(OLD);
@@ -518,7 +488,6 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     let _alone = alone();
     let Some(mut tab) = tab("keyboard") else { return };
     let mut scene = Scene::begin();
-    // The page can display a second drone.
     let mut other = Forwarder::new(9, 1, Rates { bytes_per_s: 1_000_000, period_us: 0, standard_us: 0 });
     other.offer(&Bundle::datagram(&image_at(50_000, (10.0, 20.0, 30.0))).unwrap());
     while let Some(message) = other.poll(1_000_000, 0) {
@@ -531,18 +500,16 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     while order.len() < 8 {
         tab.press("Tab");
         order.push(tab.eval(focused).as_str().unwrap_or_default().to_owned());
-        // The other drone is silent by now, so there may be an alarm to acknowledge, with a button of its own.
+        // The other drone is silent by now, so the page may have a button to acknowledge that alarm.
         order.retain(|id| id != "acknowledge");
     }
-    // The elements without a name are the list of changes, and the two elements that select a drone in the list of all
-    // drones.
+    // The three elements without a name are the list of changes and two drones in the list of all drones.
     assert_eq!(order, ["drone", "sound", "notify", "live-keys", "", "", "", "scroll"]);
     assert_eq!(tab.eval("getComputedStyle(document.activeElement).outlineStyle"), "solid", "the focus is seen");
     tab.eval("document.getElementById('drone').focus()");
     tab.press("ArrowDown");
     tab.until("document.getElementById('drone').value === '9'");
     tab.until("document.getElementById('latitude').textContent === '10.0000000° N'");
-    // Keys do the same as the controls, unless they are switched off.
     tab.eval("document.activeElement.blur()");
     tab.press("n");
     tab.until("document.getElementById('drone').value === '7'");
@@ -581,10 +548,8 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     scene.is_clean(&mut tab);
 }
 
-/// Returns the DPR's image without faults, after `change` has changed it.
 fn well(ms: u32, change: impl FnOnce(&mut ReportedValues, &mut [GpsValues; 3])) -> Vec<u8> {
     let (latitude, longitude, altitude) = PLACE;
-    // The drone in this image flies to the north at 10 m/s.
     let latitude = latitude + f64::from(ms) * 1e-2 / 110_920.0;
     let status = ReportedStatus::new()
         .with_position_valid(true)
@@ -605,14 +570,13 @@ fn well(ms: u32, change: impl FnOnce(&mut ReportedValues, &mut [GpsValues; 3])) 
     [LinkStatus::seal(&link).as_bytes(), Profile::<3>::seal(&reported, &gps).as_bytes()].concat()
 }
 
-/// A function that changes the values of the DPR's image.
 type Change = fn(&mut ReportedValues, &mut [GpsValues; 3]);
 
-/// The longest time until a page reports a fault, from the fault's first message on.
+/// The longest time from a fault's first message until the page reports the fault.
 const SAYS_WITHIN: Duration = Duration::from_secs(2);
 
-/// Calls `send` until the page shows the text `said` with the class `level`, within the bound. Then takes screenshots
-/// of the page on a desk and on a phone, in light and in dark.
+/// Calls `send` until the page shows `said` with the class `level`, within the bound. Then takes screenshots on a desk
+/// and on a phone, in light and in dark.
 fn shows(tab: &mut Tab, name: &str, said: &str, level: &str, mut send: impl FnMut()) {
     let wanted = format!(
         "document.getElementById('verdict').textContent.startsWith({}) && document.body.dataset.level === '{level}'",
@@ -622,7 +586,6 @@ fn shows(tab: &mut Tab, name: &str, said: &str, level: &str, mut send: impl FnMu
     let mut before = Instant::now();
     loop {
         send();
-        // If the machine delays this process for long, the measurement is invalid and is made again.
         if before.elapsed() > Duration::from_millis(500) && retried < 20 {
             (began, retried) = (Instant::now(), retried + 1);
         }
@@ -679,7 +642,7 @@ fn what_is_wrong_is_said_first_and_nothing_of_it_is_green() {
     for (name, said, change) in scenes {
         shows(&mut tab, &format!("{name}-before"), "live", "well", || _ = scene.send(|ms| well(ms, |_, _| {})));
         shows(&mut tab, name, said, "critical", || _ = scene.send(|ms| well(ms, change)));
-        // Taking a screenshot takes so long that the messages seem to stop meanwhile.
+        // Taking a screenshot takes so long that the messages seem to stop.
         let told = format!("document.title.startsWith('!! 7: ' + {})", json!(said));
         let mut sent = 0;
         while tab.eval(&told) != Value::Bool(true) {
@@ -705,7 +668,6 @@ fn old_receivers_and_link_are_marked_beside_a_new_position() {
     let mut scene = Scene::begin();
     tab.open(&scene.address());
     shows(&mut tab, "old-before", "live", "well", || _ = scene.send(|ms| well(ms, |_, _| {})));
-    // From here on only Reported-Position arrives.
     let reported = |ms| well(ms, |_, _| {})[32..96].to_vec();
     let alone = Tunnel::of(&Bundle::new(Place::Reported, 1, &reported(0)).unwrap()).unwrap().payload_type;
     assert_eq!(alone, 0xC800);
@@ -794,7 +756,7 @@ fn eight_drones_are_seen_with_the_worst_in_the_title() {
     let of = |id: &str| fleet.iter().find(|row| row[0] == id).unwrap()[1].clone();
     assert!(of("11").starts_with("HORUS has fired the emergency measure"), "{fleet:?}");
     assert!(of("13").contains("fewer receivers agree") || of("13").contains("old"), "{fleet:?}");
-    // A new drone never replaces the displayed one; after a reload the page shows the same drone.
+    // A new drone never replaces the displayed one, also after a reload.
     assert_eq!(tab.eval("new URLSearchParams(location.search).get('drone')"), "7");
     let mut early = scene.another(1);
     scene.send_by(&mut early, |ms| well(ms, |_, _| {}));
@@ -857,7 +819,6 @@ fn a_new_critical_alarm_sounds_until_it_is_acknowledged() {
     assert!(words.as_str().unwrap().ends_with("7: HORUS has fired the emergency measure"), "{words}");
     assert!(tab.text("#verdict").starts_with("HORUS has fired"), "it is still the worst");
     fly(&mut scene, &mut tab, |_, _| {}, &format!("{first}.endsWith('measure – over')"));
-    // If an acknowledged alarm begins again, it is a new one.
     fly(&mut scene, &mut tab, emergency, &format!("{button}.textContent === 'Acknowledge 1'"));
     scene.is_clean(&mut tab);
 }
@@ -953,10 +914,8 @@ fn one_place_far_off_does_not_set_the_scale_of_the_map() {
     }
 }
 
-/// The instant at which the recording of [`record`] begins, µs since 1970.
 const RECORDED: u64 = 1_790_000_000_000_000;
 
-/// Records a drone for this many seconds, at 10 Hz.
 fn record(path: PathBuf, seconds: u32) -> Recording {
     let mut recorder = Recorder::new(Files::new(path.clone()));
     let mut intake = Intake::default();
@@ -976,13 +935,11 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     let _alone = alone();
     let Some(mut tab) = tab("playback") else { return };
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("playback");
-    // An earlier run may have left files in the folder.
     let _ = std::fs::remove_dir_all(&folder);
     std::fs::create_dir_all(&folder).unwrap();
     let recording = record(folder.join("flight.mcap"), 600);
     let contents = recording.contents(|_| {}).unwrap();
     assert_eq!(contents.last_us, RECORDED + 600_000_000);
-    // The playback begins at the hundredth second, at a pace that is not in the list of paces.
     let player = Arc::new(Player::new(&contents, RECORDED + 100_000_000, 3.0));
     let (inlet, station, _) = live::start(None, None, Time::Playback(Arc::clone(&player)), |_, _| {});
     let fed = Arc::clone(&player);
@@ -1012,7 +969,6 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     tab.screen(DESK);
     assert_ne!(tab.eval("document.body.dataset.level"), "well");
 
-    // Tab reaches each control in order, with a visible focus.
     tab.eval("document.querySelector('summary').focus()");
     for id in ["back", "pause", "forward", "speed", "at", "keys"] {
         tab.press("Tab");
@@ -1035,7 +991,6 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
         assert!(tab.text("#keys-words").contains(words), "{words}");
     }
 
-    // Keys work wherever the focus is on the page.
     tab.press("p");
     until(&mut tab, "pause", "Play");
     assert!(player.speed().abs() < f64::EPSILON);
@@ -1045,12 +1000,11 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     for key in ["j", "j", "l", "j"] {
         tab.press(key);
     }
-    // Two steps back add up, although the page did not wait for an answer in between.
     let wanted = stood - 20.0;
     tab.until(&format!("Math.abs(state.playback.at_s - {wanted}) < 0.001 && settled()"));
     let whole = wanted as u32;
     until(&mut tab, "did", &format!("at {}:{:02}", whole / 60, whole % 60));
-    // If a pace is selected while the playback stands still, the playback does not start.
+    // Selecting a pace must not start a playback that stands still.
     tab.press("f");
     until(&mut tab, "did", "5 times, when it plays");
     tab.press("s");
@@ -1064,7 +1018,6 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     until(&mut tab, "did", "1 times");
     assert!((player.speed() - 1.0).abs() < f64::EPSILON);
 
-    // The controls do the same as the keys.
     tab.eval("document.getElementById('pause').focus()");
     tab.press("Space");
     until(&mut tab, "pause", "Play");
@@ -1086,12 +1039,11 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     tab.until("state.playback.at_s === 600");
     assert_eq!(player.now_us(), contents.last_us);
     tab.until("document.getElementById('at').getAttribute('aria-valuetext') === '10:00 of 10:00'");
-    // The display equals the recording at the displayed instant. The test finds that instant in the recording by
-    // reading all of it.
+    // The page must display the state at the displayed instant. The test finds that state by reading the recording.
     until(&mut tab, "time", "670.0 s");
     screenshot(&mut tab, "playback");
 
-    // A key with a modifier is left to the browser, and a key alone has no effect where keys are switched off.
+    // Keys with a modifier are left to the browser. Single keys have no effect where keys are switched off.
     let alone = "dispatchEvent(new KeyboardEvent('keydown', { key: 'p', ctrlKey: true, cancelable: true }))";
     assert_eq!(tab.eval(alone), true, "it was not taken");
     tab.eval("document.getElementById('keys').focus()");
@@ -1103,7 +1055,6 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     until(&mut tab, "pause", "Pause");
     assert_eq!(tab.troubles(), Vec::<String>::new());
 
-    // When the station is lost, the page reports it, and no exception is thrown.
     drop(server);
     tab.press("p");
     until(&mut tab, "did", "the base station is not reached");

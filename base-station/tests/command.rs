@@ -4,14 +4,12 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
-/// Runs `horus-base` with these arguments until it ends by itself. Returns whether it succeeded, and its error output.
 fn run(arguments: &[&str]) -> (bool, String) {
     let Output { status, stderr, .. } =
         Command::new(env!("CARGO_BIN_EXE_horus-base")).args(arguments).output().unwrap();
     (status.success(), String::from_utf8(stderr).unwrap())
 }
 
-/// Writes this text to a file whose name is unique to this process, and returns the file's path.
 fn file(name: &str, text: &str) -> PathBuf {
     let file = std::env::temp_dir().join(format!("horus-base-{name}-{}", std::process::id()));
     fs::write(&file, text).unwrap();

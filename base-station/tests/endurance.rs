@@ -1,5 +1,5 @@
-//! Runs ten minutes of `cargo run -p base-station --example endurance`, which takes a day by default. The test is alone
-//! in its process, whose memory it measures.
+//! Runs ten minutes of `cargo run -p base-station --example endurance`. The test is alone in its process, whose memory
+//! it measures.
 
 #[path = "../examples/endurance.rs"]
 mod endurance;
@@ -14,8 +14,7 @@ fn a_recording_holds_all_that_arrived_and_takes_no_memory_for_it() {
     assert!(figures.is_good(), "{figures:?}");
     assert!(figures.growth_kb() < 4 << 10, "{figures:?}");
     assert_eq!((figures.arrivals, figures.parts), (60_600, 1));
-    // Each of the 600 damaged messages loses one object. A flipped bit in an unprotected field would not damage an
-    // object, but no bit that is flipped here is in such a field.
+    // Each of the 600 damaged messages loses one object, because no flipped bit is in an unprotected field.
     assert_eq!(figures.refused, 600);
     assert_eq!(figures.shown, 60_000 * 5 - 600);
 }

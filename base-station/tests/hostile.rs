@@ -16,13 +16,10 @@ use common::image;
 use socket2::{Domain, Socket, Type};
 use tokio::sync::oneshot;
 
-/// The time limit for each wait; a machine that is not busy needs a fraction of it.
 const BOUND: Duration = Duration::from_secs(30);
 
-/// The limits of connections, which are short so that the tests take little time.
 const LIMITS: Limits = Limits { connections: 200, head: Duration::from_millis(400), stall: Duration::from_millis(600) };
 
-/// The page of a station with one drone, which receives data all the time.
 struct Page {
     address: SocketAddr,
     end: Option<oneshot::Sender<()>>,
@@ -67,7 +64,6 @@ impl Page {
         stream
     }
 
-    /// Opens a connection whose receive buffer is as small as possible.
     fn narrow(&self) -> TcpStream {
         let socket = Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
         socket.set_recv_buffer_size(2_048).unwrap();
@@ -75,7 +71,6 @@ impl Page {
         socket.into()
     }
 
-    /// Returns whether a request is answered correctly.
     fn answers(&self) -> bool {
         let mut stream = self.connect();
         let asked = write!(stream, "GET /state HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
@@ -93,7 +88,6 @@ impl Drop for Page {
     }
 }
 
-/// Returns the bytes that the other end sends until it closes, or resets, the connection.
 fn all(stream: &mut TcpStream) -> Vec<u8> {
     let mut bytes = vec![];
     let mut buffer = [0; 4_096];
@@ -107,8 +101,6 @@ fn all(stream: &mut TcpStream) -> Vec<u8> {
     }
 }
 
-/// A thread that reads states as a browser does. Ending the thread returns the number of states and the longest pause
-/// between two of them.
 struct Watcher {
     ended: Arc<AtomicBool>,
     thread: thread::JoinHandle<(u64, Duration)>,
@@ -141,7 +133,6 @@ impl Watcher {
     }
 }
 
-/// Returns the memory of this process, bytes.
 fn memory() -> u64 {
     let pages = std::fs::read_to_string("/proc/self/statm").unwrap();
     pages.split(' ').nth(1).unwrap().parse::<u64>().unwrap() * 4_096
@@ -157,8 +148,8 @@ fn readers_that_take_nothing_are_given_up_and_hold_no_other_up() {
     for reader in &mut readers {
         write!(reader, "GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
     }
-    // The page closes each connection, although the client has not read from it: the system then reports a reset at the
-    // client's next write.
+    // The page closes each connection from which the client does not read. The client's next write then fails with a
+    // reset.
     let began = Instant::now();
     while !readers.is_empty() {
         assert!(began.elapsed() < BOUND, "{} readers are still there", readers.len());
@@ -174,7 +165,6 @@ fn readers_that_take_nothing_are_given_up_and_hold_no_other_up() {
     assert!(page.answers());
 }
 
-/// Tries to write a byte, which shows whether the other end is still connected.
 fn write_one(stream: &mut TcpStream) -> Result<(), ErrorKind> {
     match stream.write(b"x") {
         Ok(_) => Ok(()),
@@ -190,8 +180,7 @@ fn the_page_answers_again_after_a_thousand_idle_connections() {
     let watcher = Watcher::start(&page);
     for _ in 0..5 {
         let mut idle: Vec<TcpStream> = (0..200).map(|_| page.connect()).collect();
-        // The connections beyond the limit are closed at once. The others are closed when they have sent no request for
-        // too long.
+        // The connections beyond the limit are closed at once. The others are closed after a time without a request.
         for stream in &mut idle {
             let bytes = all(stream);
             assert!(bytes.is_empty() || bytes.starts_with(b"HTTP/1.1 408"), "{}", String::from_utf8_lossy(&bytes));
@@ -215,7 +204,6 @@ fn requests_that_come_byte_by_byte_end_at_the_time_limit() {
         assert!(page.answers(), "the others are served meanwhile");
         thread::sleep(Duration::from_millis(20));
     }
-    // A connection that is idle after a whole request is closed as well.
     let mut kept = page.connect();
     write!(kept, "GET /state HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
     assert!(String::from_utf8_lossy(&all(&mut kept)).starts_with("HTTP/1.1 200"));
@@ -262,7 +250,6 @@ fn malformed_requests_are_refused_and_smuggle_nothing() {
         assert!(answer.is_empty() || answer.starts_with("HTTP/1.1 4"), "{what}: {answer}");
         assert!(!answer.contains("HTTP/1.1 200"), "{what}: {answer}");
     }
-    // The body has the length that the header states.
     let body = format!("GET / HTTP/1.1\r\n{host}Content-Length: {}\r\nConnection: close\r\n\r\n{inner}", inner.len());
     let chunk = format!("{:x}\r\n{inner}\r\n0\r\n\r\n", inner.len());
     let chunked = format!("GET / HTTP/1.1\r\n{host}Transfer-Encoding: chunked\r\nConnection: close\r\n\r\n{chunk}");

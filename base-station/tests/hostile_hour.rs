@@ -1,5 +1,5 @@
-//! Tests an hour with a hostile neighbour: there are three true drones, and beside them come messages that are forged,
-//! replayed, reordered, truncated, oversized and from many senders. Time is virtual, and the messages are drawn from a
+//! Tests an hour with a hostile neighbour, whose messages come beside those of three true drones. They are forged,
+//! replayed, reordered, truncated, oversized or from many senders. Time is virtual, and the messages are drawn from a
 //! seed.
 
 use crate::common;
@@ -17,24 +17,21 @@ use profile::{GpsValues, HorusState, Profile, ReportedStatus, ReportedValues, ra
 const SECOND: u64 = 1_000_000;
 const BEGIN: u64 = 1_790_000_000_000_000;
 const HOUR: u64 = 3_600 * SECOND;
-/// The time from one image of a drone to the next, µs.
 const PERIOD: u64 = 100_000;
 
-/// The true drones: system id, and the time for which their HORUS has been running at the beginning, ms.
+/// The system id of each true drone, and how long its HORUS has been running at the beginning, ms.
 const TRUE: [(u8, u32); 3] = [(1, 70_000), (2, 3_000_000), (3, 500)];
 
 fn address(system: u32, port: u16) -> String {
     format!("10.0.{}.{}:{port}", system >> 8 & 0xFF, system & 0xFF)
 }
 
-/// Returns the messages that a flight controller's forwarder makes of one image.
 fn messages(system: u8, image: &[u8]) -> Vec<Vec<u8>> {
     let mut forwarder = Forwarder::new(system, 1, Rates { bytes_per_s: 1_000_000, period_us: 0, standard_us: 0 });
     forwarder.offer(&Bundle::datagram(image).unwrap());
     std::iter::from_fn(|| forwarder.poll(SECOND, 0)).collect()
 }
 
-/// Returns an image that an attacker sealed: it is intact, but states an emergency or an impossible position.
 fn forged(drawn: &mut Drawn, timestamp: u32) -> Vec<u8> {
     let place = [(91.0, 8.0, 470.0), (47.0, f64::NAN, 1.0), (47.0, 500.0, 1.0), (47.0, 8.0, 1e300), (0.0, 0.0, 0.0)];
     let (latitude, longitude, altitude) = place[drawn.below(place.len() as u64) as usize];
@@ -46,7 +43,6 @@ fn forged(drawn: &mut Drawn, timestamp: u32) -> Vec<u8> {
     Profile::<3>::seal(&reported, &[gps; 3]).as_bytes().to_vec()
 }
 
-/// Returns whether the drone keeps no impossible data as valid.
 fn is_sound(drone: &Drone) -> bool {
     let valid = |status: bool, [latitude, longitude, altitude]: [f64; 3]| {
         !status || range::is_position(latitude, longitude, altitude)
@@ -60,7 +56,6 @@ fn is_sound(drone: &Drone) -> bool {
     })
 }
 
-/// Returns the memory of this process, bytes.
 fn memory() -> u64 {
     let pages = std::fs::read_to_string("/proc/self/statm").unwrap();
     pages.split(' ').nth(1).unwrap().parse::<u64>().unwrap() * 4_096
@@ -70,11 +65,9 @@ struct Hour {
     intake: Intake,
     drawn: Drawn,
     now: u64,
-    /// The messages that have not arrived yet: the instant of arrival and a serial number, and then the source and the
-    /// bytes.
+    /// The messages that have not arrived yet, by the instant of arrival and a serial number, with source and bytes.
     on_the_way: BTreeMap<(u64, u64), (String, Vec<u8>)>,
     count: u64,
-    /// Earlier messages; some of them are replayed.
     kept: Vec<(String, Vec<u8>)>,
 }
 
@@ -84,12 +77,10 @@ impl Hour {
         self.on_the_way.insert((self.now + after, self.count), (from, bytes));
     }
 
-    /// Returns the present time of the HORUS of a true drone, ms.
     fn time(&self, began: u32) -> u32 {
         began + u32::try_from((self.now - BEGIN) / 10_000).unwrap() * 10
     }
 
-    /// Sends the messages of the true drones; with `hostile`, some are reordered on their way.
     fn fly(&mut self, hostile: bool) {
         for (system, began) in TRUE {
             for message in messages(system, &image(self.time(began))) {
@@ -108,13 +99,11 @@ impl Hour {
     fn attack(&mut self) {
         let (system, began) = TRUE[self.drawn.below(3) as usize];
         let own = address(system.into(), 14_550);
-        // The message comes from the true drone's address, or from an address of the neighbour.
         let from =
             if self.drawn.below(2) == 0 { own.clone() } else { address(200, 1_000 + self.drawn.below(50) as u16) };
         let time = self.time(began);
         match self.drawn.below(8) {
             0 => {
-                // The timestamp is ahead of the true drone's time, by 1.9 s or by any amount.
                 let ahead = [1_900, 10 * self.drawn.below(1 << 24) as u32][self.drawn.below(2) as usize];
                 for bytes in messages(system, &forged(&mut self.drawn, time.wrapping_add(ahead))) {
                     self.send(0, from.clone(), bytes);
@@ -148,7 +137,6 @@ impl Hour {
                 let bytes = (0..self.drawn.below(300)).map(|_| self.drawn.next() as u8).collect();
                 self.send(0, from, bytes);
             }
-            // The message is of a drone that does not exist, from any address.
             _ => {
                 for _ in 0..8 {
                     let (invented, port) = (4 + self.drawn.below(250) as u8, self.drawn.below(60_000) as u16);
@@ -161,7 +149,6 @@ impl Hour {
         }
     }
 
-    /// Judges the messages that have arrived by now.
     fn arrive(&mut self) {
         while let Some(first) = self.on_the_way.first_entry().filter(|first| first.key().0 <= self.now) {
             let at_us = first.key().0;
@@ -177,8 +164,6 @@ impl Hour {
         }
     }
 
-    /// Returns whether the station shows the true drone with this id: its last sample is shown, is not old, and has the
-    /// true drone's values.
     fn is_shown_true(&self, system: u8, began: u32) -> bool {
         let time = self.time(began);
         let sent = image(time);
@@ -217,7 +202,6 @@ fn after_a_hostile_hour_the_true_drones_are_shown_true() {
         hour.now += PERIOD;
     }
     let grown = memory().saturating_sub(after_ten_minutes);
-    // The neighbour stops sending.
     hour.on_the_way.clear();
     let ended = hour.now;
     while hour.now <= ended + 2 * SECOND {
@@ -242,7 +226,6 @@ fn after_a_hostile_hour_the_true_drones_are_shown_true() {
     let refused = hour.intake.refused();
     assert!(refused.oversized > 1_000 && refused.bad_crc + refused.malformed + refused.foreign < 100_000);
     assert!(grown < 16 << 20, "{} kB", grown >> 10);
-    // Each drone whose id was forged has the alarm `TwoSenders`.
     let told = TRUE.iter().all(|(system, _)| {
         fleet.iter().any(|(id, drone)| {
             id.who.to_string() == system.to_string() && drone.alarms_at(ended).has(Alarm::TwoSenders)

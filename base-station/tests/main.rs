@@ -1,4 +1,4 @@
-//! All tests that need neither a process nor a clock of their own, as modules of one binary.
+//! All tests that need neither a process nor a clock of their own, in one binary.
 
 mod common;
 mod hostile;

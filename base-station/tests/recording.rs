@@ -14,12 +14,12 @@ use common::image;
 
 const BOUND: Duration = Duration::from_secs(60);
 
-/// Starts `horus-base` from a shell that first sets a limit. Returns the process, its output, and the address at which
-/// it receives datagrams.
+/// Starts `horus-base` from a shell that first sets a limit. Returns the process, its output, and the address of its
+/// socket.
 fn start(arguments: &[&str], file: &Path, limit: &str) -> (Child, BufReader<ChildStderr>, SocketAddr) {
     let mut command = Command::new("sh");
-    // When a file must not grow, the system sends a signal with the error. Without that signal the write fails, as on a
-    // full disk.
+    // When a file must not grow, the system ends the process by a signal. With this trap, the write fails instead, as
+    // on a full disk.
     command.arg("-c").arg(format!("trap '' XFSZ; {limit}; exec \"$0\" \"$@\"")).arg(env!("CARGO_BIN_EXE_horus-base"));
     command.args(arguments).args(["--datagrams", "127.0.0.1:0"]).arg(file);
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
@@ -36,7 +36,6 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// Returns the HORUS time of each recorded image, ms, and the points at which parts are cut off, as text.
 fn recorded(parts: Vec<PathBuf>) -> (Vec<u32>, Vec<String>) {
     let mut times = vec![];
     let each = |record: base_station::recorder::Record| {
@@ -53,8 +52,6 @@ fn a_recorder_that_is_killed_loses_less_than_a_second() {
     let file = folder.join("flight.mcap");
     let (mut child, _said, address) = start(&["record"], &file, "true");
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-    // The process is killed after three seconds at 100 Hz. Its recording is then compared with the instants at which
-    // images were sent.
     let began = Instant::now();
     let mut sent = vec![];
     while began.elapsed() < Duration::from_secs(3) {
@@ -64,7 +61,6 @@ fn a_recorder_that_is_killed_loses_less_than_a_second() {
         thread::sleep(Duration::from_millis(10));
     }
     let killed = began.elapsed();
-    // On Unix, this kills the process by the signal SIGKILL.
     child.kill().unwrap();
     child.wait().unwrap();
     let (times, torn) = recorded(vec![file]);
@@ -78,12 +74,11 @@ fn a_recorder_that_is_killed_loses_less_than_a_second() {
 fn a_recorder_survives_a_full_disk_and_keeps_what_it_wrote() {
     let folder = folder("full");
     let file = folder.join("flight.mcap");
-    // The limit is 256 blocks of 512 bytes, so a part has at most 128 KiB: about two chunks, each of half a second.
+    // The limit of 256 blocks is 128 KiB for a part: about two chunks of half a second.
     let (mut child, mut said, address) = start(&["record"], &file, "ulimit -f 256");
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let began = Instant::now();
     let (mut time, second) = (70_000, folder.join("flight.1.mcap"));
-    // When the first part is full, the recorder begins another part, if there are still data to record.
     while !second.metadata().is_ok_and(|second| second.len() > 10_000) {
         assert!(began.elapsed() < BOUND && child.try_wait().unwrap().is_none(), "it has not tried again");
         socket.send_to(&image(time), address).unwrap();
@@ -95,8 +90,7 @@ fn a_recorder_survives_a_full_disk_and_keeps_what_it_wrote() {
     while !words.contains("recording works again") {
         assert!(said.read_line(&mut words).unwrap() > 0, "{words}");
     }
-    // A service manager ends a program by the signal TERM, not by the keyboard. The file must be whole in this case
-    // too, and the program reports that it is.
+    // A service manager ends a program by the signal TERM. The file must then be whole as well.
     let end = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     assert!(end.success());
     assert!(child.wait().unwrap().success());

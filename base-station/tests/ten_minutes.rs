@@ -1,5 +1,5 @@
-//! Tests ten minutes, in virtual time, on carriers that lose half of all messages, repeat, reorder and damage messages,
-//! and carry foreign ones.
+//! Tests ten minutes, in virtual time, on carriers that lose half of all messages, and repeat, reorder and damage
+//! others.
 
 use std::collections::HashSet;
 
@@ -25,7 +25,6 @@ impl Drawn {
         self.next() % limit
     }
 
-    /// Returns true in `percent` of a hundred cases.
     fn chance(&mut self, percent: u64) -> bool {
         self.below(100) < percent
     }
@@ -47,7 +46,6 @@ fn image(timestamp: u32) -> Vec<u8> {
         .concat()
 }
 
-/// A message on its way to the base station.
 struct Message {
     arrives_us: u64,
     bytes: Vec<u8>,
@@ -55,7 +53,6 @@ struct Message {
     foreign: bool,
 }
 
-/// Puts `bytes`, sent at `now_us`, on their way to the base station. They may be lost, delayed, doubled or damaged.
 fn carry(drawn: &mut Drawn, now_us: u64, bytes: &[u8], on_the_way: &mut Vec<Message>) {
     let copies = if drawn.chance(15) { 2 } else { 1 };
     for _ in 0..copies {
@@ -81,15 +78,12 @@ fn carry(drawn: &mut Drawn, now_us: u64, bytes: &[u8], on_the_way: &mut Vec<Mess
     }
 }
 
-/// Returns the messages that carry ten minutes of HORUS's objects, with the instants of their arrival, and the set of
-/// all objects that were sent.
 fn flight(seed: u64, mavlink: bool) -> (Vec<Message>, HashSet<(Place, Vec<u8>)>) {
     let mut drawn = Drawn(seed);
     let (mut on_the_way, mut sent) = (vec![], HashSet::new());
     let mut forwarder = Forwarder::new(7, 1, Rates { bytes_per_s: 6_000, ..Rates::default() });
     for cycle in 0..60_000_u32 {
         let now_us = u64::from(cycle) * 10_000;
-        // HORUS has been running for a while when the ten minutes begin.
         let image = image(600_000 + 10 * cycle);
         let bundle = Bundle::datagram(&image).unwrap();
         sent.extend(bundle.objects().map(|(place, bytes)| (place, bytes.to_vec())));
@@ -106,7 +100,6 @@ fn flight(seed: u64, mavlink: bool) -> (Vec<Message>, HashSet<(Place, Vec<u8>)>)
     (on_the_way, sent)
 }
 
-/// Judges messages that arrived, and compares the verdicts with the objects that were sent.
 struct Judge {
     fleet: Fleet,
     sent: HashSet<(Place, Vec<u8>)>,

@@ -1,7 +1,5 @@
 //! Air frames: their objects, and their time on the air.
 //!
-//! # Design
-//!
 //! An NFC-F frame (ISO/IEC 18092, 424 kbit/s) is 48 bits of preamble, 16 of sync, LEN, the payload and a CRC-16; the
 //! RFID chips add and remove all but the payload. The payload consists only of whole objects. The link has no header of
 //! its own, so received bytes are deposited unchanged, and errors of a header cannot occur.
@@ -14,9 +12,9 @@
 //! | 5 | 1 of 2 | Reported-Position, GPS1, GPS2 | 184 | 3.681 |
 //! | 5 | 2 of 2 | GPS3, GPS4, GPS5 | 180 | 3.606 |
 //!
-//! The length of a frame determines its place in the profile, because no two frames of one profile have the same
-//! length; each object's identifier confirms the place when the object is [verified](crate::Object::verify). Only a
-//! length that no frame has rejects a frame. The CRC-16 rejects nothing: damage to GPS3 leaves Reported-Position.
+//! No two frames of one profile have the same length. So a frame's length determines which objects it carries, and each
+//! object's identifier confirms that when the object is [verified](crate::Object::verify). A frame is rejected only for
+//! a length that no frame of the profile has. A wrong CRC-16 rejects nothing: damage to GPS3 leaves Reported-Position.
 //!
 //! # Example
 //!
@@ -40,32 +38,29 @@ use crate::{GpsObject, Identifier, Profile, Rejection, ReportedPosition};
 /// The longest payload that an NFC-F frame can have, bytes: LEN is one byte and counts itself.
 pub const MAX_PAYLOAD: usize = 254;
 
-/// The longest payload of any profile's frames, bytes: that of three receivers.
+/// The longest payload of a profile's frames, bytes: that of the only frame for three receivers.
 pub const LONGEST_PAYLOAD: usize = Profile::<3>::SIZE;
 
-/// The number of bytes before the payload that count in LEN: LEN itself.
+/// The number of bytes of LEN, which counts itself.
 pub const LEN_BYTES: usize = 1;
 
 /// The number of bytes after the payload: the CRC-16, which the chips add and check.
 pub const CRC_BYTES: usize = 2;
 
-/// The shortest time between the end of a frame and the start of the next frame, µs. Within it the listener reads the
-/// first frame from its FIFO and re-arms.
+/// The shortest time between the end of a frame and the start of the next frame, µs. In this time the listener reads
+/// the first frame from its FIFO and re-arms.
 pub const MIN_GAP_US: u32 = 300;
 
 const _: () = assert!(LONGEST_PAYLOAD <= MAX_PAYLOAD);
 
-/// The number of bits of a frame beside the payload: preamble, sync, LEN, CRC-16.
 const OVERHEAD_BITS: u64 = 48 + 16 + 8 + 16;
 
-/// The number of 13.56 MHz carrier periods in a bit: 423.75 kbit/s.
 const BIT_CARRIER_PERIODS: u64 = 32;
 
 /// The number of ns in 678 carrier periods, the shortest time that is a whole number both of ns and of periods.
 const NS_PER_678_PERIODS: u64 = 50_000;
 
-/// The air time of a frame with `payload` bytes, from the first preamble bit to the last bit of the CRC-16: ns, rounded
-/// to nearest.
+/// The air time of a frame with `payload` bytes, ns, from the first preamble bit to the last bit of the CRC-16.
 ///
 /// ```
 /// assert_eq!(profile::air::air_time_ns(244), 4_814_159);
@@ -76,16 +71,16 @@ pub const fn air_time_ns(payload: u8) -> u64 {
     (bits * BIT_CARRIER_PERIODS * NS_PER_678_PERIODS + 339) / 678
 }
 
-/// The [`air_time_ns`] of a payload, which must not be longer than [`LONGEST_PAYLOAD`]: µs, rounded up.
+/// The [`air_time_ns`] of a payload of at most [`LONGEST_PAYLOAD`] bytes: µs, rounded up.
 const fn air_time_us(payload: usize) -> u32 {
     let [payload, ..] = payload.to_le_bytes();
     let [b0, b1, b2, b3, ..] = air_time_ns(payload).div_ceil(1_000).to_le_bytes();
     u32::from_le_bytes([b0, b1, b2, b3])
 }
 
-/// The time from the tick, at which HORUS takes the sample, to the transmit command of frame number `frame` of its
-/// cycle, for a profile of `N` receivers: µs; `None` if there is no such frame. HORUS keeps these slots whatever the
-/// data, so the DPR can derive the age of a sample from the end of its frame.
+/// The time, µs, from the tick to the transmit command of frame number `frame` of the cycle, for `N` receivers; `None`
+/// if there is no such frame. HORUS samples at the tick and sends at this time whatever the data, so the DPR can derive
+/// the sample's age from the end of its frame.
 ///
 /// | receivers | frame 1 | frame 2 |
 /// |---|---|---|
@@ -94,7 +89,7 @@ const fn air_time_us(payload: usize) -> u32 {
 /// | 3 | 100 | – |
 /// | 5 | 120 | 4130 |
 ///
-/// `horus-tx-fw` derives each slot from the work that has to be done before it, and asserts that these values hold.
+/// `horus-tx-fw` asserts that its work before each frame fits these times.
 #[must_use]
 pub const fn send_slot_us<const N: usize>(frame: usize) -> Option<u32> {
     match (N, frame) {
@@ -107,8 +102,8 @@ pub const fn send_slot_us<const N: usize>(frame: usize) -> Option<u32> {
     }
 }
 
-/// The age of a cycle's sample at the last bit of the cycle's frame number `frame`: send slot plus air time, µs,
-/// rounded up; `None` if a profile of `N` receivers has no such frame.
+/// The age of a cycle's sample at the last bit of frame number `frame`, µs, rounded up: send slot plus air time. `None`
+/// if a profile of `N` receivers has no such frame.
 ///
 /// ```
 /// assert_eq!(profile::air::age_at_end_us::<3>(0), Some(100 + 4_815));
@@ -119,7 +114,7 @@ pub const fn age_at_end_us<const N: usize>(frame: usize) -> Option<u32> {
     Some(slot + air_time_us(place.length()))
 }
 
-/// The number of frames in a cycle for a profile of `receivers` receivers: 1, or 2 if one frame is too short for it.
+/// The number of frames in a cycle: 2 for five receivers, otherwise 1.
 #[must_use]
 pub const fn frames(receivers: usize) -> usize {
     if receivers <= 3 { 1 } else { 2 }
@@ -185,7 +180,7 @@ pub fn split<const N: usize>(profile: &Profile<N>) -> impl FusedIterator<Item = 
     })
 }
 
-/// The objects of a profile of `N` receivers that a frame with `payload` carries, by the payload's length alone.
+/// The objects that a frame with `payload` carries, for a profile of `N` receivers. Only the payload's length is used.
 ///
 /// # Errors
 ///
@@ -197,7 +192,7 @@ pub fn place<const N: usize>(payload: &[u8]) -> Result<Place, Rejection> {
         .ok_or(Rejection::Length)
 }
 
-/// The parts of `payload` that should be objects, each with its number in the profile, for
+/// The pieces of `payload` that should be objects, each with its number in the profile, for
 /// [`Object::verify`](crate::Object::verify).
 ///
 /// # Errors
@@ -208,7 +203,7 @@ pub fn objects<const N: usize>(payload: &[u8]) -> Result<Objects<'_>, Rejection>
     Ok(Objects { next: place.first, rest: payload })
 }
 
-/// The objects of a payload; see [`objects`].
+/// The iterator that [`objects`] returns.
 #[derive(Clone, Debug)]
 pub struct Objects<'a> {
     next: usize,
@@ -241,7 +236,6 @@ mod tests {
     fn each_bit_of_a_frame_takes_32_carrier_periods() {
         for payload in 0..=u8::MAX {
             let bits = 48 + 16 + 8 * (1 + u64::from(payload) + 2);
-            // A time of 50 000 ns is 678 periods of the carrier.
             let exact = bits * 32 * 50_000;
             assert!((678 * air_time_ns(payload)).abs_diff(exact) <= 339, "{payload} bytes");
         }

@@ -10,19 +10,18 @@ use crate::{
     wire::{CrcBe, U16Le, U32Le},
 };
 
-/// The action that a command object requests of the DPR by its command word (paper, section 2.1: actions are executed
-/// by writing defined words).
+/// An action that the flight controller requests of the DPR by writing a defined word (paper, section 2.1).
 ///
-/// A command acts only on the DPR: the link to HORUS is one-way, and no object written over the SSI can change
-/// Link-Status's counters or an object of HORUS.
+/// A command acts only on the DPR. The link to HORUS is one-way, and no object written over the SSI changes an object
+/// of HORUS or a counter of Link-Status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Command {
-    /// Sets Port-Status's counters of uplinks, commands and access violations to 0; this command is then the only one
-    /// that is counted as carried out. Link-Status's total of access violations and the counters of faults continue.
+    /// Sets Port-Status's counters of uplinks, commands and access violations to 0, then counts this command as carried
+    /// out. Link-Status's total of access violations and the counters of faults continue.
     ClearCounters,
-    /// Begins one whole pass over the flash and over the RAM in use, in spare processor time. While a pass is under
-    /// way, the command is refused, and the pass is finished.
+    /// Begins one whole check of the flash and of the RAM in use, in spare processor time. The command is refused while
+    /// such a check is under way.
     SelfTest,
 }
 
@@ -30,7 +29,7 @@ impl Command {
     /// Every command.
     pub const ALL: [Self; 2] = [Self::ClearCounters, Self::SelfTest];
 
-    /// The command's word. In the order of the bytes on the wire the words are ASCII text: `CLRC`, `TEST`.
+    /// The command's word: in the order of the bytes on the wire, the ASCII text `CLRC` or `TEST`.
     #[must_use]
     pub const fn word(self) -> u32 {
         match self {
@@ -49,15 +48,13 @@ impl Command {
 /// The contents of a command object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CommandValues {
-    /// The timestamp, ms on the flight controller's clock, wraps. Each command's must be later than the one before.
+    /// The timestamp, ms on the flight controller's clock, wraps. It must be later than the last command's.
     pub timestamp: u32,
     /// The command's [word](Command::word).
     pub word: u32,
 }
 
 /// A command object: 64 bytes. The last four are the frame CRC of the other 60.
-///
-/// Any 64 bytes can be read as a command object; [`CommandObject::verify`] checks whether they are a valid one.
 ///
 /// | bytes | |
 /// |---|---|
@@ -68,10 +65,10 @@ pub struct CommandValues {
 /// | 12..60 | zero |
 /// | 60..64 | [frame CRC](crate::crc) over 0..60 |
 ///
-/// A command is written in the place of an [uplink](crate::Uplink). Its timestamp is judged like an uplink's, in a
-/// separate sequence: a repeated or older command is refused. The DPR carries a command out once and does not store it;
-/// [Port-Status](crate::PortStatus) names the last accepted command. A flight controller that has restarted may have to
-/// send its first command three times, each time with a later timestamp.
+/// A command is written where an [uplink](crate::Uplink) would be. Its timestamp must be later than the last command's,
+/// by the rule for uplinks; otherwise the command is refused. The DPR carries a command out once and does not store it.
+/// [Port-Status](crate::PortStatus) names the last command that was carried out. A flight controller that has restarted
+/// may have to send its first command three times, each time with a later timestamp.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct CommandObject {

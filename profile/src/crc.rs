@@ -1,37 +1,33 @@
 //! The two CRC-32 of the profile, and the reasons for their byte order.
 //!
-//! # Design
-//!
-//! **Polynomials** are the paper's (section 2.3), which gives them in Koopman's notation: the frame CRC 0xF8C9140A with
-//! Hamming distance 8, the position CRC 0x9D7F97D6 with Hamming distance 9. The paper states the first distance for 56
-//! bytes of payload; it holds for the 60 bytes of Reported-Position as well (this crate's tests prove both distances by
-//! exhaustion). Koopman's notation leaves out the lowest coefficient, which is always 1, the usual notation the
-//! highest. In the usual notation, which the `crc` crate and [`FRAME`] and [`POSITION`] use, the polynomials are
-//! 0xF1922815 and 0x3AFF2FAD. With the numbers of Koopman's notation that crate would compute other, untested
-//! polynomials, and would still pass every round-trip test; only the check values reveal it.
+//! **Polynomials** are the paper's (section 2.3), in Koopman's notation: the frame CRC 0xF8C9140A with Hamming distance
+//! 8, the position CRC 0x9D7F97D6 with Hamming distance 9. The paper states the first distance for 56 bytes of payload;
+//! it also holds for the 60 bytes of Reported-Position. This crate's tests prove both by exhaustion. Koopman's notation
+//! leaves out the lowest coefficient, which is always 1; the usual notation leaves out the highest. The `crc` crate,
+//! [`FRAME`] and [`POSITION`] use the usual notation: 0xF1922815 and 0x3AFF2FAD. With Koopman's numbers that crate
+//! would compute other, untested polynomials. Round-trip tests would still pass; only the check values reveal the
+//! mistake.
 //!
 //! **Start value 0xFFFFFFFF.** With a start value of 0, a buffer scrubbed to 0x00 would be a codeword wherever an
 //! object lies in it. With 0xFFFFFFFF, neither 0x00 nor 0xFF throughout is a codeword at the length of any object.
 //! (Eight bytes of 0xFF are a codeword, the only length at which this happens; see [`ssi`](crate::ssi).)
 //!
 //! **Most significant byte first.** NFC-F sends each byte's most significant bit first, and these CRCs are not
-//! reflected. So an object whose CRC field is big-endian is on the air a codeword in the polynomial's own order. Only
-//! then is every burst of up to 32 bits detected, including bursts across the payload's end (with a little-endian CRC
-//! field, bursts of 28 bits there would not be detected). Only then does one pass over the whole object with its CRC
-//! end in a [fixed residue](FRAME_RESIDUE). [`frame_intact`] therefore consists of one pass and one comparison.
+//! reflected. So an object with a big-endian CRC field is a codeword in the order in which its bits are sent. Every
+//! burst of up to 32 bits is then detected; with a little-endian field, bursts of 28 bits across the payload's end
+//! would not be. One pass over the whole object with its CRC also ends in a [fixed residue](FRAME_RESIDUE), so
+//! [`frame_intact`] is one pass and one comparison.
 //!
 //! **The frame CRC has four tables of 256 words** (`FourTables`), 4 KiB of flash, with which one step processes four
-//! bytes. On a Cortex-M4 that step takes about 20 cycles. Four steps of one byte each with one table take 32 cycles,
-//! because the look-up of each byte has to wait for the byte before. Both boards spend most of their checks on this
-//! CRC: it closes every object, and their flash. The position CRC covers 20 bytes of a profile and has one table
-//! (`Table<1>` of the `crc` crate, 1 KiB; the alternative, 16 tables, takes 16 KiB).
+//! bytes. On a Cortex-M4 that step takes about 20 cycles; four steps of one byte with one table take 32. Both boards
+//! spend most of their checks on this CRC, which closes every object and their flash. The position CRC covers 20 bytes
+//! of a profile and has one table (1 KiB).
 //!
-//! The number of operations does not depend on the data. The number of cycles does not depend on them either if every
-//! read of a table takes the same time; a data cache before the flash, like that of the STM32F4's ART accelerator
-//! (RM0090, section 3), makes the cycles vary by its misses.
+//! The number of operations does not depend on the data. The number of processor cycles may: a data cache before the
+//! flash, like that of the STM32F4's ART accelerator (RM0090, section 3), makes it vary by its misses.
 use ::crc::{Algorithm, Crc, Table};
 
-/// The frame CRC, which closes every object. Koopman 0xF8C9140A, Hamming distance 8 over any object (paper, section
+/// The frame CRC, which closes every object: Koopman 0xF8C9140A, Hamming distance 8 over any object (paper, section
 /// 2.3).
 pub const FRAME: Algorithm<u32> = Algorithm {
     width: 32,
@@ -44,8 +40,8 @@ pub const FRAME: Algorithm<u32> = Algorithm {
     residue: FRAME_RESIDUE,
 };
 
-/// The position CRC over Reported-Position's latitude and longitude, which are used in operations from any source.
-/// Koopman 0x9D7F97D6, Hamming distance 9 over those 16 bytes (paper, section 2.3).
+/// The position CRC over Reported-Position's latitude and longitude: Koopman 0x9D7F97D6, Hamming distance 9 over those
+/// 16 bytes (paper, section 2.3).
 pub const POSITION: Algorithm<u32> = Algorithm {
     width: 32,
     poly: 0x3AFF_2FAD,
@@ -57,18 +53,18 @@ pub const POSITION: Algorithm<u32> = Algorithm {
     residue: POSITION_RESIDUE,
 };
 
-/// The frame register after one pass over an intact object, its CRC included, before the final XOR.
+/// The register of the frame CRC after one pass over an intact object and its CRC, before the final XOR.
 pub const FRAME_RESIDUE: u32 = 0x9D18_E2E0;
 
-/// The position register after one pass over latitude, longitude and an intact CRC, before the final XOR.
+/// The register of the position CRC after one pass over latitude, longitude and their intact CRC, before the final XOR.
 pub const POSITION_RESIDUE: u32 = 0x3C13_9B22;
 
-// These tables are statics, because a constant would be copied wherever a function that uses it is inlined.
+// A static, because a constant would be copied into every function that uses it.
 static FRAME_TABLE: FourTables = FourTables::new(&FRAME);
 static POSITION_TABLE: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&POSITION);
 
-/// The tables of a 32-bit CRC that is not reflected. Entry `b` of table number `n` is the register, starting from 0,
-/// after byte `b` and `n` bytes 0x00.
+/// The tables of a 32-bit CRC that is not reflected. Entry `b` of table number `n` is the CRC register, starting from
+/// 0, after byte `b` and `n` bytes 0x00.
 struct FourTables([[u32; 256]; 4]);
 
 #[expect(clippy::indexing_slicing, reason = "a table has an entry for each value of a byte, which every index is")]
@@ -93,7 +89,7 @@ impl FourTables {
         Self(tables)
     }
 
-    /// The register after `bytes`, which begins as `register`.
+    /// Returns the CRC register after `bytes`; before them it is `register`.
     fn update(&self, mut register: u32, bytes: &[u8]) -> u32 {
         let [behind_0, behind_1, behind_2, behind_3] = &self.0;
         let (words, rest) = bytes.as_chunks();
@@ -109,7 +105,7 @@ impl FourTables {
     }
 }
 
-/// Frame CRC of `bytes`, for storage most significant byte first.
+/// The frame CRC of `bytes`, to be stored most significant byte first.
 ///
 /// ```
 /// assert_eq!(profile::crc::frame(b"123456789"), 0x12D3_A0B1);
@@ -119,7 +115,7 @@ pub fn frame(bytes: &[u8]) -> u32 {
     FRAME_TABLE.update(FRAME.init, bytes) ^ FRAME.xorout
 }
 
-/// Frame CRC of words in the order of their addresses. Each word counts as its bytes in a little-endian memory.
+/// The frame CRC of words in the order of their addresses. Each word counts as its bytes in a little-endian memory.
 ///
 /// ```
 /// let words = [u32::from_le_bytes(*b"1234"), u32::from_le_bytes(*b"5678")];
@@ -130,7 +126,7 @@ pub fn frame_of_words(words: impl Iterator<Item = u32>) -> u32 {
     frame_of_words_after(0, words)
 }
 
-/// Frame CRC of data whose own frame CRC is `crc`, followed by `words`; a `crc` of 0 stands for no data.
+/// The frame CRC of data followed by `words`, where `crc` is the frame CRC of the data; 0 stands for no data.
 ///
 /// ```
 /// use profile::crc::{frame_of_words, frame_of_words_after};
@@ -145,7 +141,7 @@ pub fn frame_of_words_after(crc: u32, words: impl Iterator<Item = u32>) -> u32 {
     register ^ FRAME.xorout
 }
 
-/// Position CRC of `bytes`, for storage most significant byte first.
+/// The position CRC of `bytes`, to be stored most significant byte first.
 ///
 /// ```
 /// assert_eq!(profile::crc::position(b"123456789"), 0xEA87_07AB);
@@ -183,15 +179,16 @@ impl Begun {
         usize::from(self.bytes)
     }
 
-    /// Extends the CRC to all of `bytes`, the received beginning of an object shorter than 64 KiB: the bytes that the
-    /// CRC does not cover yet are added.
+    /// Extends the CRC to all of `bytes`, the part of an object that has been received so far. `bytes` begin with those
+    /// that the CRC already covers, and are shorter than 64 KiB.
     pub fn follow(&mut self, bytes: &[u8]) {
         let Ok(there) = u16::try_from(bytes.len()) else { return };
         let register = FRAME_TABLE.update(self.register, bytes.get(self.bytes()..).unwrap_or(&[]));
         *self = Self { register, bytes: self.bytes.max(there) };
     }
 
-    /// Whether `bytes`, whose last four are their frame CRC, are intact; this CRC must cover the first of `bytes`.
+    /// Whether `bytes`, an object whose last four bytes are its frame CRC, are intact. This CRC must cover a beginning
+    /// of `bytes`.
     #[must_use]
     pub fn is_intact(mut self, bytes: &[u8]) -> bool {
         self.follow(bytes);
@@ -199,9 +196,9 @@ impl Begun {
     }
 }
 
-/// Whether `bytes`, whose last four are their frame CRC, are intact.
+/// Whether `bytes` are intact by the frame CRC in their last four bytes.
 ///
-/// Fewer than four bytes are never intact; four are if they are zero, which is the CRC of no data.
+/// Fewer than four bytes are never intact. Four zeros are intact, because 0 is the CRC of no data.
 ///
 /// ```
 /// use profile::crc;
@@ -216,9 +213,9 @@ pub fn frame_intact(bytes: &[u8]) -> bool {
     frame(bytes) ^ FRAME.xorout == FRAME_RESIDUE
 }
 
-/// Whether `bytes`, whose last four are their position CRC, are intact.
+/// Whether `bytes` are intact by the position CRC in their last four bytes.
 ///
-/// Fewer than four bytes are never intact; four are if they are zero, which is the CRC of no data.
+/// Fewer than four bytes are never intact. Four zeros are intact, because 0 is the CRC of no data.
 #[must_use]
 pub fn position_intact(bytes: &[u8]) -> bool {
     position(bytes) ^ POSITION.xorout == POSITION_RESIDUE

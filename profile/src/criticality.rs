@@ -2,8 +2,7 @@
 //!
 //! # The table
 //!
-//! Rows are sources, columns destinations (paper, Table 1). HORUS writes to the base station and to the flight
-//! controller, and no function writes to HORUS.
+//! Rows are sources, columns destinations (paper, Table 1).
 //!
 //! | from \ to | Base Station | HORUS | Flight Controller | Active Load |
 //! |---|---|---|---|---|
@@ -12,19 +11,18 @@
 //! | Flight Controller | Safety relevant | | | Non-critical |
 //! | Active Load | Non-critical | | Non-critical | |
 //!
-//! The DPR is not in the table, because it is the medium. It writes its own objects ([Link-Status](crate::LinkStatus),
-//! [Port-Status](crate::PortStatus)) for the flight controller and the base station, and it accepts
+//! The DPR is the medium and not in the table. It writes [Link-Status](crate::LinkStatus) and
+//! [Port-Status](crate::PortStatus) for the flight controller and the base station, and accepts
 //! [commands](crate::Command) from the flight controller.
 //!
 //! # Use
 //!
 //! Each cell that is not empty is one implementation of [`Sends`]. Each object of the memory map is a type in
-//! [`object`] that names the only role that writes the object. The rest follows: a role [may write](MayWrite) an object
-//! if it is that role, and it [may read](MayRead) an object if the table lets the object's writer send to it.
+//! [`object`] that names the only role that [may write](MayWrite) the object. A role [may read](MayRead) an object if
+//! the table lets the object's writer send to the role.
 //!
-//! A function that writes an object into the [map](crate::map), or seals an [uplink](crate::Uplink) or a command, takes
-//! a [`Writer`] of a role that may write the object. A program claims its roles at its start. With the writer of one
-//! role it cannot write an object of another role:
+//! A function that writes an object takes a [`Writer`] of the role that may write it. A program claims its roles at its
+//! start:
 //!
 //! ```
 //! use profile::criticality::{BaseStation, Writer};
@@ -164,8 +162,8 @@
 //! }
 //! ```
 //!
-//! These types prevent mistakes, at no cost at run time, but not intent: a program can claim any role. Therefore the
-//! receiver of an object judges it by its CRC, its identifier and its timestamp.
+//! These types prevent mistakes at no cost at run time. They do not stop intent: a program can claim any role. So the
+//! receiver of an object judges it by CRC, identifier and timestamp.
 use core::{fmt, marker::PhantomData};
 
 /// The criticality of a communication (paper, Table 1).
@@ -186,7 +184,7 @@ impl fmt::Display for Criticality {
     }
 }
 
-/// A function of the system that writes objects, as a value; [`Role`] is the same as a type.
+/// A function of the system that writes objects, as a value. [`Role`] is the corresponding type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Function {
     /// The base station.
@@ -253,13 +251,13 @@ roles! {
     Dpr,
 }
 
-/// The role sends to the role `To`: a cell of the [table](self) that is not empty.
+/// The role may send to the role `To`: a cell of the [table](self) that is not empty.
 pub trait Sends<To: Role>: Role {
     /// The criticality of what the role sends to the role `To`.
     const CRITICALITY: Criticality;
 }
 
-/// Each input line of this macro is a cell: it becomes an implementation of [`Sends`] and a result of [`criticality`].
+/// Turns each line of input, a cell of the table, into an implementation of [`Sends`] and a result of [`criticality`].
 macro_rules! cells {
     ($($from:ident => $to:ident: $criticality:ident;)*) => {
         $(
@@ -287,7 +285,6 @@ macro_rules! cells {
 }
 
 cells! {
-    // The paper's Table 1.
     BaseStation => FlightController: SafetyRelevant;
     BaseStation => ActiveLoad: NonCritical;
     Horus => BaseStation: SafetyRelevant;
@@ -296,13 +293,13 @@ cells! {
     FlightController => ActiveLoad: NonCritical;
     ActiveLoad => BaseStation: NonCritical;
     ActiveLoad => FlightController: NonCritical;
-    // The DPR's own objects, by which a reader judges those of HORUS, and the flight controller's commands.
+    // A reader judges HORUS's objects by the DPR's own objects.
     Dpr => BaseStation: SafetyRelevant;
     Dpr => FlightController: SafetyRelevant;
     FlightController => Dpr: NonCritical;
 }
 
-/// The objects of the memory map. Each names the only role that writes it.
+/// The objects of the memory map, each with the only role that writes it.
 pub mod object {
     use core::marker::PhantomData;
 
@@ -349,11 +346,11 @@ pub mod object {
 
 use object::MapObject;
 
-/// The role writes the object `O`.
+/// The role may write the object `O`.
 pub trait MayWrite<O: MapObject>: Role {}
 impl<W: Role, O: MapObject<Writer = W>> MayWrite<O> for W {}
 
-/// The role reads the object `O`, because the [table](self) lets the object's writer send to the role.
+/// The role may read the object `O`, because the [table](self) lets the object's writer send to the role.
 pub trait MayRead<O: MapObject>: Role {
     /// The criticality of the object for the role that reads it.
     const CRITICALITY: Criticality;
@@ -381,12 +378,12 @@ impl WritesUplink for FlightController {
     const INDEX: usize = 1;
 }
 
-/// A proof that the program may write the objects of role `W`. The proof has no bytes and no cost.
+/// A proof, without bytes or cost, that the program may write the objects of role `W`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Writer<W>(PhantomData<W>);
 
 impl<W: Role> Writer<W> {
-    /// Claims that this program has role `W`, or passes on what `W` has sent.
+    /// Claims that this program has role `W`, or that it passes on unchanged what `W` has sent.
     #[must_use]
     pub const fn claim() -> Self {
         Self(PhantomData)
@@ -400,7 +397,6 @@ mod tests {
 
     use super::*;
 
-    /// The rows of the table in this module's documentation, made from the results of `criticality`.
     fn table() -> String {
         let mut table = String::from("| from \\ to |");
         for to in Function::TABLE_1 {

@@ -1,7 +1,7 @@
-//! Freshness: the meaning of a timestamp after the one before it.
+//! Freshness: what a timestamp says, compared with the one before it.
 //!
-//! [`sequence`](crate::sequence) decides whether a cycle may be shown, and also uses the receiver's clock. The function
-//! here is for recorded or forwarded data, whose time of arrival is meaningless.
+//! [`sequence`](crate::sequence) decides whether a cycle may be shown, for which it also uses the receiver's clock. The
+//! function here is for recorded or forwarded data, whose time of arrival has no meaning.
 use crate::CYCLE_MS;
 
 /// The relation of a timestamp to the one before it (paper, section 2.3).
@@ -14,11 +14,11 @@ pub enum Freshness {
         /// The number of cycles between the two timestamps that did not arrive.
         missed: u32,
     },
-    /// The timestamp is the same again: HORUS is frozen, or a frame was repeated.
+    /// The timestamp is the last one again: HORUS is frozen, or a frame was repeated.
     Frozen,
-    /// The timestamp is behind: HORUS has restarted and counts from 0, so its data do not continue the earlier ones.
+    /// The timestamp is behind: HORUS has restarted and counts from 0.
     Restarted,
-    /// The timestamp is ahead, but not by a whole number of cycles; HORUS does not send such timestamps.
+    /// The timestamp is ahead, but not by a whole number of cycles, which HORUS never sends.
     Irregular,
 }
 
@@ -30,11 +30,10 @@ impl Freshness {
     }
 }
 
-/// The relation of timestamp `now` to `previous`, the last timestamp that was received; both in ms since HORUS's start.
+/// The relation of timestamp `now` to `previous`, the timestamp before it; both in ms since HORUS's start.
 ///
-/// Timestamps wrap after 49.7 days, which is no restart: a timestamp is ahead by less than half of that time, or else
-/// it is behind. (2³² is no multiple of ten, so timestamps end in another digit after they have wrapped; only
-/// differences count.) A HORUS that restarts after over 24.8 days therefore looks like one whose timestamp advanced.
+/// Timestamps wrap after 49.7 days. A timestamp is ahead by less than half of that time, or else it is behind. So a
+/// HORUS that restarts after more than 24.8 days looks like one whose timestamp advanced.
 ///
 /// ```
 /// use profile::{Freshness, freshness};

@@ -11,11 +11,11 @@ use crate::{
 
 /// A receiver's solution in plain numbers.
 ///
-/// A missing value is NaN ([`ABSENT_F64`], [`ABSENT_F32`]), and its status bit is clear. So two `GpsValues` are equal
-/// only if they contain no NaN; compare [sealed objects](GpsObject) to compare bits.
+/// A missing value is NaN ([`ABSENT_F64`], [`ABSENT_F32`]), and its status bit is clear. NaN equals nothing, so compare
+/// [sealed objects](GpsObject) to compare all bits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GpsValues {
-    /// The timestamp of the cycle, ms since HORUS's start, wraps; it is the same in every object of a profile.
+    /// The timestamp of the cycle, ms since HORUS's start, wraps; equal in all objects of a profile.
     pub timestamp: u32,
     /// The validity of the values, and the receiver's state.
     pub status: GpsStatus,
@@ -36,8 +36,8 @@ pub struct GpsValues {
 }
 
 impl GpsValues {
-    /// Values at `timestamp`, ms, of a receiver that never had a solution: every value is NaN and every status bit
-    /// clear, except the bits of the solution's age, which say that there never was one.
+    /// Values at `timestamp`, ms, of a receiver that never had a solution: every value is NaN and every status bit is
+    /// clear, except those of the solution's age, which say so.
     #[must_use]
     pub const fn absent(timestamp: u32) -> Self {
         Self {
@@ -55,8 +55,6 @@ impl GpsValues {
 }
 
 /// A GPS object: 60 bytes. The last four are the frame CRC of the other 56.
-///
-/// Any 60 bytes can be read as a GPS object; [`GpsObject::verify`] checks whether they are a valid one.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct GpsObject {
@@ -88,8 +86,7 @@ const _: () = {
 impl GpsObject {
     /// Seals `values` in an object with its CRC.
     ///
-    /// `identifier` is one of [`Identifier::GPS`]. An object with another identifier is sealed as well, but no place of
-    /// a profile accepts it.
+    /// `identifier` should be one of [`Identifier::GPS`]; no profile accepts an object with another one.
     #[must_use]
     pub fn seal(identifier: Identifier, values: &GpsValues) -> Self {
         Self {

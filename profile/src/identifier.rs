@@ -1,10 +1,10 @@
 //! The identifiers of objects.
 use core::fmt;
 
-/// The kind of an object, which determines the object's place: the header word of every object (paper, section 2.1).
+/// The kind of an object, which determines where it belongs: the header word of every object (paper, section 2.1).
 ///
-/// A valid object in another object's place is [rejected](crate::Rejection::Identifier): a CRC alone would not reveal
-/// that GPS1 is in the place of GPS2.
+/// A valid object at another object's offset is [rejected](crate::Rejection::Identifier); a CRC alone would not reveal
+/// GPS1 in place of GPS2.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Identifier(pub u16);
 
@@ -23,7 +23,7 @@ impl Identifier {
     pub const UPLINK_FLIGHT_CONTROLLER: Self = Self(0x4300);
     /// The uplink of the base station.
     pub const UPLINK_BASE_STATION: Self = Self(0x4200);
-    /// The first identifier of the active load; the last is 0x41FF. Each maker of a [hold](crate::hold) takes one.
+    /// The first identifier of the active load; the last is 0x41FF. Each maker of a [hold](crate::hold) uses one.
     pub const ACTIVE_LOAD: Self = Self(0x4100);
     /// Hold-Status, the object of this project's own hold.
     pub const HOLD_STATUS: Self = Self::ACTIVE_LOAD;
@@ -32,8 +32,8 @@ impl Identifier {
     ///
     /// # Panics
     ///
-    /// Panics if `receiver` is not 1 to 5; for a constant argument that can be a compile-time error. To loop over the
-    /// receivers, iterate over [`Identifier::GPS`], which cannot panic.
+    /// Panics if `receiver` is not 1 to 5. For a constant argument that can be a compile-time error. Loops can iterate
+    /// over [`Identifier::GPS`], which cannot panic.
     ///
     /// ```
     /// use profile::Identifier;

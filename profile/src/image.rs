@@ -6,22 +6,22 @@
 //! | 32 | [Reported-Position](ReportedPosition) | 64 |
 //! | 96 | [GPS1](crate::GpsObject) … GPSn | 60 each |
 //!
-//! The first 96 bytes hold what a flight controller that flies by HORUS needs in every control cycle. From offset 32 on
-//! the image is the [`Profile`] as HORUS sent it: base station and flight controller verify the bytes that HORUS
-//! sealed. The place of an object that did not arrive, or was rejected, is zero, and zeros do not verify.
+//! The first 96 bytes are all that a flight controller needs to fly by HORUS. From offset 32 on, the image is
+//! the [`Profile`] as HORUS sent it, so every reader verifies the bytes that HORUS sealed. The bytes of an object that
+//! did not arrive or was rejected are zero, and zeros do not verify.
 use core::{fmt, ops::Range};
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::{LinkStatus, Object, Profile, Reading, Rejection, ReportedPosition};
 
-/// Offset of Link-Status.
+/// The offset of Link-Status.
 pub const LINK_STATUS: usize = 0;
 
 /// The offset of Reported-Position, where the profile begins.
 pub const REPORTED_POSITION: usize = LINK_STATUS + LinkStatus::SIZE;
 
-/// The offset of GPS1; the other GPS objects follow it, 60 bytes each.
+/// The offset of GPS1. The other GPS objects follow, 60 bytes each.
 pub const GPS: usize = REPORTED_POSITION + ReportedPosition::SIZE;
 
 const _: () = {
@@ -34,7 +34,7 @@ const _: () = {
 };
 
 /// The image of a DPR for a profile of `N` receivers.
-// Packing has no effect, because all fields have alignment 1; it proves to bytemuck that no N has padding.
+// All fields have alignment 1; `packed` proves to bytemuck that no `N` has padding.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 pub struct Image<const N: usize> {
@@ -60,30 +60,29 @@ impl<const N: usize> Image<N> {
         self.link = link;
     }
 
-    /// The profile in the image, its objects valid or not.
+    /// The profile in the image. Its objects need not be valid.
     #[must_use]
     pub fn profile(&self) -> &Profile<N> {
         let (_, profile) = self.as_bytes().split_at(REPORTED_POSITION);
         bytemuck::from_bytes(profile)
     }
 
-    /// Puts an accepted object in its place in the image, unchanged.
+    /// Copies an accepted object into the image.
     ///
     /// # Errors
     ///
-    /// [`Rejection::Identifier`] if this image has no place for the object; the image is then unchanged.
+    /// [`Rejection::Identifier`] if this image has no room for the object, which is then not copied.
     pub fn deposit(&mut self, object: Object<'_>) -> Result<(), Rejection> {
         let index = object.index().ok_or(Rejection::Identifier)?;
         let slot = self.object_mut(index).ok_or(Rejection::Identifier)?;
-        // The place and the object have the same length, that of the object with this index.
         for (to, from) in slot.iter_mut().zip(object.as_bytes()) {
             *to = *from;
         }
         Ok(())
     }
 
-    /// The bytes of the profile's object number `index` (0 is Reported-Position, 1 to `N` are GPS1 to GPS`N`), for
-    /// writing or clearing; `None` if there is no such object.
+    /// The bytes of the profile's object number `index`, for writing or clearing; `None` if there is no such object. 0
+    /// is Reported-Position, 1 to `N` are GPS1 to GPS`N`.
     #[must_use]
     pub fn object_mut(&mut self, index: usize) -> Option<&mut [u8]> {
         let place = Self::place(index)?;

@@ -1,8 +1,8 @@
 //! The layout of a profile whose number of receivers is only known at run time.
 //!
 //! A firmware's number of receivers is fixed when it is compiled, so it uses [`Profile<N>`](Profile) and
-//! [`Image<N>`](Image). A bench, a base station or a tool gets the number from an argument or its configuration and
-//! uses this module. Every result comes from those two types, so there is only one definition of each offset and size.
+//! [`Image<N>`](Image). A bench, a base station or a tool takes the number from its configuration and uses this module,
+//! whose results come from those two types.
 //!
 //! # Example
 //!
@@ -22,7 +22,7 @@ use crate::image::Image;
 use crate::map::Map;
 use crate::{Profile, Rejection};
 
-/// Evaluates an expression in which the number of receivers is a constant, for a number known at run time.
+/// Evaluates an expression that needs the number of receivers as a constant, for a number known at run time.
 macro_rules! with_receivers {
     ($receivers:expr, $n:ident => $answer:expr) => {
         match $receivers {
@@ -55,8 +55,7 @@ enum Receivers {
     Five,
 }
 
-/// The layout of a profile, of its air frames and of its image, for a number of receivers that is only known at run
-/// time.
+/// The layout of a profile, its air frames, image and map, for a number of receivers known at run time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Layout {
     receivers: Receivers,
@@ -68,7 +67,7 @@ impl Layout {
         Self { receivers, has_hold: false }
     }
 
-    /// The layouts without a hold for every number of receivers, that of the fewest first.
+    /// The layouts without a hold for every number of receivers, in ascending order.
     pub const ALL: [Self; 4] =
         [Self::of(Receivers::One), Self::of(Receivers::Two), Self::of(Receivers::Three), Self::of(Receivers::Five)];
 
@@ -162,7 +161,7 @@ impl Layout {
         with_receivers!(self.receivers, N => Place::of_frame::<N>(frame))
     }
 
-    /// The parts of an air frame's payload that should be objects, each with its number in the profile.
+    /// The pieces of an air frame's payload that should be objects, each with its number in the profile.
     ///
     /// # Errors
     ///

@@ -1,28 +1,27 @@
 //! The HORUS profile: packed, CRC-protected objects, their air frames, and the image that a flight controller reads.
 //!
-//! HORUS, an independent flight-path monitor of an unmanned aircraft, writes its position and the solution of each of
-//! its GNSS receivers into a dual-ported RAM (DPR) by RFID, every [10 ms](CYCLE_MS), and never gets an answer. The
-//! flight controller reads that RAM and forwards its contents, unchanged, to a base station. This crate has only the
-//! definitions that these four share: no driver, no clock, and no memory but the caller's.
+//! HORUS, an independent flight-path monitor of an unmanned aircraft, writes its position and each GNSS receiver's
+//! solution into a dual-ported RAM (DPR) by RFID, every [10 ms](CYCLE_MS), and never gets an answer. The flight
+//! controller reads that RAM and forwards its contents, unchanged, to a base station. This crate has only the
+//! definitions that these four share: no driver, no clock, no memory of its own.
 //!
 //! # Design
 //!
-//! **Black channel.** No component between sealing and verifying an object is trusted: neither the air, nor the RFID
-//! chips, nor the DPR, nor the radio link. The proof of an object's validity is in the object: its CRC, its identifier
-//! and its timestamp. So each object is independent, is [accepted or rejected](Rejection) separately, and can be
-//! stored, forwarded or dropped without reading the others.
+//! **Black channel.** Nothing between sealing and verifying an object is trusted: neither the air, nor the RFID chips,
+//! nor the DPR, nor the radio link. An object proves its validity itself, by its CRC, its identifier and its timestamp.
+//! So each object is [accepted or rejected](Rejection) separately, and can be stored, forwarded or dropped without the
+//! others.
 //!
 //! **The bytes are the object.** [`GpsObject`], [`ReportedPosition`] and [`LinkStatus`] are arrays of bytes with named
-//! parts: they have alignment 1 and no padding, and every bit pattern is allowed. A received buffer *is* an object, in
-//! place and without a copy, and the layout is the same on any host, whatever its byte order. Sizes and offsets are
-//! asserted when the crate is compiled.
+//! fields: they have alignment 1 and no padding, and every bit pattern is allowed. A received buffer is an object
+//! without a copy, and the layout is the same on any host. Sizes and offsets are asserted when the crate is compiled.
 //!
-//! **A reference to an object does not imply its validity; [`verify`](GpsObject::verify) checks it.** A slot that was
-//! never filled is an object too: [`EMPTY`](GpsObject::EMPTY), which does not verify. A slot that a scrub left at 0x00
-//! or 0xFF does not verify either, nor a bus that reads 0xFF.
+//! **A reference to an object does not imply its validity; [`verify`](GpsObject::verify) checks it.** Zeros
+//! ([`EMPTY`](GpsObject::EMPTY)), a buffer scrubbed to 0x00 or 0xFF, and a bus that reads 0xFF can all be read as
+//! objects, and none of them verifies.
 //!
-//! **The work does not depend on the data.** A function that judges received bytes computes every CRC it needs before
-//! it decides; only a wrong length ends it early. No function allocates, blocks or recurses, and all loops are bounded.
+//! **The work does not depend on the data.** A function that judges received bytes computes every CRC before it
+//! decides; only a wrong length ends it early. No function allocates, blocks or recurses, and all loops are bounded.
 //!
 //! # Layout
 //!
@@ -42,16 +41,16 @@
 //! | 60..64 | frame CRC over 0..60 | | | 28..32 | frame CRC over 0..28 |
 //!
 //! A [`Profile`] is Reported-Position and 1, 2, 3 or 5 GPS objects, contiguous: 124, 184, 244 or 364 bytes. [`air`]
-//! defines which objects travel in one frame, [`image`] their places in the DPR, [`ssi`] how a flight controller
-//! requests them, [`sequence`] which cycles continue the cycles before them.
+//! defines which objects travel in one frame, [`image`] their offsets in the DPR, [`ssi`] how a flight controller
+//! requests them, [`sequence`] which cycles may be shown.
 //!
-//! Three more objects of 64 bytes each follow the image in the [`map`]: [`PortStatus`] and two [`Uplink`]s. Where there
-//! is a [`hold`], the non-critical second function, [`HoldStatus`] is the fourth. A [`CommandObject`] is written and
-//! not stored. [`criticality`] defines which role may write which object.
+//! Two kinds of object of 64 bytes follow the image in the [`map`]: [`PortStatus`] and two [`Uplink`]s. A DPR with a
+//! [`hold`], the non-critical second function, adds [`HoldStatus`]. A [`CommandObject`] is written and not stored.
+//! [`criticality`] defines which role may write which object.
 //!
-//! The objects are those of H. D. Doran et al., *Mixed Criticality Communication within an Unmanned Delivery
-//! Rotorcraft*, Tables 2 and 3. The paper's text gives Reported-Position 60 bytes; its Table 2 adds up to 64, as here.
-//! This project defines the Link-Status object, the identifiers, the status bits, the units and the byte order.
+//! The objects are from H. D. Doran et al., *Mixed Criticality Communication within an Unmanned Delivery Rotorcraft*,
+//! Tables 2 and 3. The paper's text gives Reported-Position 60 bytes; its Table 2 adds up to 64, as here. This project
+//! defines Link-Status, the identifiers, the status bits, the units and the byte order.
 //!
 //! # Example
 //!
@@ -121,7 +120,7 @@ pub use reported::{ReportedPosition, ReportedValues};
 pub use status::{FixType, GpsStatus, HorusState, LinkStatusBits, PortStatusBits, ReportedStatus, ResetReason};
 pub use uplink::{Uplink, UplinkStatus, UplinkValues};
 
-/// The cycle of HORUS, ms: every timestamp exceeds the timestamp before it by exactly this (paper, section 2.2).
+/// The cycle of HORUS, ms: the step from each timestamp to the next (paper, section 2.2).
 pub const CYCLE_MS: u32 = 10;
 
 /// The value of a binary32 that is not known: the canonical quiet NaN, on the wire `00 00 C0 7F`.
@@ -130,17 +129,17 @@ pub const ABSENT_F32: f32 = f32::from_bits(0x7FC0_0000);
 /// The value of a binary64 that is not known: the canonical quiet NaN, on the wire `00 00 00 00 00 00 F8 7F`.
 pub const ABSENT_F64: f64 = f64::from_bits(0x7FF8_0000_0000_0000);
 
-/// A test that compiles and runs the README's example.
+/// Compiles and runs the README's example as a test.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-/// A test that compiles and runs the profile of another maker's hold.
+/// Compiles and runs the profile of another maker's hold as a test.
 #[cfg(doctest)]
 #[doc = include_str!("../../docs/profiles.md")]
 struct ProfilesGuide;
 
-/// A test that compiles and runs the Rust code of the guide for developers of flight controllers.
+/// Compiles and runs the Rust code of the flight controller's guide as a test.
 #[cfg(all(doctest, feature = "embedded-hal"))]
 #[doc = include_str!("../../docs/flight-controller.md")]
 struct FlightControllerGuide;

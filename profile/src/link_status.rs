@@ -9,10 +9,10 @@ use crate::{
     wire::{CrcBe, U16Le, U32Le},
 };
 
-/// The contents of Link-Status in plain numbers. Counters count since the DPR's start and wrap unless stated otherwise.
+/// The contents of Link-Status in plain numbers. Counters count from the DPR's start and wrap unless stated otherwise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LinkValues {
-    /// The timestamp, ms since the DPR's start on the DPR's clock, not HORUS's; wraps.
+    /// The timestamp, ms since the DPR's start, wraps.
     pub timestamp: u32,
     /// The state of the link.
     pub status: LinkStatusBits,
@@ -24,14 +24,14 @@ pub struct LinkValues {
     pub frames_received: u32,
     /// Frames of HORUS that were due and did not arrive.
     pub frames_missed: u32,
-    /// The age of Reported-Position when the image was made, in units of 100 µs; 65535 stands for that age or more.
+    /// The age of Reported-Position when the image was made, in units of 100 µs; 65535 stands for 6.5535 s or more.
     pub age_100us: u16,
-    /// Accesses over the SSI that were refused; the counter stays at 65535.
+    /// Accesses over the SSI that were refused; the counter saturates at 65535.
     pub access_violations: u16,
 }
 
 impl LinkValues {
-    /// Converts `age_us` µs to an age for [`LinkValues::age_100us`]: rounded down, saturating after 6.5535 s.
+    /// Converts `age_us`, µs, to units of 100 µs, rounded down, at most 65535, for [`LinkValues::age_100us`].
     ///
     /// ```
     /// assert_eq!(profile::LinkValues::age(5_299), 52);
@@ -44,8 +44,6 @@ impl LinkValues {
 }
 
 /// A Link-Status object: 32 bytes. The last four are the frame CRC of the other 28.
-///
-/// Any 32 bytes can be read as Link-Status; [`LinkStatus::verify`] checks whether they are a valid one.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct LinkStatus {

@@ -8,16 +8,16 @@
 //! | `LEN` + 128 | [uplink](Uplink) of the flight controller, as it was stored | 64 | flight controller |
 //! | `LEN` + 192 | end, or the [object of the hold](crate::hold), where there is one | 64 | hold |
 //!
-//! The whole map is one generation: the contents of a transaction were published at one instant. A place without an
-//! object that may be shown is zeros, which do not verify. [`Map::PORT_STATUS`] and [`Map::uplink`] give the offsets.
+//! All bytes of one transaction were published at the same instant. The bytes of an object that may not be shown are
+//! zeros, which do not verify. [`Map::PORT_STATUS`] and [`Map::uplink`] give the offsets.
 //!
-//! A DPR without a hold has no bytes for its object: the map ends before it. [`Map::LEN`] never includes the hold.
+//! The map of a DPR without a hold ends before the hold's object. [`Map::LEN`] never includes the hold.
 //!
-//! A transaction without a request reads the map from its start, so a flight controller that clocks only as many bytes
-//! as the image has reads only the image.
+//! A transaction without a request reads the map from its start. So a flight controller that clocks as many bytes as
+//! the image has reads only the image.
 //!
-//! Types enforce the write permissions: the functions here take the [writer](Writer) of the role that an object belongs
-//! to.
+//! The functions here take the [writer](Writer) of the role that an object belongs to, so types enforce the write
+//! permissions.
 use core::{fmt, ops::Range};
 
 use bytemuck::{Pod, Zeroable};
@@ -28,7 +28,7 @@ use crate::{
     image::{self, Image, ImageReading},
 };
 
-/// Port-Status and both uplinks: the part of the map that concerns the SSI port.
+/// The part of the map behind the image: Port-Status and both uplinks.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct PortArea {
@@ -37,7 +37,7 @@ pub struct PortArea {
 }
 
 impl PortArea {
-    /// The size of this part of the map in bytes.
+    /// The size of Port-Status and both uplinks in bytes.
     pub const SIZE: usize = PortStatus::SIZE + 2 * Uplink::SIZE;
 
     /// Zeros, in which no object verifies.
@@ -61,19 +61,19 @@ impl PortArea {
         if W::INDEX == 0 { base_station } else { flight_controller }
     }
 
-    /// Puts an uplink of role `W` in its place, or [`Uplink::EMPTY`] if no uplink of this role may be shown.
+    /// Sets the uplink of role `W`, or [`Uplink::EMPTY`] if none may be shown.
     pub fn set_uplink<W: WritesUplink>(&mut self, _writer: Writer<W>, uplink: Uplink) {
         let [base_station, flight_controller] = &mut self.uplinks;
         *(if W::INDEX == 0 { base_station } else { flight_controller }) = uplink;
     }
 
-    /// The bytes of this part of the map in their order on the wire.
+    /// The bytes of Port-Status and both uplinks in their order on the wire.
     #[must_use]
     pub const fn as_bytes(&self) -> &[u8; Self::SIZE] {
         bytemuck::must_cast_ref(self)
     }
 
-    /// The objects of this part of the map, each accepted or rejected separately.
+    /// Port-Status and both uplinks, each accepted or rejected separately.
     #[must_use]
     pub fn verify(&self) -> PortReading<'_> {
         PortReading {
@@ -91,7 +91,7 @@ impl fmt::Debug for PortArea {
 }
 
 /// The memory map of a DPR for a profile of `N` receivers.
-// Packing has no effect, because all fields have alignment 1; it proves to bytemuck that no N has padding.
+// All fields have alignment 1; `packed` proves to bytemuck that no `N` has padding.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 pub struct Map<const N: usize> {
@@ -121,13 +121,13 @@ impl<const N: usize> Map<N> {
     /// Zeros, in which no object verifies.
     pub const EMPTY: Self = Self { image: Image::EMPTY, port: PortArea::EMPTY };
 
-    /// A map that consists of an image and of the port's objects.
+    /// A map of this image and these objects.
     #[must_use]
     pub const fn new(image: Image<N>, port: PortArea) -> Self {
         Self { image, port }
     }
 
-    /// The image, its objects valid or not.
+    /// The image. Its objects need not be valid.
     #[must_use]
     pub fn image(&self) -> &Image<N> {
         let (image, _) = self.as_bytes().split_at(Self::PORT_STATUS);
@@ -159,7 +159,7 @@ impl<const N: usize> Map<N> {
         start..start + Uplink::SIZE
     }
 
-    /// The range of the hold's object in the map; it follows the map of a DPR without a hold.
+    /// The range of the hold's object in the map: the bytes after [`Map::LEN`].
     #[must_use]
     pub const fn hold() -> Range<usize> {
         Self::LEN..Self::LEN_WITH_HOLD
@@ -202,8 +202,8 @@ impl<const N: usize> fmt::Debug for Map<N> {
     }
 }
 
-/// The bytes of the profile's object number `index` in `map`, for code that passes on HORUS's objects; `None` if there
-/// is no such object, or if `map` is shorter than one for `N` receivers.
+/// The bytes of the profile's object number `index` in `map`, for code that passes HORUS's objects on; `None` if there
+/// is no such object or `map` is too short.
 #[must_use]
 pub fn profile_object_mut<W: MayWrite<object::Profile>, const N: usize>(
     _writer: Writer<W>,
@@ -213,7 +213,7 @@ pub fn profile_object_mut<W: MayWrite<object::Profile>, const N: usize>(
     map.get_mut(Image::<N>::place(index)?)
 }
 
-/// The bytes of Link-Status in `map`; `None` if `map` is shorter than Link-Status.
+/// The bytes of Link-Status in `map`; `None` if `map` is too short.
 #[must_use]
 pub fn link_status_mut<W: MayWrite<object::LinkStatus>>(
     _writer: Writer<W>,
@@ -223,8 +223,7 @@ pub fn link_status_mut<W: MayWrite<object::LinkStatus>>(
     from.first_chunk_mut()
 }
 
-/// The bytes of Port-Status and both uplinks in `map`, for the DPR, which has stored the uplinks of both writers;
-/// `None` if `map` is shorter than one for `N` receivers.
+/// The bytes of Port-Status and both uplinks in `map`, for the DPR; `None` if `map` is too short.
 #[must_use]
 pub fn port_area_mut<W: MayWrite<object::PortStatus>, const N: usize>(
     _writer: Writer<W>,
@@ -234,8 +233,7 @@ pub fn port_area_mut<W: MayWrite<object::PortStatus>, const N: usize>(
     from.first_chunk_mut()
 }
 
-/// The bytes of the hold's object in `map`, for code that passes the object on; `None` if `map` is shorter than one
-/// with a hold for `N` receivers.
+/// The bytes of the hold's object in `map`, for code that passes the object on; `None` if `map` is too short.
 #[must_use]
 pub fn hold_mut<W: MayWrite<object::Hold>, const N: usize>(
     _writer: Writer<W>,

@@ -1,8 +1,6 @@
 //! The macro `object!`, which defines the methods that all objects share: header, frame CRC, bytes.
-//!
-//! The objects themselves are in `reported`, `gps` and `link_status`.
 
-/// Defines the common methods of an object, for a `repr(C)` type of wire fields that include `timestamp`, `identifier`,
+/// Defines the common methods of an object: a `repr(C)` type of wire fields that include `timestamp`, `identifier`,
 /// `status` and `crc`.
 macro_rules! object {
     (
@@ -22,7 +20,7 @@ macro_rules! object {
             /// The size of the object in bytes.
             pub const SIZE: usize = $size;
 
-            /// Zeros, the contents of a slot before the first write. They do not verify.
+            /// Zeros, the contents of memory before the first write. They do not verify.
             pub const EMPTY: Self = bytemuck::zeroed();
 
             #[doc = $timestamp]
@@ -37,13 +35,13 @@ macro_rules! object {
                 $crate::Identifier(self.identifier.get())
             }
 
-            /// The status in the object's header; bits without a meaning are ignored.
+            /// The status in the object's header; undefined bits are ignored.
             #[must_use]
             pub const fn status(&self) -> $status {
                 <$status>::from_bits(self.status.get())
             }
 
-            /// The frame CRC in the object, right or wrong.
+            /// The frame CRC in the object; it may be wrong.
             #[must_use]
             pub const fn crc(&self) -> u32 {
                 self.crc.get()
@@ -55,20 +53,19 @@ macro_rules! object {
                 bytemuck::must_cast_ref(self)
             }
 
-            /// This object with the frame CRC of its contents.
+            /// Returns this object with the frame CRC of its contents.
             fn sealed(mut self) -> Self {
                 let [covered @ .., _, _, _, _] = self.as_bytes();
                 self.crc = $crate::wire::CrcBe::new($crate::crc::frame(covered));
                 self
             }
 
-            /// Reads `bytes` as an object and checks the frame CRC; the contents are not checked yet.
             fn look(bytes: &[u8]) -> Result<(&Self, $crate::rejection::Findings), $crate::Rejection> {
                 let bytes: &[u8; Self::SIZE] = bytes.try_into().map_err(|_| $crate::Rejection::Length)?;
                 Ok(Self::found(bytes, $crate::crc::frame_intact(bytes)))
             }
 
-            /// Reads `bytes` as an object, where `intact` is the result of its frame CRC.
+            /// Reads `bytes` as an object, of which `intact` says whether the frame CRC is right.
             fn found(bytes: &[u8; Self::SIZE], intact: bool) -> (&Self, $crate::rejection::Findings) {
                 let findings = $crate::rejection::Findings::new().check(intact, $crate::Rejection::Crc);
                 (bytemuck::must_cast_ref(bytes), findings)

@@ -2,11 +2,10 @@
 //!
 //! # Access violations
 //!
-//! In a transaction the flight controller may read anything and may write three things: a [request](crate::ssi), after
-//! it one [object](crate::uplink::Written), and nothing after that. Each of the three *parts* is judged separately. A
-//! part is *idle*, and no violation, if all of its received bytes are 0x00 or all of them are 0xFF. Every part that is
-//! not idle and that the DPR does not accept counts once, under the first of these kinds ([`Violation`]) that holds for
-//! it:
+//! In a transaction the flight controller may write a [request](crate::ssi), after it one
+//! [object](crate::uplink::Written), and nothing after that. Each of these three *parts* is judged separately. A part
+//! is *idle* if all of its received bytes are 0x00 or all are 0xFF; that is no violation. Every other part that the DPR
+//! does not accept counts once, under the first of these kinds ([`Violation`]) that holds for it:
 //!
 //! | kind | part | meaning |
 //! |---|---|---|
@@ -21,18 +20,18 @@
 //! | `TooMany` | – | see below |
 //! | `TooLong` | rest | MOSI is driven after the object: the eight bytes there are not idle |
 //!
-//! A transaction that is longer than 80 bytes is no violation: the controller that clocks a longer read out clocks the
-//! same number of bytes in. The DPR's peripheral drops the bytes after the 80th, which are not judged.
+//! A transaction of more than 80 bytes is no violation, because a long read clocks as many bytes in. The DPR's
+//! peripheral drops the bytes after the 80th, which are not judged.
 //!
-//! `TooMany` does not concern a part. It counts once when all transactions that the DPR grants between two images are
-//! used up (further transactions read 0xFF, and their writes are ignored). It also counts once for each transaction
-//! whose object arrives while the objects of two earlier transactions still wait to be judged: that object is dropped,
-//! unless it is idle by its identifier and status.
+//! `TooMany` concerns whole transactions. It counts once when the budget of transactions between two images is used up;
+//! further transactions read 0xFF, and their writes are ignored. It also counts once for each object that is dropped
+//! because the objects of two earlier transactions still wait to be judged. An object that is idle by its identifier
+//! and status does not count.
 //!
 //! So one transaction counts up to four times: for its request, its object and its rest, and for `TooMany` if it is the
-//! last that is granted. (A transaction whose object is dropped counts once for `TooMany`, and once more if it is the
-//! last that is granted.) Link-Status's [`access_violations`](crate::LinkValues::access_violations) is the total of all
-//! kinds since the DPR's start; no command clears it. The counters show a transaction from the first image on that is
+//! last that is granted. A transaction whose object is dropped counts once for `TooMany`, and once more if it is the
+//! last that is granted. Link-Status's [`access_violations`](crate::LinkValues::access_violations) is the total of all
+//! kinds since the DPR's start; no command clears it. The counters show a transaction from the first image that is
 //! published after the DPR has judged it, which may be the image after next.
 use core::{mem::offset_of, ops::Range};
 
@@ -50,7 +49,7 @@ use crate::{
 pub enum Violation {
     /// A request with a wrong CRC.
     RequestDamaged,
-    /// An intact request for a window that is empty or not in the map.
+    /// An intact request for an empty window, or for one that reaches beyond the map.
     WindowOutside,
     /// A transaction that ended in the middle of a request or of an object.
     TooShort,
@@ -62,7 +61,7 @@ pub enum Violation {
     UplinkNotNewer,
     /// A command that the DPR does not know, or with reserved bytes that are not zero.
     CommandUnknown,
-    /// A command that cannot be carried out because a command of the same kind is under way.
+    /// A self-test that is requested while another is under way.
     CommandBusy,
     /// More transactions, or more objects, than the DPR grants.
     TooMany,
@@ -85,8 +84,7 @@ impl Violation {
         Self::TooLong,
     ];
 
-    /// The kind of a rejected request or object: of a [request](crate::ssi::parse) or of an
-    /// [object](crate::uplink::Written::verify).
+    /// The kind of violation that a rejected [request](crate::ssi::parse) is.
     #[must_use]
     pub const fn of_request(rejection: Rejection) -> Self {
         match rejection {
@@ -96,7 +94,7 @@ impl Violation {
         }
     }
 
-    /// The kind of a rejected [object](crate::uplink::Written::verify).
+    /// The kind of violation that a rejected [object](crate::uplink::Written::verify) is.
     #[must_use]
     pub const fn of_object(rejection: Rejection) -> Self {
         match rejection {
@@ -164,22 +162,22 @@ impl Violations {
 /// The contents of Port-Status in plain numbers. Counters of u16 saturate at 65535, those of u32 wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PortValues {
-    /// The timestamp of Port-Status, ms since the DPR's start, wraps. It is up to one cycle before Link-Status's.
+    /// The timestamp of Port-Status, ms since the DPR's start, wraps. It is at most one cycle before Link-Status's.
     pub timestamp: u32,
     /// The state of the port.
     pub status: PortStatusBits,
-    /// Uplinks of both writers that were stored, since the DPR's start or since the counters were cleared.
+    /// Uplinks that were stored since the DPR's start or since the counters were cleared.
     pub uplinks_accepted: u32,
-    /// Commands carried out since the DPR's start, or since the counters were cleared, with the one that cleared them.
+    /// Commands carried out since the DPR's start, or since the counters were cleared, with the clearing command.
     pub commands_carried_out: u32,
-    /// The timestamp of the last command that was carried out, ms on the flight controller's clock; 0 if there was
-    /// none.
+    /// The timestamp of the last command that was carried out, ms on the flight controller's clock; 0 if none was.
     pub last_command_timestamp: u32,
-    /// The word of the last command that was carried out; 0 if there was none.
+    /// The word of the last command that was carried out; 0 if none was.
     pub last_command: u32,
-    /// The time since the last uplink of the base station was stored, ms; 65535 also if it is longer or there was none.
+    /// The time since the last uplink of the base station was stored, ms; 65535 stands for a longer time or for none.
     pub base_station_age_ms: u16,
-    /// The time since the flight controller's last uplink was stored, ms; 65535 also if it is longer or there was none.
+    /// The time since the last uplink of the flight controller was stored, ms; 65535 stands for a longer time or for
+    /// none.
     pub flight_controller_age_ms: u16,
     /// Access violations by kind, since the DPR's start or since the counters were cleared.
     pub violations: Violations,
@@ -191,13 +189,11 @@ pub struct PortValues {
     pub stuck_bits: u16,
     /// Receive buffers and images that the DPR took out of use.
     pub buffers_out_of_use: u16,
-    /// The code of the DPR's last entry into the safe state; 0 if there was none since its supply came on.
+    /// The code of the DPR's last entry into the safe state; 0 if there was none since power-on.
     pub last_stop: u32,
 }
 
 /// A Port-Status object: 64 bytes. The last four are the frame CRC of the other 60.
-///
-/// Any 64 bytes can be read as Port-Status; [`PortStatus::verify`] checks whether they are a valid one.
 ///
 /// | bytes | | bytes | |
 /// |---|---|---|---|

@@ -20,7 +20,7 @@ pub const MAX_SIZE: usize = Profile::<MAX_RECEIVERS>::SIZE;
 /// ```
 ///
 /// Object number 0 is Reported-Position, 1 to `N` are GPS1 to GPS`N`.
-// Packing has no effect, because all fields have alignment 1; it proves to bytemuck that no N has padding.
+// All fields have alignment 1; `packed` proves to bytemuck that no `N` has padding.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 pub struct Profile<const N: usize> {
@@ -56,14 +56,14 @@ impl<const N: usize> Profile<N> {
         bytemuck::zeroed()
     };
 
-    /// The profile that consists of these sealed objects; the GPS objects are in order, GPS1 first.
+    /// The profile of these sealed objects. `gps` begins with GPS1.
     #[must_use]
     pub const fn new(reported: ReportedPosition, gps: [GpsObject; N]) -> Self {
         let () = Self::SUPPORTED;
         Self { reported, gps }
     }
 
-    /// Seals these values in a profile with all CRCs; `gps` begins with the values of GPS1.
+    /// Seals these values in a profile with all CRCs. `gps` begins with the values of GPS1.
     #[must_use]
     pub fn seal(reported: &ReportedValues, gps: &[GpsValues; N]) -> Self {
         let mut profile = Self::EMPTY;
@@ -132,7 +132,7 @@ impl<const N: usize> Profile<N> {
         Ok(profile.verify())
     }
 
-    /// The objects of the profile, each accepted or rejected separately. All are verified, whatever the results are.
+    /// The objects of the profile, each accepted or rejected separately.
     #[must_use]
     pub fn verify(&self) -> Reading<'_, N> {
         let mut gps = [Err(Rejection::Length); N];
@@ -183,7 +183,7 @@ impl<const N: usize> Reading<'_, N> {
 
 /// An accepted object of a profile, of either kind.
 ///
-/// [`Object::verify`] makes an `Object` of bytes that it accepts; one made in another way implies no verification.
+/// [`Object::verify`] returns only verified objects; an `Object` made in another way need not be valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Object<'a> {
     /// Reported-Position.
@@ -193,12 +193,12 @@ pub enum Object<'a> {
 }
 
 impl<'a> Object<'a> {
-    /// Object number `index` of a profile, if `bytes` are that object and intact.
+    /// Object number `index` of a profile, if `bytes` are that object and are intact.
     ///
     /// # Errors
     ///
-    /// The errors are those of [`ReportedPosition::verify`] for `index` 0 and of [`GpsObject::verify`] for 1 to 5, and
-    /// [`Rejection::Identifier`] for any other `index`, which no profile has.
+    /// The errors are those of [`ReportedPosition::verify`] for `index` 0, of [`GpsObject::verify`] for 1 to 5, and
+    /// [`Rejection::Identifier`] for any other `index`.
     pub fn verify(index: usize, bytes: &'a [u8]) -> Result<Self, Rejection> {
         match Identifier::of_object(index) {
             Some(Identifier::REPORTED_POSITION) => ReportedPosition::verify(bytes).map(Self::Reported),
@@ -220,8 +220,8 @@ impl<'a> Object<'a> {
         }
     }
 
-    /// The object's number in a profile: 0 for Reported-Position, 1 to 5 for GPS1 to GPS5; `None` if the object's
-    /// identifier is another one.
+    /// The object's number in a profile: 0 for Reported-Position, 1 to 5 for GPS1 to GPS5; `None` for another
+    /// identifier.
     #[must_use]
     pub const fn index(self) -> Option<usize> {
         match (self, self.identifier().object()) {
@@ -231,7 +231,7 @@ impl<'a> Object<'a> {
         }
     }
 
-    /// The timestamp, ms since HORUS start, wraps.
+    /// The timestamp, ms since HORUS's start, wraps.
     #[must_use]
     pub const fn timestamp(self) -> u32 {
         match self {

@@ -1,8 +1,8 @@
 //! The plausible range of a drone's position: one rule for all programs that display a position.
 //!
-//! A CRC proves that an object is as it was sealed, not that the sealed values are plausible. Code that shows a
-//! position (the flight controller's clients, the base station) passes the values through
-//! [`checked`](crate::ReportedValues::checked) first, so that none of them shows an impossible position.
+//! A CRC proves that the values are those that were sealed, not that they are plausible. So the flight controller's
+//! clients and the base station pass the values through [`checked`](crate::ReportedValues::checked) before they show a
+//! position.
 
 /// The northernmost latitude, degrees; the southernmost is its negative.
 pub const MAX_LATITUDE: f64 = 90.0;
@@ -10,16 +10,16 @@ pub const MAX_LATITUDE: f64 = 90.0;
 /// The easternmost longitude, degrees; the westernmost is its negative.
 pub const MAX_LONGITUDE: f64 = 180.0;
 
-/// The lowest altitude, m above the ellipsoid. The lowest land, at the Dead Sea, is 430 m below sea level, and sea
-/// level is at most 107 m below the ellipsoid (EGM2008).
+/// The lowest altitude, m above the ellipsoid. The lowest land, at the Dead Sea, is 430 m below sea level. Sea level is
+/// at most 107 m below the ellipsoid (EGM2008).
 pub const MIN_ALTITUDE: f64 = -1_000.0;
 
-/// The highest altitude, m above the ellipsoid: far above any delivery drone, and above the limit of receivers that
-/// need no licence (18 km in the old export rules, and a margin).
+/// The highest altitude, m above the ellipsoid: above the flight of any delivery drone, and above the 18 km limit of
+/// receivers without an export licence.
 pub const MAX_ALTITUDE: f64 = 20_000.0;
 
-/// Whether these values can be a position: latitude and longitude, degrees, and altitude, m, are numbers in their
-/// ranges. An altitude of NaN is allowed: it is unknown, as in a 2D fix.
+/// Whether latitude and longitude, degrees, and altitude, m, are numbers in their ranges. An altitude of NaN is
+/// allowed: it is unknown in a 2D fix.
 ///
 /// ```
 /// use profile::range::is_position;
@@ -37,8 +37,8 @@ pub fn is_position(latitude: f64, longitude: f64, altitude: f64) -> bool {
 macro_rules! checked {
     ($values:ident) => {
         impl crate::$values {
-            /// The values for display: those that the status does not mark as valid, or that are marked valid but are
-            /// impossible ([`range`](crate::range)), are replaced by NaN, and their status bit is cleared.
+            /// Replaces values that are not marked valid, or are marked valid but impossible ([`range`](crate::range)),
+            /// by NaN and clears their status bits.
             #[must_use]
             pub fn checked(mut self) -> Self {
                 let status = self.status;

@@ -1,20 +1,20 @@
-//! The reasons for which received bytes are not accepted.
+//! The reasons why received bytes are not accepted.
 use core::{error::Error, fmt, hint::black_box};
 
-/// The reason why received bytes were not accepted.
+/// The reason why received bytes are not accepted.
 ///
-/// Where several reasons hold, the first in the order below is given. Later versions may add more.
+/// If several reasons hold, the first in the order below is given. Later versions may add reasons.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Rejection {
     /// The number of bytes is wrong for this object or request.
     Length,
-    /// The frame CRC does not fit the bytes: they are damaged, scrubbed, or were never written.
+    /// The frame CRC is wrong: the bytes are damaged, scrubbed, or were never written.
     Crc,
-    /// The frame CRC fits, but the CRC over latitude and longitude does not: the sender had a fault when it sealed the
-    /// object.
+    /// The frame CRC is right, but the CRC over latitude and longitude is wrong: the sender had a fault when it sealed
+    /// the object.
     PositionCrc,
-    /// The bytes are intact, but are another object than the one that belongs in this place.
+    /// The bytes are intact, but are another object than the one that belongs here.
     Identifier,
     /// The bytes are an intact request for a window that is not in the map.
     Window,
@@ -40,9 +40,9 @@ impl fmt::Display for Rejection {
 
 impl Error for Rejection {}
 
-/// The findings of all checks of one object or request, gathered before the decision.
+/// The findings of all checks of one object or request.
 ///
-/// Each check is made and recorded whatever the others found, so the time for all of them does not depend on the bytes.
+/// Every check is made, whatever the other checks found, so the time for them does not depend on the bytes.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Findings {
     faults: u8,
@@ -53,7 +53,6 @@ impl Findings {
         Self { faults: 0 }
     }
 
-    /// Records `rejection` as a finding unless `good`.
     #[inline]
     pub(crate) fn check(self, good: bool, rejection: Rejection) -> Self {
         let bit = match rejection {

@@ -10,14 +10,14 @@ use crate::{
     wire::{CrcBe, F32Le, F64Le, U16Le, U32Le},
 };
 
-/// HORUS's report in plain numbers.
+/// The contents of Reported-Position in plain numbers.
 ///
-/// An unknown value is NaN ([`ABSENT_F64`], [`ABSENT_F32`]), and its status bit is clear. So two `ReportedValues` are
-/// equal only if they contain no NaN; compare [sealed objects](ReportedPosition) to compare bits.
+/// A missing value is NaN ([`ABSENT_F64`], [`ABSENT_F32`]), and its status bit is clear. NaN equals nothing, so compare
+/// [sealed objects](ReportedPosition) to compare all bits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReportedValues {
-    /// The timestamp, ms since HORUS's start, wraps. It also counts the frames: each profile has one
-    /// [cycle](crate::CYCLE_MS) more than the one before.
+    /// The timestamp of the cycle, ms since HORUS's start, wraps. It is one [cycle](crate::CYCLE_MS) later in each
+    /// profile.
     pub timestamp: u32,
     /// The validity of the values, the number of agreeing receivers, and HORUS's state.
     pub status: ReportedStatus,
@@ -38,7 +38,7 @@ pub struct ReportedValues {
 }
 
 impl ReportedValues {
-    /// Values of a starting HORUS at `timestamp`, ms: every value is NaN, every status bit clear.
+    /// The values of a starting HORUS at `timestamp`, ms: every value is NaN, every status bit clear.
     #[must_use]
     pub const fn absent(timestamp: u32) -> Self {
         Self {
@@ -55,7 +55,7 @@ impl ReportedValues {
     }
 }
 
-/// Latitude and longitude with their own CRC: 20 bytes, a codeword within the codeword of the object.
+/// Latitude and longitude with their own CRC: a codeword of 20 bytes within the object's codeword.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 struct Position {
@@ -79,8 +79,6 @@ impl Position {
 }
 
 /// A Reported-Position object: 64 bytes. The last four are the frame CRC of the other 60.
-///
-/// Any 64 bytes can be read as Reported-Position; [`ReportedPosition::verify`] checks whether they are a valid one.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ReportedPosition {
@@ -113,7 +111,7 @@ const _: () = {
 };
 
 impl ReportedPosition {
-    /// Seals `values` in an object with both CRCs: first the position CRC, which the frame CRC covers.
+    /// Seals `values` in an object with both CRCs.
     #[must_use]
     pub fn seal(values: &ReportedValues) -> Self {
         Self {
@@ -136,7 +134,7 @@ impl ReportedPosition {
     /// # Errors
     ///
     /// [`Rejection::Length`] if `bytes` are not 64, [`Rejection::Crc`] if they are damaged, [`Rejection::PositionCrc`]
-    /// if only latitude and longitude do not fit their CRC, [`Rejection::Identifier`] if they are another object.
+    /// if only the position CRC is wrong, [`Rejection::Identifier`] if they are another object.
     ///
     /// ```
     /// use profile::{Rejection, ReportedPosition, ReportedValues};
@@ -161,7 +159,6 @@ impl ReportedPosition {
         object.judge(findings)
     }
 
-    /// Adds the findings of the checks other than the frame CRC, and decides.
     fn judge(&self, findings: Findings) -> Result<&Self, Rejection> {
         findings
             .check(crc::position_intact(self.position.as_bytes()), Rejection::PositionCrc)
@@ -185,7 +182,7 @@ impl ReportedPosition {
         }
     }
 
-    /// The position CRC in the object, right or wrong.
+    /// The position CRC in the object; it may be wrong.
     #[must_use]
     pub const fn position_crc(&self) -> u32 {
         self.position.crc.get()

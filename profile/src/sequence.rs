@@ -1,21 +1,20 @@
 //! Sequence: determines which arriving cycles continue the ones before them, and may therefore be shown.
 //!
-//! # Design
+//! A CRC proves that an object is intact, an identifier that it is where it belongs. Neither proves that it is new: the
+//! objects of a repeated, delayed, reordered or inserted frame verify. The timestamp and the receiver's own clock
+//! protect against these errors (IEC 61784-3: unintended repetition, unacceptable delay, incorrect sequence,
+//! insertion). A receiver keeps one [`Sequence`] and passes each cycle to it. A [`Sequence`] has no clock and allocates
+//! nothing, and its work per cycle is bounded.
 //!
-//! A CRC proves that an object is intact and an identifier that it is in its place. Neither proves that it is new: a
-//! frame that is repeated, delayed, reordered or inserted carries objects that verify. The timestamp and the receiver's
-//! own clock protect against these errors (IEC 61784-3: unintended repetition, unacceptable delay, incorrect sequence,
-//! insertion). A receiver of cycles keeps one [`Sequence`] and passes each cycle to it. A [`Sequence`] contains no
-//! clock and allocates nothing, and its work per cycle is bounded and small.
+//! A cycle is **in sequence** under two conditions. Its timestamp is that of the last cycle + 10 ms · (1 + missed),
+//! with at most [`MAX_MISSED`] missed cycles. The time between the samples of both cycles, on the receiver's clock, is
+//! the same, within [`TOLERANCE_US`] plus [2 %](TOLERANCE_SHARE) of the step. The last cycle is the last one that
+//! arrived, whether it was in sequence or not.
 //!
-//! A cycle is **in sequence** if its timestamp is that of the last cycle + 10 ms · (1 + missed), with at most
-//! [`MAX_MISSED`] missed cycles, and if the same time has passed between the samples of both cycles on the receiver's
-//! clock, within [`TOLERANCE_US`] plus [2 %](TOLERANCE_SHARE) of the timestamps' step. The last cycle is the last one
-//! that arrived, whatever its judgement was.
-//!
-//! **Search.** At the start, and after any cycle that is not in sequence, no cycle is shown until [`SEARCH_CYCLES`] in
-//! a row have each advanced by exactly 10 ms, each 10 ms ± [`SEARCH_TOLERANCE_US`] after the one before. The cycle that
-//! opens the search has no predecessor to advance from, so it is not one of them. The third is itself in sequence:
+//! **Search.** A search begins at the start, and after any cycle that is not in sequence. No cycle is shown until it
+//! ends, with the last of [`SEARCH_CYCLES`] cycles in a row whose timestamps each advance by exactly 10 ms and whose
+//! samples are each 10 ms ± [`SEARCH_TOLERANCE_US`] later. The first cycle of a search has no predecessor and does not
+//! count. The last one is in sequence:
 //!
 //! | cycle since the start, or since HORUS restarted | [`Judgement`] |
 //! |---|---|
@@ -24,18 +23,17 @@
 //! | 3 | `Searching { found: 2 }` |
 //! | 4 | `InSequence { missed: 0 }` |
 //!
-//! Timestamps 20, 10, 20, 10, … never advance twice in a row, so no cycle with them is ever shown.
+//! So of timestamps 20, 10, 20, 10, … no cycle is ever shown.
 //!
-//! **Clock.** A single step may deviate by up to 27 % (2.5 ms + 2 % of 10 ms), because a single cycle may be late for
-//! many reasons. The error of a wrong clock adds up. So while cycles are in sequence, the timestamps' advance is
-//! compared with the receiver's clock over windows of [`CLOCK_WINDOW_US`], one after the other. A difference of more
-//! than 2 % of the receiver's time makes HORUS's clock implausible until a later window has no such difference. A
-//! window closes with the first cycle that is at least 1 s after its start, so it is at most 1 s and one step long. A
-//! clock that becomes wrong, or right again, is detected within two windows: 2.1 s, or 2.6 s if as many cycles as
-//! possible are missed. A window that is broken off because the sequence is lost has no result.
+//! **Clock.** A single step may deviate by up to 27 % (2.5 ms + 2 % of 10 ms), because one cycle may be late for many
+//! reasons. The error of a wrong clock adds up. So while cycles are in sequence, the timestamps' advance is compared
+//! with the receiver's clock over consecutive windows of [`CLOCK_WINDOW_US`]. A difference of more than 2 % makes
+//! HORUS's clock implausible until a later window has no such difference. A window closes with the first cycle at least
+//! 1 s after its start. A clock that becomes wrong, or right again, is detected within two windows: 2.1 s, or 2.6 s if
+//! as many cycles as possible are missed. A window that ends because the sequence is lost has no result.
 //!
-//! Instants are u64 µs, which never wrap (584 000 years), so that any length of silence is measured right. With a u32
-//! counter, two cycles 71.6 minutes apart would look like neighbours.
+//! Instants are u64 µs, which never wrap (584 000 years). With a u32 counter, two cycles 71.6 minutes apart would look
+//! like neighbours.
 //!
 //! # Example
 //!
@@ -58,32 +56,32 @@ use crate::{CYCLE_MS, Freshness, freshness};
 pub const MAX_MISSED: u32 = 25;
 
 /// The tolerance, µs, for the difference between the receiver's time from one cycle to the next and the timestamps'
-/// step; [`TOLERANCE_SHARE`] is added. It is a quarter of a cycle: enough for a late start of transmission and a late
-/// interrupt, and less than half a cycle, so that no two steps are mistaken for each other.
+/// step; [`TOLERANCE_SHARE`] is added. A quarter of a cycle allows for a late transmission and a late interrupt, and is
+/// too short to mistake one step for another.
 pub const TOLERANCE_US: u32 = 2_500;
 
-/// The timestamps' step is divided by this to get the tolerance for two clocks, 2 %. HORUS without its crystal deviates
-/// by 1 %; the rest is margin.
+/// The timestamps' step is divided by this number for a second tolerance, 2 %. HORUS without its crystal deviates by 1
+/// %.
 pub const TOLERANCE_SHARE: u32 = 50;
 
-/// The tolerance for the 10 ms between two cycles during a search, either way, µs.
+/// The tolerance for the 10 ms between two cycles during a search, µs, in both directions.
 pub const SEARCH_TOLERANCE_US: u32 = 500;
 
-/// The number of cycles in a row, each advancing by exactly one cycle, after which the sequence is found.
+/// The number of cycles in a row that must each advance by exactly one cycle before cycles are shown.
 pub const SEARCH_CYCLES: u8 = 3;
 
-/// The least length of the windows over which the clocks are compared, µs on the receiver's clock.
+/// The least length, µs, of the windows over which HORUS's clock is compared with the receiver's.
 pub const CLOCK_WINDOW_US: u32 = 1_000_000;
 
-/// The time without a cycle after which the sequence is lost, µs: the longest step, and its tolerance.
+/// The time without a cycle after which the sequence is lost, µs: the longest step with its tolerance.
 pub const HOLD_US: u32 = step_us(MAX_MISSED) + tolerance_us(MAX_MISSED);
 
-/// The time between two cycles with `missed` missing ones in between, µs.
+/// The time between two cycles with `missed` missing ones between them, µs.
 const fn step_us(missed: u32) -> u32 {
     1_000 * CYCLE_MS * (1 + missed)
 }
 
-/// The tolerance for the receiver's time between two cycles with `missed` missing ones in between, either way, µs.
+/// The tolerance for the receiver's time between two cycles with `missed` missing ones between them, µs.
 const fn tolerance_us(missed: u32) -> u32 {
     TOLERANCE_US + step_us(missed) / TOLERANCE_SHARE
 }
@@ -96,9 +94,9 @@ pub enum Judgement {
         /// The number of cycles that did not arrive between the last cycle and this one, at most [`MAX_MISSED`].
         missed: u32,
     },
-    /// The cycle is the first of all, or its step would be in sequence, but the sequence is not found yet.
+    /// The cycle is the first of all, or comes during the search for the sequence.
     Searching {
-        /// The number of cycles in a row, this one included, that have advanced as the search requires: less than
+        /// The number of cycles in a row, with this one, that have advanced as the search requires: less than
         /// [`SEARCH_CYCLES`].
         found: u8,
     },
@@ -108,9 +106,9 @@ pub enum Judgement {
     Restarted,
     /// The timestamp is ahead, but not by a whole number of cycles, or more than [`MAX_MISSED`] cycles are missing.
     Irregular,
-    /// The timestamp is ahead by a possible step, but less time has passed than between the timestamps.
+    /// The timestamp is ahead by a possible step, but less time has passed.
     Early,
-    /// The timestamp is ahead by a possible step, but more time has passed than between the timestamps.
+    /// The timestamp is ahead by a possible step, but more time has passed.
     Late,
 }
 
@@ -132,19 +130,19 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// The time on the receiver's clock from this sample to `to_us`, µs; negative if `to_us` is before the sample.
+    /// The time on the receiver's clock from this sample to `to_us`, µs; negative if `to_us` is earlier.
     #[must_use]
     pub const fn elapsed_us(&self, to_us: u64) -> i64 {
         to_us.wrapping_sub(self.sampled_us).cast_signed()
     }
 }
 
-/// A receiver's state about the cycles that have arrived, by which it judges the next cycle.
+/// What a receiver keeps about the cycles that have arrived, to judge the next cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sequence {
     last: Option<Sample>,
-    /// The number of cycles in a row that have advanced as the search requires; [`SEARCH_CYCLES`] as long as cycles are
-    /// in sequence.
+    /// The number of cycles in a row that have advanced as the search requires; [`SEARCH_CYCLES`] while cycles are in
+    /// sequence.
     found: u8,
     /// The first sample of the window over which the clocks are compared; meaningful only while cycles are in sequence.
     window: Sample,
@@ -159,9 +157,9 @@ impl Sequence {
         Self { last: None, found: 0, window: Sample { timestamp: 0, sampled_us: 0 }, clock_implausible: false }
     }
 
-    /// Judges a cycle. Call this once for each cycle that arrives, in the order of arrival: `timestamp` in ms as HORUS
-    /// sent it, `sampled_us` the instant of the cycle's sample on the receiver's clock, µs, from a counter that never
-    /// wraps. Where that instant is not known, the frame's arrival suffices, if it is a constant time later.
+    /// Judges a cycle. Call this for each cycle in the order of arrival. `timestamp` is HORUS's, ms. `sampled_us` is
+    /// the instant of the sample on the receiver's clock, µs, from a counter that never wraps. The instant of arrival
+    /// may be used instead if it is a constant time later.
     pub fn judge(&mut self, timestamp: u32, sampled_us: u64) -> Judgement {
         let judgement = self.classify(timestamp, sampled_us);
         let sample = Sample { timestamp, sampled_us };
@@ -181,16 +179,16 @@ impl Sequence {
         judgement
     }
 
-    /// Whether the sequence is found and not lost at the instant `now_us`, so that the next cycle can be shown: false
-    /// at the start, during the search, and after [`HOLD_US`] without a cycle.
+    /// Whether the sequence is found and not lost at `now_us`. It is false during the search, and after [`HOLD_US`]
+    /// without a cycle.
     #[must_use]
     pub fn is_held(&self, now_us: u64) -> bool {
         let in_time = |last: Sample| last.elapsed_us(now_us) <= i64::from(HOLD_US);
         self.found == SEARCH_CYCLES && self.last.is_some_and(in_time)
     }
 
-    /// Whether HORUS's clock differed from the receiver's by more than 2 % over the last complete window; see the
-    /// [module](self). False while the sequence is searched for.
+    /// Whether HORUS's clock differed from the receiver's by more than 2 % over the last complete window. False during
+    /// the search.
     #[must_use]
     pub const fn is_clock_implausible(&self) -> bool {
         self.clock_implausible
@@ -224,7 +222,6 @@ impl Sequence {
         }
     }
 
-    /// Closes the window of the clock comparison if it is long enough, and begins the next window with `sample`.
     fn compare_clocks(&mut self, sample: Sample) {
         let receiver_us = self.window.elapsed_us(sample.sampled_us);
         if receiver_us >= i64::from(CLOCK_WINDOW_US) {

@@ -1,9 +1,9 @@
 //! Status words as typed bit sets.
 //!
-//! Bits without a meaning are sent as 0 and ignored when received, so that a later version can define them. The types
-//! here hold only bits that have a meaning. A code that is reserved today is read as `None`.
+//! Undefined bits are sent as 0 and ignored when received, so that a later version can define them. A reserved code is
+//! read as `None`.
 
-/// The type of a receiver's fix: `fixType` of the message UBX-NAV-PVT.
+/// The type of a receiver's fix: `fixType` of UBX-NAV-PVT.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum FixType {
@@ -22,7 +22,7 @@ pub enum FixType {
 }
 
 impl FixType {
-    /// The fix type with this UBX code; `None` for a code that UBX reserves.
+    /// The fix type with this UBX code; `None` for a reserved code.
     #[must_use]
     pub const fn from_ubx(code: u8) -> Option<Self> {
         match code {
@@ -64,7 +64,7 @@ pub enum HorusState {
     MotorsCut = 4,
     /// HORUS has fired the emergency measure.
     EmergencyFired = 5,
-    /// HORUS's state inputs contradict each other, and nothing more severe is known.
+    /// HORUS's state inputs contradict each other, and no more severe state is known.
     InputsContradict = 6,
     /// There was a position since HORUS's start, but there is none now.
     PositionLost = 7,
@@ -114,12 +114,12 @@ pub enum ResetReason {
     Lockup = 3,
     /// Software or a debugger requested the reset.
     Software = 4,
-    /// The supply dipped, or there was another cause that has no code of its own.
+    /// The supply dipped, or the cause has no code of its own.
     BrownOutOrOther = 5,
 }
 
 impl ResetReason {
-    /// Whether the reset was unintended: every reason but power-on, pin and software.
+    /// Whether the reset was unintended: any but power-on, pin and software.
     #[must_use]
     pub const fn is_unasked(self) -> bool {
         matches!(self, Self::Watchdog | Self::Lockup | Self::BrownOutOrOther)
@@ -159,7 +159,7 @@ macro_rules! bit_set {
         pub struct $name(u16);
 
         impl $name {
-            /// The bits of the status word that have a meaning.
+            /// The bits that are defined.
             pub const USED: u16 = $used;
 
             /// The status word with no bit set.
@@ -168,13 +168,13 @@ macro_rules! bit_set {
                 Self(0)
             }
 
-            /// The status word from the wire; bits without a meaning are dropped.
+            /// The status word from the wire, without undefined bits.
             #[must_use]
             pub const fn from_bits(bits: u16) -> Self {
                 Self(bits & Self::USED)
             }
 
-            /// The status word for the wire; bits without a meaning are 0.
+            /// The status word for the wire. Undefined bits are 0.
             #[must_use]
             pub const fn bits(self) -> u16 {
                 self.0
@@ -191,7 +191,7 @@ macro_rules! bit_set {
                     self.0 & (1 << $bit) != 0
                 }
 
-                /// This status with the bit set to `on`; the getter without `with_` says what the bit means.
+                /// This status with the bit set to `on`. The getter of the same name says what the bit means.
                 #[must_use]
                 pub const fn $with(self, on: bool) -> Self {
                     self.with(1 << $bit, if on { 1 << $bit } else { 0 })
@@ -212,16 +212,16 @@ bit_set! {
     attitude_valid, with_attitude_valid = 5;
     /// Bit 6: the accelerations are valid.
     acceleration_valid, with_acceleration_valid = 6;
-    /// Bit 7: bytes of an intact message came from the receiver within the last 250 ms.
+    /// Bit 7: an intact message came from the receiver within the last 250 ms.
     heard, with_heard = 7;
-    /// Bit 8: the solution is older than the receiver's own period of sending allows.
+    /// Bit 8: the solution is older than the receiver's own sending period allows.
     stale, with_stale = 8;
     /// Bit 9: the voter excluded this receiver.
     excluded, with_excluded = 9;
 }
 
 impl GpsStatus {
-    /// Bits 0-3: the type of the receiver's fix; `None` for a code that UBX reserves.
+    /// Bits 0-3: the type of the receiver's fix; `None` for a reserved code.
     #[must_use]
     pub const fn fix_type(self) -> Option<FixType> {
         let [low, _] = self.0.to_le_bytes();
@@ -234,20 +234,19 @@ impl GpsStatus {
         self.with(0x000F, fix.bits())
     }
 
-    /// The step of the age in [`solution_age_ms`](Self::solution_age_ms), ms.
+    /// The step of [`solution_age_ms`](Self::solution_age_ms), ms.
     pub const AGE_STEP_MS: u16 = 25;
-    /// The largest value of [`solution_age_ms`](Self::solution_age_ms), ms; it also stands for every greater age.
+    /// The greatest [`solution_age_ms`](Self::solution_age_ms), ms, which also stands for every greater age.
     pub const OLDEST_MS: u16 = 62 * Self::AGE_STEP_MS;
     const AGE: u16 = 0xFC00;
-    /// The code of the age for a receiver that never had a solution.
     const NEVER: u16 = 63;
 
     /// Bits 10-15: the age of the receiver's solution at the tick, ms; `None` if there was none since HORUS's start.
     ///
     /// The age is the time from the arrival at HORUS of the newest NAV-PVT message with a new time of week, valid or
-    /// not, to the tick of the object's timestamp. It is rounded down to [`AGE_STEP_MS`](Self::AGE_STEP_MS), so the
-    /// true age exceeds it by less than a step, and it saturates at [`OLDEST_MS`](Self::OLDEST_MS). The epoch of the
-    /// solution is 40 to 80 ms before its arrival, which is the receiver's time for computing and sending it.
+    /// not, to the tick. It is rounded down to [`AGE_STEP_MS`](Self::AGE_STEP_MS) and saturates at
+    /// [`OLDEST_MS`](Self::OLDEST_MS). The epoch of the solution is 40 to 80 ms before its arrival: the receiver's time
+    /// for computing and sending it.
     #[must_use]
     pub const fn solution_age_ms(self) -> Option<u16> {
         match (self.0 & Self::AGE) >> 10 {
@@ -256,7 +255,7 @@ impl GpsStatus {
         }
     }
 
-    /// This status with bits 10-15 set to the age of a solution in ms, or `None` for no solution; see
+    /// This status with bits 10-15 set to a solution's age, ms, or to `None` for no solution; see
     /// [`solution_age_ms`](Self::solution_age_ms).
     #[must_use]
     pub const fn with_solution_age_ms(self, age_ms: Option<u32>) -> Self {
@@ -264,8 +263,7 @@ impl GpsStatus {
         const OLDEST_MS: u32 = 62 * STEP_MS;
         let steps: u32 = match age_ms {
             None => 63,
-            // The minimum is computed without a branch, so that the time that HORUS needs to fill a profile does not
-            // depend on an age.
+            // The minimum has no branch, so that the time for filling a profile does not depend on an age.
             Some(age_ms) => (if age_ms < OLDEST_MS { age_ms } else { OLDEST_MS }) / STEP_MS,
         };
         let [steps, ..] = steps.to_le_bytes();
@@ -282,15 +280,15 @@ bit_set! {
     attitude_valid, with_attitude_valid = 4;
     /// Bit 5: the accelerations are valid.
     acceleration_valid, with_acceleration_valid = 5;
-    /// Bit 6: fewer receivers agree than are configured, or Reported-Position has no altitude, which takes a quorum of
-    /// agreeing receivers that have one.
+    /// Bit 6: fewer receivers agree than are configured, or too few of them have an altitude, so Reported-Position has
+    /// none.
     degraded, with_degraded = 6;
-    /// Bit 7: HORUS runs on its internal oscillator, because its crystal's clock is missing. The internal oscillator is
-    /// trimmed to 1 % at 25 °C and deviates more over temperature (DS9405), and so does the length of HORUS's cycle;
-    /// the DPR detects a deviation of more than 2 %.
+    /// Bit 7: HORUS runs on its internal oscillator, because its crystal's clock is missing. The oscillator is trimmed
+    /// to 1 % at 25 °C and deviates more over temperature (DS9405), and so does the length of HORUS's cycle. The DPR
+    /// detects a deviation of more than 2 %.
     without_crystal, with_without_crystal = 7;
-    /// Bit 12: HORUS has found a fault of its memory since its start, or had stopped itself for such a fault before it:
-    /// flash, code or RAM did not hold the written contents.
+    /// Bit 12: flash, code or RAM did not hold the written contents. HORUS has found this since its start, or stopped
+    /// for it before.
     memory_fault, with_memory_fault = 12;
 }
 
@@ -342,7 +340,7 @@ impl ReportedStatus {
 bit_set! {
     /// The status of Link-Status.
     LinkStatusBits, used 0xF7FF;
-    /// Bit 0: frames of HORUS arrive within their deadline.
+    /// Bit 0: HORUS's frames arrive within their deadline.
     link_up, with_link_up = 0;
     /// Bit 1: every object of the last cycle was accepted.
     all_accepted, with_all_accepted = 1;
@@ -352,17 +350,17 @@ bit_set! {
     horus_restarted, with_horus_restarted = 3;
     /// Bit 4: a scrub found a RAM fault.
     ram_fault, with_ram_fault = 4;
-    /// Bit 5: the RFID front end has a fault, or receives nothing for 0.5 s although the sender's field is there.
+    /// Bit 5: the RFID front end has a fault, or receives nothing for 0.5 s although it detects HORUS's field.
     front_end_fault, with_front_end_fault = 5;
-    /// Bit 6: the DPR's last reset was not requested; see [`LinkStatusBits::reset_reason`].
+    /// Bit 6: the DPR's last reset was unintended; see [`LinkStatusBits::reset_reason`].
     unasked_reset, with_unasked_reset = 6;
     /// Bit 7: the last uplink was rejected.
     uplink_rejected, with_uplink_rejected = 7;
-    /// Bit 8: HORUS's timestamps are out of sequence; nothing is shown until the sequence is found again.
+    /// Bit 8: HORUS's timestamps are out of sequence. Its objects are not shown until the sequence is found again.
     out_of_sequence, with_out_of_sequence = 8;
     /// Bit 9: cycles are in sequence, but over the last second HORUS's clock differed from the DPR's by more than 2 %.
     horus_clock_implausible, with_horus_clock_implausible = 9;
-    /// Bit 10: the DPR's program memory does not have the CRC that was stored in it when the firmware was built.
+    /// Bit 10: the DPR's program memory does not have the CRC that the build stored in it.
     flash_fault, with_flash_fault = 10;
     /// Bit 15: the RFID front end works and detects no field of HORUS. If bit 5 is set, the field is unknown.
     no_field, with_no_field = 15;
@@ -371,9 +369,9 @@ bit_set! {
 bit_set! {
     /// The status of Port-Status.
     PortStatusBits, used 0xFFFF;
-    /// Bit 0: the uplink of the base station is fresh, and is therefore shown.
+    /// Bit 0: the base station's uplink is fresh and shown.
     base_station_fresh, with_base_station_fresh = 0;
-    /// Bit 1: the uplink of the flight controller is fresh, and is therefore shown.
+    /// Bit 1: the flight controller's uplink is fresh and shown.
     flight_controller_fresh, with_flight_controller_fresh = 1;
     /// Bit 2: the last received uplink or command was refused.
     last_refused, with_last_refused = 2;
@@ -385,8 +383,8 @@ bit_set! {
     self_test_failed, with_self_test_failed = 5;
     /// Bit 6: fewer than three receive buffers, or fewer than four images, are in use.
     buffers_out_of_use, with_buffers_out_of_use = 6;
-    /// Bit 7: a frame came from the [hold](crate::hold) within the last 300 ms, accepted or not. In a DPR without a
-    /// hold this bit and bits 8 to 15 are clear.
+    /// Bit 7: a frame came from the [hold](crate::hold) within the last 300 ms, accepted or not. Without a hold, bits 7
+    /// to 15 are clear.
     hold_heard, with_hold_heard = 7;
     /// Bit 8: the last frame from the hold was accepted.
     hold_accepted, with_hold_accepted = 8;
@@ -424,7 +422,7 @@ impl LinkStatusBits {
         ResetReason::from_bits(high >> 4 & 0x07)
     }
 
-    /// This status with bits 12-14 set to `reason`, and bit 6 set if a reset for that reason is unintended.
+    /// This status with bits 12-14 set to `reason`, and bit 6 set if such a reset is unintended.
     #[must_use]
     pub const fn with_reset_reason(self, reason: ResetReason) -> Self {
         self.with(0x7000, reason.bits() << 12).with_unasked_reset(reason.is_unasked())

@@ -10,7 +10,7 @@ use crate::{
     wire::{CrcBe, U16Le, U32Le},
 };
 
-/// The status of an uplink. The writer and the readers define its bits; the DPR keeps all of them.
+/// The status of an uplink. The DPR keeps all of its bits, which the writer and the readers define.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct UplinkStatus(u16);
 
@@ -31,7 +31,7 @@ impl UplinkStatus {
 /// The contents of an uplink.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UplinkValues {
-    /// The timestamp, ms on the writer's clock, wraps; later than that of the same writer's uplink before.
+    /// The timestamp, ms on the writer's clock, wraps. It must be later than that of the writer's last uplink.
     pub timestamp: u32,
     /// The status bits, which the writer and the readers define.
     pub status: UplinkStatus,
@@ -47,8 +47,6 @@ impl Default for UplinkValues {
 
 /// An uplink object: 64 bytes. The last four are the frame CRC of the other 60.
 ///
-/// Any 64 bytes can be read as an uplink; [`Uplink::verify`] checks whether they are a valid one of a given writer.
-///
 /// | bytes | |
 /// |---|---|
 /// | 0..4 | u32 timestamp of the writer, ms |
@@ -59,19 +57,18 @@ impl Default for UplinkValues {
 ///
 /// # What the DPR accepts
 ///
-/// An uplink follows the [request](crate::ssi) of a transaction. Each writer has its own place in the
-/// [map](crate::map). The DPR stores the uplink there, unchanged, if its CRC is right, if its identifier is one of the
-/// two writers', and if its timestamp is *newer* than that of the writer's last stored uplink: less than 2³¹ ms later,
-/// so that timestamps may wrap. A writer's first uplink after the DPR's own start counts as newer.
+/// The DPR stores an uplink in the [map](crate::map), unchanged, under three conditions. Its CRC is right. Its
+/// identifier is one of the two writers'. Its timestamp is *newer* than that of the writer's last stored uplink: less
+/// than 2³¹ ms later, so that timestamps may wrap. A writer's first uplink after the DPR's own start counts as newer.
 ///
-/// A repeated or older uplink is refused and has no effect. A writer that has restarted counts from 0 again, so its
-/// uplinks are older. The third uplink in a row, each newer than the one before it, is stored again, and the DPR drops
-/// the writer's earlier timestamps. So no single uplink that is repeated or delayed is taken for a new one. (A whole
-/// recording that is replayed in order looks like a restarted writer. Only the writer's own radio link or the flight
-/// controller could replay one; they must protect it themselves.)
+/// Any other uplink is refused and has no effect. A writer that has restarted counts from 0 again, so its uplinks are
+/// older. When three uplinks in a row are each newer than the one before, the third is stored, and the DPR drops the
+/// writer's earlier timestamps. So no single repeated or delayed uplink is stored as a new one. A whole recording that
+/// is replayed in order looks like a restarted writer; the writer's radio link or the flight controller must prevent
+/// that.
 ///
-/// An uplink that is not replaced by a newer one within [`Uplink::EXPIRY_MS`] is removed: its place is zeros, and the
-/// writer's bit in [Port-Status](crate::PortStatus) is clear.
+/// An uplink that no newer one replaces within [`Uplink::EXPIRY_MS`] becomes zeros, and the writer's bit in
+/// [Port-Status](crate::PortStatus) is cleared.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Uplink {
@@ -90,7 +87,7 @@ impl Uplink {
     /// The number of bytes that the writer may use freely.
     pub const PAYLOAD: usize = 52;
 
-    /// The time after which an uplink is no longer shown if no newer one of the same writer came, ms.
+    /// The time after which an uplink is no longer shown if its writer sends no newer one, ms.
     pub const EXPIRY_MS: u32 = 500;
 
     /// Seals `values` in an uplink of role `W` with its CRC.
@@ -124,25 +121,24 @@ impl Uplink {
     }
 }
 
-/// An object that was written after a request, intact and of a known kind.
+/// An object that was written after a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Written<'a> {
     /// An uplink of the base station.
     BaseStation(&'a Uplink),
     /// An uplink of the flight controller.
     FlightController(&'a Uplink),
-    /// A command, and the object that contains the command.
+    /// A command with its object.
     Command(Command, &'a CommandObject),
 }
 
 impl<'a> Written<'a> {
-    /// The object in `bytes`, if it is intact and a flight controller may write it over the SSI.
+    /// The object in `bytes`, if it is intact and may be written over the SSI.
     ///
     /// # Errors
     ///
     /// [`Rejection::Length`] if `bytes` are not 64, [`Rejection::Crc`] if they are damaged, [`Rejection::Identifier`]
-    /// if they are an object that no one may write over the SSI, [`Rejection::Command`] if they are a command that the
-    /// DPR does not know.
+    /// if they are an object that no one may write over the SSI, [`Rejection::Command`] if they are an unknown command.
     pub fn verify(bytes: &'a [u8]) -> Result<Self, Rejection> {
         let (uplink, findings) = Uplink::look(bytes)?;
         let command: &CommandObject = bytemuck::must_cast_ref(uplink);

@@ -1,4 +1,4 @@
-//! Numbers on the wire as arrays of bytes, so that their alignment is 1 and the host's byte order has no effect.
+//! Numbers on the wire as arrays of bytes with alignment 1, independent of the host's byte order.
 use bytemuck::{Pod, Zeroable};
 
 macro_rules! little_endian {
@@ -27,19 +27,19 @@ little_endian! {
     U16Le, u16, 2;
     /// `u32`, least significant byte first.
     U32Le, u32, 4;
-    /// IEEE 754 binary32, least significant byte first; every bit pattern passes unchanged, also a NaN's payload.
+    /// IEEE 754 binary32, least significant byte first. Every bit pattern is kept, also a NaN's payload.
     F32Le, f32, 4;
-    /// IEEE 754 binary64, least significant byte first; every bit pattern passes unchanged, also a NaN's payload.
+    /// IEEE 754 binary64, least significant byte first. Every bit pattern is kept, also a NaN's payload.
     F64Le, f64, 8;
 }
 
-/// A CRC-32, most significant byte first: in this order its bits continue the data as coefficients of one polynomial.
+/// A CRC-32, most significant byte first, so that data and CRC are the coefficients of one polynomial.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct CrcBe([u8; 4]);
 
 impl CrcBe {
-    /// The content of a CRC field until the CRC over the bytes before the field is known.
+    /// The content of a CRC field before its CRC is computed.
     pub(crate) const UNSEALED: Self = Self([0; 4]);
 
     #[inline]

@@ -14,7 +14,6 @@ fn seeded(cases: u32) -> Config {
     Config { cases, rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..Config::default() }
 }
 
-/// One valid object of each kind.
 fn objects() -> [(&'static str, Vec<u8>); 3] {
     [
         ("Reported-Position", ReportedPosition::seal(&seeds::reported_values(1_230)).as_bytes().to_vec()),
@@ -23,7 +22,6 @@ fn objects() -> [(&'static str, Vec<u8>); 3] {
     ]
 }
 
-/// The reason why `bytes` are not an object of the kind `name`; `None` if they are one.
 fn rejection(name: &str, bytes: &[u8]) -> Option<Rejection> {
     match name {
         "Reported-Position" => ReportedPosition::verify(bytes).err(),
@@ -55,15 +53,14 @@ fn every_double_bit_error_is_rejected() {
     }
 }
 
-/// A burst of errors on the air that is `length` bits long: its first and last bit are wrong, and `pattern` gives the
-/// bits between.
+/// A burst of errors on the air of `length` bits. The first and the last bit are wrong, and `pattern` says which
+/// between them are.
 fn burst(start: usize, length: usize, pattern: u32) -> impl Iterator<Item = usize> {
     (0..length).filter(move |at| *at == 0 || *at == length - 1 || pattern >> at & 1 == 1).map(move |at| start + at)
 }
 
 #[test]
 fn a_burst_of_up_to_32_bits_is_rejected_wherever_it_starts() {
-    // An xorshift generator (Marsaglia) gives the pattern of the bits between the first and the last.
     let mut pattern = 0x9E37_79B9_u32;
     for (name, valid) in objects() {
         for length in 1..=32 {
@@ -92,7 +89,6 @@ fn a_little_endian_frame_crc_would_miss_a_burst_of_28_bits() {
     let intact = |bytes: &[u8]| bytes[56..] == crc::frame(&bytes[..56]).to_le_bytes();
     assert!(intact(&little_endian));
 
-    // The burst damages the last ten bits of the payload and the first eighteen of the CRC field.
     let error = [0x03, 0x50, 0x89, 0xEF, 0xC0, 0x00];
     let damage = |bytes: &[u8]| {
         let mut damaged = bytes.to_vec();
@@ -136,8 +132,8 @@ proptest! {
     }
 }
 
-/// The effect of each single bit of `bits` bits on the CRC register, beginning with the last bit. A set of wrong bits
-/// whose effects cancel each other is an error that the CRC does not detect.
+/// The effect of each of `bits` single bits on the CRC register, beginning with the last bit. The CRC does not detect a
+/// set of wrong bits whose effects cancel each other.
 fn syndromes(polynomial: u32, bits: usize) -> Vec<u32> {
     let mut syndrome = 1_u32;
     (0..bits)
@@ -149,7 +145,6 @@ fn syndromes(polynomial: u32, bits: usize) -> Vec<u32> {
         .collect()
 }
 
-/// Whether any two of `sums` are equal.
 fn any_equal(mut sums: Vec<u32>) -> bool {
     sums.sort_unstable();
     sums.windows(2).any(|pair| pair[0] == pair[1])
@@ -157,12 +152,12 @@ fn any_equal(mut sums: Vec<u32>) -> bool {
 
 #[test]
 fn the_frame_crc_has_hamming_distance_8_over_the_longest_object() {
-    // The generator polynomial, x³² included, has an even number of terms, so x + 1 divides it and every odd number of
+    // The generator polynomial, x³² included, has an even number of terms. So x + 1 divides it, and every odd number of
     // wrong bits is detected.
     assert_eq!((1 + crc::FRAME.poly.count_ones()) % 2, 0);
-    // If no two different sets of three bits have the same sum, every error of 2, 4 or 6 bits is detected (two sets
-    // that share one bit stand for 4 wrong bits, two that share two for 2). The paper states this distance for 56 bytes
-    // and their CRC; here it is tested for 60 bytes and their CRC, the whole of Reported-Position.
+    // If no two different sets of three bits have the same sum, every error of 2, 4 or 6 bits is detected: two sets
+    // that share one bit stand for 4 wrong bits, two that share two for 2. The paper states this distance for 56 bytes
+    // and their CRC; this test covers the 60 bytes of Reported-Position and their CRC.
     let s = syndromes(crc::FRAME.poly, 8 * ReportedPosition::SIZE);
     let mut sums = Vec::new();
     for a in 0..s.len() {
@@ -278,8 +273,7 @@ fn a_wrong_length_is_rejected_as_that() {
 
 #[test]
 fn a_line_of_ones_looks_intact_only_as_a_request_for_nothing() {
-    // The XOR of the start value 0xFFFFFFFF and the first four bytes is 0, and the CRC that follows is 0xFFFFFFFF
-    // again.
+    // The start value 0xFFFFFFFF and the first four bytes cancel to 0. The CRC that follows is 0xFFFFFFFF again.
     let intact: Vec<_> = (0..=512).filter(|length| crc::frame_intact(&vec![0xFF; *length])).collect();
     assert_eq!(intact, [8]);
     let zero: Vec<_> = (0..=512).filter(|length| crc::frame_intact(&vec![0; *length])).collect();

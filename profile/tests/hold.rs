@@ -1,4 +1,4 @@
-//! Tests the hold's object, the exchange and their places in map and answer, against bytes and numbers written by hand.
+//! Tests the hold's object, the exchange, and their offsets in map and answer, against bytes written by hand.
 use profile::criticality::{ActiveLoad, BaseStation, FlightController, Writer};
 use profile::hold::{self, Acknowledged, Answer, HoldObjectValues, Outcome};
 use profile::map::{self, Map};
@@ -221,7 +221,6 @@ fn an_answer_is_both_uplinks_as_they_were_written() {
     for length in [0, 64, 127, 129] {
         assert_eq!(Answer::read(&vec![0; length]), Err(Rejection::Length));
     }
-    // An intact uplink in the place of the other writer's uplink is rejected.
     let exchanged = [*second.as_bytes(), *first.as_bytes()].concat();
     let exchanged = Answer::read(&exchanged).expect("128 bytes");
     assert_eq!(exchanged.uplink::<BaseStation>(), Err(Rejection::Identifier));

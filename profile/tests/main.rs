@@ -1,5 +1,4 @@
-//! All tests of the profile in one binary: each file is a module of it. The tests of the clients have a binary of their
-//! own.
+//! All tests of the profile in one binary, except those of the clients.
 
 mod corpus;
 mod detection;

@@ -1,5 +1,4 @@
-//! Tests Port-Status, uplinks, commands and the map: their bytes and offsets, written by hand, and what the DPR
-//! accepts.
+//! Tests Port-Status, uplinks, commands and the map against bytes written by hand, and what the DPR accepts.
 use profile::{
     Command, CommandObject, Identifier, Layout, LinkStatus, LinkValues, PortStatus, PortStatusBits, PortValues,
     Rejection, Uplink, UplinkValues, Violation, Violations,
@@ -145,7 +144,7 @@ fn a_command_with_any_other_bit_is_unknown() {
             assert_eq!(CommandObject::verify(&other), Err(Rejection::Command), "bit {bit}");
         }
     }
-    // The words of the two commands differ in so many bits that a few upsets cannot turn one into the other.
+    // A few upsets must not turn one command into the other, so their words differ in many bits.
     assert!((Command::ClearCounters.word() ^ Command::SelfTest.word()).count_ones() >= 8);
 }
 
@@ -199,7 +198,7 @@ fn the_map_is_the_image_and_then_the_port<const N: usize>() {
     assert_eq!(Map::<N>::EMPTY, Map::new(Image::EMPTY, PortArea::EMPTY));
     assert_ne!(map, Map::EMPTY);
 
-    // The functions that give a role's writer the place of its object give these same places.
+    // Functions that give a writer the bytes of its object must give the same ranges.
     let mut written = vec![0; len + 192];
     *map::port_area_mut::<_, N>(DPR, &mut written).expect("in the map") = *port.as_bytes();
     *map::link_status_mut(DPR, &mut written).expect("in the map") = *LinkStatus::seal(&seeds::link_values()).as_bytes();

@@ -1,9 +1,8 @@
-//! Tests which cycles are judged to be in sequence: each limit, and random histories against an oracle that is written
-//! from the definition.
+//! Tests which cycles are in sequence: each limit, and random histories against an oracle that is written from the
+//! definition.
 use profile::sequence::{HOLD_US, Judgement, MAX_MISSED, Sequence};
 use proptest::prelude::*;
 
-/// A sequence that is found; its last cycle has timestamp `timestamp` and was sampled at `at_us`.
 fn held(timestamp: u32, at_us: u64) -> Sequence {
     let mut sequence = Sequence::new();
     for back in (0..4_u32).rev() {
@@ -14,8 +13,8 @@ fn held(timestamp: u32, at_us: u64) -> Sequence {
     sequence
 }
 
-/// With the sequence found, the judgement of a cycle whose timestamp is `step_ms` later than the last one, and whose
-/// sample is `passed_us` later on the receiver's clock.
+/// The judgement of a cycle that follows a found sequence: its timestamp is `step_ms` later than the last one, its
+/// sample `passed_us` later on the receiver's clock.
 fn step(step_ms: u32, passed_us: i64) -> Judgement {
     let start_us = 1_000_000_u64;
     held(5_000, start_us).judge(5_000_u32.wrapping_add(step_ms), start_us.wrapping_add_signed(passed_us))
@@ -85,7 +84,7 @@ fn twenty_five_missed_cycles_are_in_sequence_and_twenty_six_are_not() {
 
 #[test]
 fn two_cycles_may_be_off_by_2_5_ms_and_2_percent() {
-    // Each row has the step in ms, and the least and the most time in µs that may pass in this step.
+    // The columns are the step, ms, and the least and the most time, µs, that may pass in this step.
     for (ms, least, most) in
         [(10, 7_300, 12_700), (20, 17_100, 22_900), (130, 124_900, 135_100), (260, 252_300, 267_700)]
     {
@@ -103,7 +102,6 @@ fn two_cycles_may_be_off_by_2_5_ms_and_2_percent() {
 
 #[test]
 fn the_search_accepts_only_steps_of_one_cycle_within_half_a_millisecond() {
-    // Only a third step of exactly 10 ms ends a search.
     let third = |step_ms: u32, passed_us: u64| {
         let mut sequence = Sequence::new();
         for cycle in 0..3_u32 {
@@ -127,7 +125,6 @@ fn the_search_accepts_only_steps_of_one_cycle_within_half_a_millisecond() {
 
 #[test]
 fn any_other_step_requires_three_exact_steps_anew() {
-    // The cycle is repeated, early, late, irregular, behind, or far ahead.
     for (step_ms, passed_us) in [(0, 10_000), (10, 5_000), (10, 15_000), (13, 13_000), (-10, 10_000), (270, 270_000)] {
         let mut sequence = held(5_000, 0);
         let (mut timestamp, mut now) = (5_000_u32.wrapping_add_signed(step_ms), passed_us);
@@ -175,7 +172,7 @@ fn a_wrap_of_the_timestamp_is_no_break() {
 
 #[test]
 fn no_silence_is_long_enough_to_look_like_one_cycle() {
-    // After 2³² µs a counter of 32 bits would show that no time has passed, after 2³² ms a timestamp would.
+    // A counter of 32 bits would wrap to the same value after 2³² µs, a timestamp after 2³² ms.
     for silence_us in [1_u64 << 32, 1 << 33, 1_000 << 32, 1 << 62] {
         let mut sequence = held(5_000, 70_000);
         assert_eq!(sequence.judge(5_010, 80_000 + silence_us), Judgement::Late);
@@ -193,8 +190,8 @@ fn the_sequence_is_held_until_no_cycle_could_continue_it() {
     assert!(!sequence.is_held(1_000_000 + (1 << 32)));
 }
 
-/// Judges `cycles` cycles of a HORUS for whose 10 ms the receiver's clock counts `rate` µs. Returns the number of the
-/// first cycle, if any, after which HORUS's clock is implausible.
+/// Judges `cycles` cycles of a HORUS whose 10 ms last `rate` µs on the receiver's clock. Returns the number of the
+/// first cycle after which HORUS's clock is implausible.
 fn run(sequence: &mut Sequence, rate: u64, cycles: u32) -> Option<u32> {
     let mut noticed = None;
     for cycle in 1..=cycles {
@@ -210,8 +207,7 @@ fn run(sequence: &mut Sequence, rate: u64, cycles: u32) -> Option<u32> {
 
 #[test]
 fn a_clock_off_by_over_2_percent_is_reported_within_two_windows() {
-    // The rate is the time in µs that the receiver's clock counts for 10 ms of HORUS's. HORUS is off by 2 % of the
-    // receiver's time at 9 803.9 and at 10 204.1.
+    // HORUS's clock deviates by 2 % of the receiver's time if its 10 ms last 9 803.9 or 10 204.1 µs.
     for (rate, wrong) in [(9_803, true), (9_804, false), (10_204, false), (10_205, true), (7_300, true), (12_700, true)]
     {
         for right_for in [0, 1, 37, 99, 100, 101] {
@@ -235,15 +231,13 @@ fn a_clock_off_by_over_2_percent_is_reported_within_two_windows() {
 #[test]
 fn the_clocks_are_compared_over_one_second_and_not_less() {
     let mut sequence = held(5_000, 40_000);
-    // The window begins with the cycle that found the sequence; the 100th cycle after it ends the window, the 99th does
-    // not.
+    // The window begins with the cycle that found the sequence, and ends with the 100th cycle after it.
     assert_eq!(run(&mut sequence, 10_000, 1), None);
     let mut sequence = held(5_000, 40_000);
     assert_eq!(run(&mut sequence, 12_500, 300), Some(80));
     let mut sequence = held(5_000, 40_000);
     assert_eq!(run(&mut sequence, 8_000, 300), Some(125));
-    // A clock that is right again is plausible after the first window without a difference, one second after the last
-    // window.
+    // A clock that is right again becomes plausible after 1 s, when the first window without a difference ends.
     let mut sequence = held(5_000, 40_000);
     assert_eq!(run(&mut sequence, 12_500, 80), Some(80));
     assert_eq!(run(&mut sequence, 10_000, 99), Some(1));
@@ -259,7 +253,6 @@ fn with_the_sequence_what_was_found_of_the_clock_is_lost() {
     let last = sequence.last().expect("held");
     assert_eq!(sequence.judge(last.timestamp, last.sampled_us + 10_000), Judgement::Frozen);
     assert!(!sequence.is_clock_implausible());
-    // A new window begins with the cycle that finds the sequence again.
     for cycle in 1..=3 {
         sequence.judge(last.timestamp + 10 * cycle, last.sampled_us + 10_000 + 10_000 * u64::from(cycle));
     }
@@ -267,19 +260,16 @@ fn with_the_sequence_what_was_found_of_the_clock_is_lost() {
     assert_eq!(run(&mut sequence, 12_500, 100), Some(80));
 }
 
-/// The definition of a sequence, applied to the whole history each time, in numbers that cannot overflow.
+/// The definition of a sequence, applied to the whole history each time.
 mod oracle {
-    /// The arrival of a cycle: its timestamp in ms, and the instant of its sample in µs.
     pub(crate) type Arrival = (u32, i128);
 
-    /// The advance of the timestamp in ms, if it is a number of whole cycles that the sequence allows.
     fn advance(before: Arrival, now: Arrival) -> Option<i128> {
         let ms = (i128::from(now.0) - i128::from(before.0)).rem_euclid(1 << 32);
         (1..=26).map(|cycles| cycles * 10).find(|&possible| possible == ms)
     }
 
     fn continues(before: Arrival, now: Arrival) -> bool {
-        // In units of 1/50 µs, 2 % is a whole number.
         advance(before, now).is_some_and(|ms| {
             let off = 50 * (now.1 - before.1 - 1_000 * ms);
             let allowed = 50 * 2_500 + 1_000 * ms;
@@ -291,8 +281,8 @@ mod oracle {
         advance(before, now) == Some(10) && (9_500..=10_500).contains(&(now.1 - before.1))
     }
 
-    /// Whether the last cycle of `history` is in sequence: three exact steps in a row end somewhere in the history, and
-    /// from there to its end each step continues the one before.
+    /// Whether the last cycle of `history` is in sequence: after three exact steps in a row, each step continues the
+    /// one before.
     pub(crate) fn in_sequence(history: &[Arrival]) -> bool {
         let steps: Vec<_> = history.windows(2).map(|pair| (pair[0], pair[1])).collect();
         (3..=steps.len()).any(|end| {
@@ -301,13 +291,11 @@ mod oracle {
         })
     }
 
-    /// The index of the cycle with which the sequence was found: from there to the end of the history every cycle is in
-    /// sequence.
+    /// The index of the cycle at which the sequence was found that the last cycle of `history` belongs to.
     fn found(history: &[Arrival]) -> Option<usize> {
         (0..history.len()).find(|&cycle| (cycle..history.len()).all(|end| in_sequence(&history[..=end])))
     }
 
-    /// Whether the clocks of HORUS and receiver differ by more than 2 % in the last complete window.
     pub(crate) fn clock_implausible(history: &[Arrival]) -> bool {
         let Some(start) = found(history) else { return false };
         let mut edges = vec![history[start]];
@@ -324,7 +312,6 @@ mod oracle {
     }
 }
 
-/// Draws steps in ms and µs: mostly those of HORUS, otherwise any.
 fn steps() -> impl Strategy<Value = (u32, i64)> {
     prop_oneof![
         12 => Just((10, 10_000)),
@@ -384,12 +371,9 @@ proptest! {
     ) {
         let mut sequence = held(5_000, 0);
         let shown = match error {
-            // A frame comes between two cycles, with an earlier timestamp or with the last one again.
             0 => sequence.judge(5_000 - 10 * back, after_us),
             1 => sequence.judge(5_000, after_us),
-            // A frame is held back for longer than the tolerance.
             2 => sequence.judge(5_010, 12_700 + after_us),
-            // A frame overtakes the one before it, which comes after it.
             _ => {
                 sequence.judge(5_020, 20_000);
                 sequence.judge(5_010, 20_000 + after_us)

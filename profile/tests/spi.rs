@@ -16,7 +16,6 @@ use crate::support;
 
 use support::seeds;
 
-/// The error of a bus that fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Broken;
 
@@ -26,14 +25,11 @@ impl Error for Broken {
     }
 }
 
-/// A DPR on an SPI device; its map holds the contents that were published last.
 #[derive(Default)]
 struct Dpr {
     map: Vec<u8>,
     window: Option<Request>,
-    /// Whether every transaction fails on the bus.
     broken: bool,
-    /// The number of transactions that the DPR has answered.
     answered: u32,
 }
 
@@ -79,7 +75,6 @@ impl SpiDevice for Dpr {
     }
 }
 
-/// A DPR on an async SPI device.
 struct AsyncDpr(Dpr);
 
 impl ErrorType for AsyncDpr {
@@ -176,7 +171,6 @@ fn the_async_client_says_what_the_blocking_one_says() {
 
 #[test]
 fn a_future_that_is_dropped_early_loses_no_request() {
-    /// An SPI device whose transaction never ends.
     struct Hung;
     impl ErrorType for Hung {
         type Error = Infallible;

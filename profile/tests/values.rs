@@ -17,7 +17,6 @@ fn seeded(cases: u32) -> Config {
     Config { cases, rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..Config::default() }
 }
 
-/// The bits of all of a receiver's values, whether they are NaN or not.
 fn gps_bits(values: &GpsValues) -> (u32, u16, [u64; 3], [u32; 6]) {
     let [x, y, z] = values.acceleration;
     (
@@ -372,7 +371,6 @@ fn a_profile_crosses_the_air_for<const N: usize>() {
     assert!(image.verify().profile.complete());
     assert_eq!(air::Place::of_frame::<N>(payloads.len()), None);
 
-    // Every other length is refused as a whole; no input of a right length is.
     let longest = [0x5A; air::MAX_PAYLOAD + 1];
     for length in 0..=longest.len() {
         let expected = payloads.iter().any(|payload| payload.len() == length);
@@ -407,7 +405,6 @@ fn the_second_frame_in_the_firsts_place_is_rejected_object_by_object() {
     for (index, bytes) in air::objects::<5>(first).expect("as long as the second frame") {
         assert!(Object::verify(index, bytes).is_err());
     }
-    // The object is sealed and undamaged, but belongs to another receiver.
     let gps1 = &profile.as_bytes()[64..124];
     let exchanged = [gps1, gps1, gps1].concat();
     for (index, bytes) in air::objects::<5>(&exchanged).expect("as long as the second frame") {
@@ -427,11 +424,11 @@ fn slot_and_air_time_give_the_age_at_a_frames_end() {
 
 #[test]
 fn air_time_is_that_of_424_kbit_per_second() {
-    // A frame has 48 + 16 + 8 + 8 * payload + 16 bits, and each bit lasts 32 periods of 13.56 MHz.
+    // A frame has 48 + 16 + 8 + 8 * payload + 16 bits of 32 periods of 13.56 MHz each.
     for (payload, nanoseconds) in [(124, 2_548_673), (184, 3_681_416), (244, 4_814_159), (180, 3_605_900)] {
         assert_eq!(air::air_time_ns(payload), nanoseconds);
     }
-    // The longest cycle leaves room for the gap: both frames of a profile of five receivers fit in 10 ms.
+    // Both frames of a profile of five receivers and the gap between them must fit in 10 ms.
     let both = air::air_time_ns(184) + air::air_time_ns(180) + 1_000 * u64::from(air::MIN_GAP_US);
     assert!(both < 10_000_000);
 }

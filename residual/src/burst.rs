@@ -2,19 +2,18 @@
 //!
 //! A burst of b bits has its first and last bit wrong and any pattern between them: 2^(b - 2) patterns. A burst goes
 //! undetected if and only if it is a multiple of the polynomial, apart from a factor x^i. A polynomial of degree r has
-//! no multiple of fewer than r + 1 bits, only itself of r + 1 bits, and 2^(b - r - 2) multiples of b > r + 1 bits. The
-//! following therefore holds for any CRC of r bits and any polynomial, if its codeword is sent in the polynomial's own
-//! order:
+//! no multiple of at most r bits, one of r + 1 bits, and 2^(b - r - 2) of b > r + 1 bits. So for any CRC of r bits
+//! whose codeword is sent in the polynomial's own order:
 //!
 //! | bits | undetected |
 //! |---|---|
 //! | up to r | none |
 //! | r + 1 | 1 of 2^(r - 1) |
 //! | more | 1 of 2^r |
-/// log2 of the fraction of all bursts of `bits` bits that a CRC of `check_bits` does not detect; None if the CRC
-/// detects all of them.
+/// log2 of the fraction of all bursts of `bits` bits that a CRC of `check_bits` does not detect; `None` if all are
+/// detected.
 ///
-/// All patterns count equally. The codeword is assumed to be longer than the burst.
+/// All patterns count equally, and the codeword is longer than the burst.
 #[must_use]
 pub const fn undetected_log2(check_bits: u32, bits: u32) -> Option<i64> {
     if bits <= check_bits {

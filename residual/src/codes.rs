@@ -1,4 +1,4 @@
-//! The codes that are judged: the profile's two polynomials and others for comparison, at every length in use.
+//! The codes that are judged: the profile's two polynomials, and others for comparison, at every length in use.
 use std::fmt::Write as _;
 use std::num::NonZero;
 use std::sync::LazyLock;
@@ -36,15 +36,14 @@ pub const CRC_32C: Named = named("CRC-32C", 0x8F6E_37A0);
 /// The polynomial of CRC-32Q (aeronautical data; AIXM, ARINC 424), 0x814141AB in the usual notation.
 pub const CRC_32Q: Named = named("CRC-32Q", 0xC0A0_A0D5);
 
-/// The polynomial of OPC UA Safety (OPC 10000-15, RQ7.22), which is also AUTOSAR's CRC32P4; both write it 0xF4ACFB13 in
-/// the usual notation. The first and the last bit of these digits are set, so they are possible in either notation, but
-/// in Koopman's notation 0xF4ACFB13 is another polynomial. The published distances are those of 0xFA567D89.
+/// The polynomial of OPC UA Safety (OPC 10000-15, RQ7.22), also AUTOSAR's CRC32P4: both write 0xF4ACFB13 in the usual
+/// notation. Read in Koopman's notation, 0xF4ACFB13 would be another polynomial, without the published distances.
 pub const OPC_UA_SAFETY: Named = named("OPC UA Safety", 0xFA56_7D89);
 
 /// All polynomials that are compared, with the profile's two first.
 pub const POLYNOMIALS: [Named; 6] = [FRAME, POSITION, IEEE_802_3, CRC_32C, CRC_32Q, OPC_UA_SAFETY];
 
-/// The number of bits of latitude, longitude and the position CRC together.
+/// The length of latitude, longitude and the position CRC together, bits.
 pub const POSITION_BITS: usize = 160;
 /// The length of a GPS object, bits.
 pub const GPS_BITS: usize = 8 * profile::GpsObject::SIZE;
@@ -68,8 +67,8 @@ pub struct Code {
 }
 
 impl Code {
-    /// Every code that is judged, in the order of length: all polynomials at the lengths of the profile's objects, and
-    /// the frame CRC at the lengths of Link-Status and of a request on the SSI.
+    /// Every code that is judged, by length: all polynomials at the lengths of the profile's objects, and the frame CRC
+    /// at the lengths of Link-Status and of a request on the SSI.
     #[must_use]
     pub fn all() -> Vec<Self> {
         let compared = COMPARED.iter().flat_map(|bits| POLYNOMIALS.map(|named| Self { named, bits: *bits }));
@@ -79,20 +78,19 @@ impl Code {
         all
     }
 
-    /// Counts the words of the code's dual, which takes seconds.
+    /// Counts the words of the code's dual, which takes seconds. `progress` gets the finished share, 0 to 1.
     #[must_use]
     pub fn count(self, threads: NonZero<usize>, progress: &(dyn Fn(f64) + Sync)) -> DualWeights {
         DualWeights::count(self.named.polynomial, self.bits, threads, progress)
     }
 
-    /// The weights of the code's dual, which were counted once and committed with the source; None for a code that is
-    /// not among [`Code::all`].
+    /// The committed weights of the code's dual; `None` for a code that is not among [`Code::all`].
     #[must_use]
     pub fn committed(self) -> Option<DualWeights> {
         COMMITTED.iter().find(|(code, _)| *code == self).map(|(_, dual)| dual.clone())
     }
 
-    /// The code's weight distribution from the committed weights of its dual, checked for validity.
+    /// The code's weight distribution, from the committed weights of its dual.
     ///
     /// # Errors
     ///
@@ -126,11 +124,11 @@ fn parse(text: &str) -> Vec<(Code, DualWeights)> {
         }
         Some((Code { named, bits }, DualWeights::from_counts(counts)))
     };
-    // If a line cannot be read, its code is missing, and an error is reported when that code is requested.
+    // A code whose line cannot be read is missing, which is reported when the code is requested.
     text.lines().filter(|text| !text.starts_with('#')).filter_map(line).collect()
 }
 
-/// The text of the file of committed weights, made from these weights.
+/// The text of the file of committed weights.
 #[must_use]
 pub fn committed_text(duals: &[(Code, DualWeights)]) -> String {
     let mut text = String::from(

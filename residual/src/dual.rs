@@ -1,22 +1,19 @@
 //! Counts all words of the dual code by weight.
 //!
-//! # Design
+//! A CRC of r check bits over n bits is a linear code of 2^(n - r) words, too many to count when n is in the hundreds.
+//! Its dual, all sums of its r parity checks, has 2^r words for any n: 4.3 · 10^9 for r = 32. MacWilliams' identity
+//! converts the weights of the dual into those of the code ([`crate::weights`]).
 //!
-//! A CRC of r check bits over n bits is a linear code of 2^(n - r) words: far too many to count when n is in the
-//! hundreds. Its dual, all sums of its r parity checks, has 2^r words for any n, and MacWilliams' identity converts the
-//! weights of the dual into those of the code ([`crate::weights`]). For r = 32 that is 4.3 · 10^9 words.
-//!
-//! **Gray code.** From each word to the next, one parity check is added: an exclusive or of n bits. For the last six
-//! checks a table has all 64 sums, so that the inner loop has no dependency from word to word: load, exclusive or,
+//! **Gray code.** Each word differs from the one before by one parity check, an exclusive or of n bits. A table has all
+//! 64 sums of the last six checks, so that the inner loop has no dependency from word to word: load, exclusive or,
 //! count, n / 64 times, then one histogram entry.
 //!
-//! **Even codes need half the work.** If x + 1 divides the polynomial, the all-ones word is in the dual (it is the sum
-//! of all checks), so each word of weight w has a partner of weight n - w. One check is then left out and the histogram
+//! **Even codes need half the work.** If x + 1 divides the polynomial, the all-ones word is in the dual, as the sum of
+//! all checks. So each word of weight w has a partner of weight n - w: one check is left out and the histogram
 //! mirrored.
 //!
-//! **All cores.** The sequence of words is divided into 2^10 pieces, each of which begins at its own position of the
-//! Gray code. Threads take the pieces one by one. The result is a sum of histograms and does not depend on which thread
-//! counted which piece.
+//! **All cores.** The sequence of words is divided into 2^10 pieces, each with its own start in the Gray code, which
+//! threads process one by one. The sum of the histograms does not depend on the threads.
 use std::num::NonZero;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::{array, thread};
@@ -27,18 +24,16 @@ use crate::Polynomial;
 pub const MAX_LENGTH: usize = 512;
 
 const WORD: usize = 64;
-/// log2 of the number of tabulated sums: 64 sums, at most 4 KiB, which stay in the first-level cache.
+/// log2 of the number of tabulated sums, which stay in the first-level cache: at most 4 KiB.
 const TABLE_LOG2: u32 = 6;
-/// log2 of the number of pieces into which the Gray code is divided.
 const PIECES_LOG2: u32 = 10;
-/// The number of histograms in which words are counted in turn. Adjacent words often have equal weights, and in one
-/// histogram an increment would wait for the store of the one before.
+/// The number of histograms in which words are counted in turn. Adjacent words often have equal weights; in one
+/// histogram, each increment would wait for the last store.
 const HISTOGRAMS: usize = 4;
-/// For each histogram, the number of words of each weight in one piece. That number is at most 2^22, so it fits in a
-/// u32.
+/// For each histogram, the number of words of each weight in one piece, at most 2^22.
 type Histograms = [[u32; MAX_LENGTH + 1]; HISTOGRAMS];
 
-/// The number of words of the dual code of each weight, from weight 0 to the length of the codeword.
+/// The number of words of each weight in the dual code, from weight 0 to the length of the codeword.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DualWeights {
     counts: Vec<u64>,
@@ -71,8 +66,7 @@ impl DualWeights {
         }
     }
 
-    /// Returns weights that were counted before: `counts[w]` words of weight w, one entry for each weight from 0 to the
-    /// length.
+    /// Returns weights that were counted before: `counts[w]` words of weight w, from 0 to the length.
     #[must_use]
     pub fn from_counts(counts: Vec<u64>) -> Self {
         Self { counts }
@@ -91,14 +85,12 @@ impl DualWeights {
     }
 }
 
-/// A walk through the dual code, whose words have `W` times 64 bits.
 struct Walk<const W: usize> {
     length: usize,
     /// Whether each counted word also stands for its complement.
     mirrored: bool,
-    /// The parity checks that the Gray code combines; those that select a piece come last.
+    /// The parity checks that the Gray code combines. Those that select a piece come last.
     checks: Vec<[u64; W]>,
-    /// All sums of the remaining parity checks.
     table: Vec<[u64; W]>,
     pieces_log2: u32,
 }
@@ -171,7 +163,6 @@ impl<const W: usize> Walk<W> {
         DualWeights { counts }
     }
 
-    /// Counts the words of one piece in histograms.
     fn piece(&self, piece: usize) -> Histograms {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("popcnt") {
@@ -182,8 +173,7 @@ impl<const W: usize> Walk<W> {
         self.walk(piece)
     }
 
-    /// Counts the words of one piece as the portable code does, but is compiled for a processor that counts bits in one
-    /// instruction, which is three times as fast.
+    /// Counts the words of one piece on a processor that counts bits in one instruction, three times as fast.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "popcnt")]
     fn piece_with_popcnt(&self, piece: usize) -> Histograms {
@@ -240,7 +230,6 @@ mod tests {
 
     const TWO: NonZero<usize> = NonZero::new(2).unwrap();
 
-    /// The weights of all sums of the parity checks, found by calculating each sum.
     fn by_brute_force(polynomial: Polynomial, length: usize) -> Vec<u64> {
         let columns = polynomial.columns(length);
         let mut counts = vec![0; length + 1];

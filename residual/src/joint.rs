@@ -2,30 +2,28 @@
 //!
 //! # The code
 //!
-//! Bytes 8 to 27 of Reported-Position are a codeword of the position CRC, and all 64 bytes are one of the frame CRC. A
-//! pattern of errors goes undetected if and only if it is a codeword of the outer code *and* its part in bytes 8 to 27
-//! is one of the inner code: 64 check bits, 448 data bits. Two distances are of interest:
+//! Bytes 8 to 27 of Reported-Position are a codeword of the position CRC, and all 64 bytes are one of the frame CRC: 64
+//! check bits, 448 data bits. Errors go undetected if and only if their pattern is a codeword of the outer code *and*
+//! its part in bytes 8 to 27 is one of the inner code. Two distances are of interest:
 //!
-//! - the distance of patterns that damage latitude or longitude, *and possibly other bits*: [`Joint::distance`]. The
-//!   part in bytes 8 to 27 is then a codeword other than 0. (If latitude and longitude are undamaged, the position CRC
-//!   is undamaged too, or does not match.)
-//! - the distance of all patterns, which need not damage latitude and longitude: the outer code's own.
+//! - the distance of patterns that damage latitude or longitude, *and possibly other bits*: [`Joint::distance`]. Their
+//!   part in bytes 8 to 27 is a codeword other than 0.
+//! - the distance of all patterns: the outer code's own.
 //!
 //! # The method
 //!
 //! The dual of the joint code has 2^64 words, too many to count. But a word of low weight is an inner codeword of low
-//! weight, shifted to its position, and a few bits elsewhere that have the same syndrome in the outer code. The inner
-//! code has no words below its distance and few just above it. So the search finds all inner words of weight up to
-//! [`MAX_WEIGHT`] ([`Words`]) and looks up the outer syndrome of each among the sums of 0, 1, 2, 3 columns of the 352
-//! bits elsewhere. By total weight, smallest first, each combination of a weight inside and one outside either has a
-//! word or is excluded, because every inner word of that weight was tested. An odd total weight needs no search if the
-//! outer polynomial is divisible by x + 1.
+//! weight, and a few bits elsewhere with the same syndrome in the outer code. The inner code has no words below its
+//! distance and few just above it. So the search finds all inner words of weight up to [`MAX_WEIGHT`] ([`Words`]) and
+//! looks up the outer syndrome of each among the sums of 0, 1, 2, 3 columns of the 352 bits elsewhere. From the
+//! smallest total weight on, each combination of a weight inside and one outside either has a word or is excluded. An
+//! odd total weight needs no search if x + 1 divides the outer polynomial.
 use std::collections::HashMap;
 use std::num::NonZero;
 
 use crate::{MAX_WEIGHT, Polynomial, Words};
 
-/// The most wrong bits outside the inner codeword that the search considers.
+/// The greatest number of wrong bits outside the inner codeword that the search considers.
 const MAX_OUTSIDE: usize = 3;
 
 /// An inner codeword inside an outer one.
@@ -39,7 +37,7 @@ pub struct Nesting {
     pub inner: Polynomial,
     /// The length of the inner codeword, bits.
     pub inner_bits: usize,
-    /// The number of bits of the outer codeword that are sent after the last bit of the inner one.
+    /// The number of bits that are sent between the ends of the inner and of the outer codeword.
     pub bits_after: usize,
 }
 
@@ -50,12 +48,11 @@ impl Nesting {
         outer_bits: crate::codes::REPORTED_BITS,
         inner: crate::codes::POSITION.polynomial,
         inner_bits: crate::codes::POSITION_BITS,
-        // The bytes 28 to 63 are sent after the position CRC.
         bits_after: 8 * 36,
     };
 }
 
-/// One combination of a weight inside and a weight outside the inner codeword, with the search's result.
+/// A combination of a weight inside and a weight outside the inner codeword, with the search's result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Examined {
     /// The number of wrong bits in the inner codeword.
@@ -73,12 +70,12 @@ pub struct Examined {
 pub struct Joint {
     /// The least weight of a joint codeword whose inner part is not 0; `None` if the search did not reach it.
     pub distance: Option<usize>,
-    /// The weight below which all weights are proved to have no words: the distance itself, if it is known.
+    /// The weight below which all weights are proved to have no words: the distance, if it is known.
     pub at_least: usize,
     /// The combinations of weights that were searched, by total weight.
     pub examined: Vec<Examined>,
-    /// Words of the least weight, each as the set bits of the outer codeword, counted from the last bit sent. They are
-    /// all words of the combinations in `examined`; there may be others with more errors inside.
+    /// Words of the least weight in the combinations in `examined`, each as the set bits of the outer codeword, counted
+    /// from the last bit sent. There may be others with more errors inside.
     pub words: Vec<Vec<u16>>,
 }
 
@@ -102,8 +99,8 @@ impl Joint {
             let mut complete = true;
             for weight in 1..=total {
                 if weight > MAX_WEIGHT || total - weight > MAX_OUTSIDE {
-                    // This combination of weights cannot be searched. It is excluded only if no inner word has that
-                    // weight.
+                    // This combination of weights cannot be searched. It is excluded only if there is no inner word of
+                    // that weight.
                     complete &= weight <= MAX_WEIGHT
                         && words_of(&mut inner_words, nesting, weight, threads).starting_at_0().is_empty();
                     continue;
@@ -132,7 +129,7 @@ impl Joint {
             }
             if !words.is_empty() {
                 words.sort_unstable();
-                // All smaller total weights have been excluded; otherwise the search would have ended at one of them.
+                // All smaller total weights have been excluded, or the search would have ended.
                 return Self { distance: Some(total), at_least: total, examined, words };
             }
             if !complete {
@@ -154,9 +151,7 @@ fn words_of<'a>(found: &'a mut Vec<Words>, nesting: &Nesting, weight: usize, thr
 struct Outside {
     places: Vec<u16>,
     columns: Vec<u32>,
-    /// For each value of a column, the position of that column.
     singles: HashMap<u32, u16>,
-    /// For each sum of two columns, the positions of all pairs of columns that have this sum, each pair once.
     pairs: HashMap<u32, Vec<[u16; 2]>>,
 }
 
@@ -204,8 +199,6 @@ mod tests {
 
     const TWO: NonZero<usize> = NonZero::new(2).unwrap();
 
-    /// The least weight of all words that are codewords of both codes and not 0 inside, and the number of these words,
-    /// found by trying all words.
     fn by_brute_force(nesting: &Nesting) -> (usize, usize) {
         let outer = nesting.outer.columns(nesting.outer_bits);
         let inner = nesting.inner.columns(nesting.inner_bits);

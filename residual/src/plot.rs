@@ -1,7 +1,7 @@
-//! Plots the probability of an undetected error, P_ud, over the bit error rate as an SVG document: a panel for each
-//! length in use, a line for each polynomial, and the bounds.
+//! Plots the probability of an undetected error, P_ud, over the bit error rate as SVG: a panel for each length in use,
+//! a line for each polynomial, and the bounds.
 //!
-//! Coordinates are whole pixels and text stays text, so the same numbers give the same file on every machine.
+//! Coordinates are whole pixels and text stays text, so the file is the same on every machine.
 use std::error::Error;
 
 use plotters::prelude::*;
@@ -13,14 +13,11 @@ use crate::{Code, ErrorCurve, logarithmic};
 
 const WIDTH: u32 = 960;
 const PANEL_HEIGHT: u32 = 520;
-/// The plotted range of the bit error rate, log10.
 const X: std::ops::Range<f64> = -6.0..-0.301;
-/// The plotted range of the probability, log10.
 const Y: std::ops::Range<f64> = -30.0..-2.0;
-/// The number of receivers in the profile for which the bounds are divided among the objects.
 const RECEIVERS: u32 = 3;
 
-/// The colours of the polynomials' lines: those of Okabe and Ito, which colour-blind readers can distinguish.
+/// The colours of the polynomials' lines are those of Okabe and Ito, which colour-blind readers can distinguish.
 const fn colour(named: Named) -> RGBColor {
     match named.polynomial.koopman() {
         0xF8C9_140A => RGBColor(0xD5, 0x5E, 0x00),
@@ -36,7 +33,7 @@ const fn colour(named: Named) -> RGBColor {
 ///
 /// # Errors
 ///
-/// The plotting library reports an error; none is expected, because it draws into a string.
+/// The plotting library reports an error, which is not expected, because it draws into a string.
 pub fn svg(curves: &[(Code, ErrorCurve)]) -> Result<String, Box<dyn Error>> {
     let mut text = String::new();
     {
@@ -86,7 +83,7 @@ fn panel<'a>(
         (share(Sil::Three), "SIL 3, likewise".to_owned()),
         (share(Sil::Four), "SIL 4, likewise".to_owned()),
     ];
-    // Labels that are closer than the height of a line of text would overlap, so one of them is moved to the right.
+    // Labels closer than the height of a line of text would overlap, so one of them is moved to the right.
     for (i, (bound, label)) in bounds.into_iter().enumerate() {
         let y = bound.log10();
         chart.draw_series(DashedLineSeries::new([(X.start, y), (X.end, y)], 8, 6, BLACK.mix(0.7).stroke_width(1)))?;

@@ -1,4 +1,4 @@
-//! Generator polynomials, and their notations, which are often confused.
+//! Generator polynomials in their two notations.
 use std::fmt;
 
 /// A CRC's generator polynomial over GF(2), of degree 1 to 32 and with constant term 1.
@@ -6,9 +6,9 @@ use std::fmt;
 /// # Notation
 ///
 /// A polynomial of degree r has r + 1 coefficients, of which the first and the last are always set. To fit r bits, the
-/// usual notation ("normal", "implicit x^r", the `crc` crate's `poly`) omits the highest coefficient, and Koopman's
-/// notation ("implicit +1") omits the lowest. The same digits mean two different codes in the two notations, and either
-/// code passes every round-trip test: only distances and check values distinguish them.
+/// usual notation ("normal", "implicit x^r", the `crc` crate's `poly`) omits the highest, and Koopman's notation
+/// ("implicit +1") the lowest. The same digits mean two codes in the two notations, and either code passes every
+/// round-trip test. Only distances and check values distinguish them.
 ///
 /// ```
 /// use residual::Polynomial;
@@ -20,15 +20,13 @@ use std::fmt;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Polynomial {
-    /// Every coefficient of the polynomial; that of x^0 is bit 0.
     coefficients: u64,
 }
 
 impl Polynomial {
-    /// Returns the polynomial whose coefficients x^degree to x^1 are `value`'s bits, the highest first; the coefficient
-    /// of x^0 is 1.
+    /// Returns the polynomial whose coefficients x^degree to x^1 are `value`'s bits, the highest first.
     ///
-    /// Returns None if the degree is not 1 to 32, or if `value` is not of that degree and so is in another notation.
+    /// Returns `None` if the degree is not 1 to 32, or if `value` is not of that degree and so is in another notation.
     #[must_use]
     pub const fn from_koopman(degree: u32, value: u32) -> Option<Self> {
         if degree < 1 || degree > 32 || 32 - value.leading_zeros() != degree {
@@ -37,11 +35,10 @@ impl Polynomial {
         Some(Self { coefficients: (value as u64) << 1 | 1 })
     }
 
-    /// Returns the polynomial whose coefficients x^(degree - 1) to x^0 are `value`'s bits, the highest first; the
-    /// coefficient of x^degree is 1.
+    /// Returns the polynomial whose coefficients x^(degree - 1) to x^0 are `value`'s bits, the highest first.
     ///
-    /// Returns None if the degree is not 1 to 32, if `value` has more bits than that, or if its constant term is 0: no
-    /// CRC's polynomial is divisible by x.
+    /// Returns `None` if the degree is not 1 to 32, if `value` has more bits than that, or if its constant term is 0:
+    /// no CRC's polynomial is divisible by x.
     #[must_use]
     pub const fn from_normal(degree: u32, value: u32) -> Option<Self> {
         if degree < 1 || degree > 32 || 32 - value.leading_zeros() > degree || value & 1 == 0 {
@@ -74,8 +71,8 @@ impl Polynomial {
         self.coefficients
     }
 
-    /// Whether x + 1 divides the polynomial. In that case every codeword has an even number of ones, and every odd
-    /// number of errors is detected.
+    /// Whether x + 1 divides the polynomial. Then every codeword has an even number of ones, and every odd number of
+    /// errors is detected.
     #[must_use]
     pub const fn is_even(self) -> bool {
         self.coefficients.count_ones().is_multiple_of(2)
@@ -83,8 +80,8 @@ impl Polynomial {
 
     /// The remainders of x^0, x^1, … x^(length - 1): the columns of the parity-check matrix.
     ///
-    /// Column i is the syndrome of an error in the bit that is sent i bits before the last. A pattern of errors goes
-    /// undetected if and only if the columns of the wrong bits add up to 0.
+    /// Column i is the syndrome of an error in the bit that is sent i bits before the last. Errors go undetected if and
+    /// only if the columns of the wrong bits add up to 0.
     #[must_use]
     pub fn columns(self, length: usize) -> Vec<u32> {
         let mut power = 1_u64;
@@ -100,7 +97,7 @@ impl Polynomial {
             .collect()
     }
 
-    /// The degree of the greatest common divisor of this polynomial and `other`; 0 if they have no factor in common.
+    /// The degree of the greatest common divisor of this polynomial and `other`; 0 if they have no common factor.
     #[must_use]
     pub const fn common_degree(self, other: Self) -> u32 {
         let (mut a, mut b) = (self.coefficients, other.coefficients);
@@ -114,7 +111,7 @@ impl Polynomial {
     }
 }
 
-/// The polynomial in Koopman's notation, as in the paper.
+/// Koopman's notation, as in the paper.
 impl fmt::Display for Polynomial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:#0width$x}", self.koopman(), width = 2 + self.degree().div_ceil(4) as usize)
@@ -131,7 +128,7 @@ impl fmt::Debug for Polynomial {
 mod tests {
     use super::*;
 
-    /// The remainder of x^i divided by g, by long division, as a check of the shift register.
+    /// The remainder of x^i divided by g, by long division, to check the shift register.
     fn remainder(g: u64, exponent: u32) -> u32 {
         let degree = 63 - g.leading_zeros();
         let mut dividend = 1_u128 << exponent;
@@ -167,7 +164,6 @@ mod tests {
     #[test]
     fn common_factors_are_found() {
         let of = |degree, normal| Polynomial::from_normal(degree, normal).unwrap();
-        // The polynomials are (x + 1)(x^2 + x + 1) = x^3 + 1, (x + 1)^2 = x^2 + 1, and x^2 + x + 1.
         assert_eq!(of(3, 1).common_degree(of(2, 1)), 1);
         assert_eq!(of(3, 1).common_degree(of(2, 3)), 2);
         assert_eq!(of(2, 1).common_degree(of(2, 3)), 0);

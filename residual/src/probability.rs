@@ -2,20 +2,20 @@
 //!
 //! # Model
 //!
-//! Each bit of a codeword of n bits is wrong with probability p, independently of all others. This is the binary
-//! symmetric channel on which IEC 61784-3 bases its residual error probability. Then
+//! Each bit of a codeword of n bits is wrong with probability p, independently of all others: the binary symmetric
+//! channel of IEC 61784-3. Then
 //!
 //! > P_ud(p) = Σ A_w p^w (1 - p)^(n - w), w from the Hamming distance to n
 //!
-//! A_w is the number of codewords of weight w. The sum is complete and exact, because all A_w are known.
+//! A_w is the number of codewords of weight w. All A_w are known exactly.
 //!
 //! **Conditional probability.** P_re,cond(p) = P_ud(p) / (1 - (1 - p)^n) is the fraction of damaged codewords that goes
-//! undetected. OPC UA Safety (OPC 10000-15, 9.3) bounds this number, by 4.0e-10 for its own CRC: multiplied by a rate
-//! of damaged messages, from any cause, it gives the rate of residual errors.
+//! undetected. The rate of residual errors is P_re,cond times the rate of damaged messages, from any cause. OPC UA
+//! Safety (OPC 10000-15, 9.3) bounds P_re,cond by 4.0e-10 for its own CRC.
 //!
-//! **Precision.** [`undetected_exactly`] adds the terms as fractions of integers; every number in a table is one of its
-//! results, rounded once. Curves, maxima and crossings come from [`ErrorCurve`], which adds the terms in binary64 from
-//! their logarithms, with a relative error below 1e-11 (a test compares the two).
+//! **Precision.** [`undetected_exactly`] adds fractions of integers; tables have its results, rounded once.
+//! [`ErrorCurve`] gives curves, maxima and crossings. It adds the terms in binary64 from their logarithms, with a
+//! relative error below 1e-11, which a test checks.
 use std::f64::consts::LN_2;
 use std::fmt;
 
@@ -33,7 +33,7 @@ pub struct BitErrorRate {
 }
 
 impl BitErrorRate {
-    /// The bit error rate that IEC 61784-3 assumes by convention if no lower one is proved: 1e-2.
+    /// The bit error rate that IEC 61784-3 assumes if no lower one is proved: 1e-2.
     pub const CONVENTIONAL: Self = Self { digit: 1, decade: 2 };
 
     /// The bit error rates in the tables: 1e-6 to 5e-1 in steps of 1, 2, 5.
@@ -54,13 +54,13 @@ impl fmt::Display for BitErrorRate {
     }
 }
 
-/// P_ud at a bit error rate, calculated exactly and rounded to binary64 at the end (toward zero, by less than one part
-/// in 2^52).
+/// P_ud at a bit error rate, calculated exactly and then rounded to binary64 (toward zero, by less than one part in
+/// 2^52).
 #[must_use]
 pub fn undetected_exactly(weights: &Weights, rate: BitErrorRate) -> f64 {
     let denominator = 10_u32.pow(rate.decade);
     let (wrong, right) = (BigUint::from(rate.digit), BigUint::from(denominator - rate.digit));
-    // With p / (1 - p) = a / b, Horner's rule gives Σ A_w a^w b^(n - w), beginning at w = n.
+    // With p / (1 - p) = a / b, Horner's rule gives Σ A_w a^w b^(n - w), from w = n on.
     let mut sum = BigUint::ZERO;
     let mut power = BigUint::from(1_u32);
     let undetected = weights.counts().iter().skip(1);
@@ -71,7 +71,7 @@ pub fn undetected_exactly(weights: &Weights, rate: BitErrorRate) -> f64 {
     quotient(sum * wrong, &BigUint::from(denominator).pow(weights.length() as u32))
 }
 
-/// The quotient `numerator / denominator`, calculated to 64 bits before it is converted to a binary64.
+/// Returns `numerator / denominator`, calculated to 64 bits before it is converted to a binary64.
 fn quotient(numerator: BigUint, denominator: &BigUint) -> f64 {
     if numerator == BigUint::ZERO {
         return 0.0;
@@ -88,7 +88,6 @@ fn scientific(value: &BigUint) -> (f64, u64) {
     let exponent = value.bits() - 1;
     let top = if exponent > 63 { value >> (exponent - 63) } else { value << (63 - exponent) };
     let top = top.iter_u64_digits().next().unwrap_or(0);
-    // The mantissa is exactly the highest 53 bits of the value.
     ((top >> 11) as f64 / 2_f64.powi(52), exponent)
 }
 
@@ -151,16 +150,14 @@ impl ErrorCurve {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Maximum {
     /// The bit error rate of the maximum: the least of 200 rates per decade at which the function is within a millionth
-    /// of its largest value. Most of these functions rise to a plateau, on which rounding errors alone would determine
-    /// the rate.
+    /// of its largest value. On a plateau, rounding errors alone would determine the rate of the largest value.
     pub bit_error_rate: f64,
     /// The largest value of the function.
     pub value: f64,
 }
 
-/// The number of search steps for each decade of the bit error rate. P_ud is a polynomial whose maxima are as wide as
-/// the binomial distribution's, a tenth of a decade or more at these lengths, so no maximum lies between two steps
-/// unseen.
+/// The number of search steps per decade of the bit error rate. The maxima of P_ud are as wide as the binomial
+/// distribution's, a tenth of a decade or more at these lengths, so none lies between two steps.
 const STEPS_PER_DECADE: u32 = 200;
 const LOWEST: f64 = 1e-6;
 const HIGHEST: f64 = 0.5;
@@ -222,7 +219,7 @@ mod tests {
 
     #[test]
     fn at_one_half_every_word_is_as_probable_as_any() {
-        // There are 2^n error patterns, and 2^k - 1 of them change the codeword into another one.
+        // In a code of n bits with k data bits, 2^k - 1 of the 2^n error patterns change a codeword into another one.
         let exact = undetected_exactly(&weights(8, 0x07, 24), BitErrorRate { digit: 5, decade: 1 });
         assert_eq!(exact, 65_535.0 / 16_777_216.0);
     }

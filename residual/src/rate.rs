@@ -3,31 +3,30 @@
 //!
 //! # Residual error rate
 //!
-//! HORUS sends a profile 100 times a second and never repeats one. Every object is judged separately, so the residual
-//! errors of its objects add up:
+//! HORUS sends a profile 100 times a second and repeats none. Every object is judged separately, so the residual errors
+//! of its objects add up:
 //!
 //! > Λ(p) = 360 000 / h · (P_ud, Reported-Position(p) + n P_ud, GPS(p))
 //!
 //! Reported-Position counts with its frame CRC only; its position CRC can only lower the figure. This holds for one
-//! receiver of the data, which IEC 61784-3 calls a sink. For a system in which several sinks act independently on their
-//! data, the figure is multiplied by their number (the standard's m).
+//! receiver of the data, a sink in IEC 61784-3. For several sinks that act independently, the figure is multiplied by
+//! their number (the standard's m).
 //!
 //! # Bounds
 //!
-//! IEC 61508-1 bounds the frequency of dangerous failures per hour of a function in continuous mode: below 1e-6 for SIL
-//! 2, 1e-7 for SIL 3, 1e-8 for SIL 4. IEC 61784-3 allots 1 % of that frequency to a communication channel.
+//! IEC 61508-1 bounds the dangerous failures per hour of a function in continuous mode: below 1e-6 for SIL 2, 1e-7 for
+//! SIL 3, 1e-8 for SIL 4. IEC 61784-3 allots 1 % of them to a communication channel.
 //!
 //! # Error interval limit
 //!
-//! A sink that enters its safe state when it detects a second error within an interval T keeps the rate of detected
-//! errors below 1 / T on any channel. For every error that goes undetected, 1 / P_re,cond - 1 are detected, so there
-//! are fewer residual errors than
+//! A sink that enters its safe state at a second detected error within an interval T keeps the rate of detected errors
+//! below 1 / T on any channel. For each undetected error, 1 / P_re,cond - 1 are detected, so there are fewer residual
+//! errors than
 //!
 //! > 1 / T · max P_re,cond / (1 - P_re,cond)
 //!
-//! at *any* bit error rate: the only remaining assumption is that errors are independent. OPC UA Safety uses intervals
-//! of 6, 60 and 600 minutes for SIL 2, 3 and 4 (OPC 10000-15, 9.4, table 39). The price is availability: on a worse
-//! channel the function stops.
+//! at *any* bit error rate, if errors are independent. OPC UA Safety uses intervals of 6, 60 and 600 minutes for SIL 2,
+//! 3 and 4 (OPC 10000-15, 9.4, table 39). The price is availability: on a worse channel the function stops.
 use crate::ErrorCurve;
 
 /// The number of profiles per hour: one every 10 ms.
@@ -64,7 +63,7 @@ impl Sil {
         }
     }
 
-    /// The level's limit for a communication channel: residual errors per hour, 1 % of the function's dangerous
+    /// The level's limit for a communication channel, residual errors per hour: 1 % of the function's dangerous
     /// failures.
     #[must_use]
     pub const fn channel_limit(self) -> f64 {
@@ -104,7 +103,7 @@ impl ProfileCurves<'_> {
         CYCLES_PER_HOUR * (self.reported.undetected(p) + self.receivers as f64 * self.gps.undetected(p))
     }
 
-    /// The number of objects that arrive damaged and are rejected, per hour, at a bit error rate of `p`.
+    /// The number of objects per hour that arrive damaged and are rejected, at a bit error rate of `p`.
     #[must_use]
     pub fn rejected_per_hour(&self, p: f64) -> f64 {
         let damaged = self.reported.damaged(p) + self.receivers as f64 * self.gps.damaged(p);
@@ -119,8 +118,8 @@ impl ProfileCurves<'_> {
         60.0 / minutes * conditional / (1.0 - conditional)
     }
 
-    /// The bit error rate up to which the residual errors per hour do not exceed `limit`; None if they do not exceed it
-    /// up to a rate of 0.5.
+    /// The bit error rate up to which the residual errors per hour do not exceed `limit`; `None` if they never do up to
+    /// 0.5.
     #[must_use]
     pub fn holds_up_to(&self, limit: f64) -> Option<f64> {
         crossing(|p| self.residual_per_hour(p), limit)
@@ -133,8 +132,7 @@ impl ProfileCurves<'_> {
     }
 }
 
-/// The least bit error rate, from 1e-15 up, at which the function exceeds `limit`, rounded down; None if there is no
-/// such rate.
+/// The least bit error rate, from 1e-15 up, at which the function exceeds `limit`, rounded down.
 fn crossing(function: impl Fn(f64) -> f64, limit: f64) -> Option<f64> {
     let steps = (1..).map(|step| 1e-15 * 10_f64.powf(f64::from(step) / 100.0)).take_while(|p| *p < 0.5).chain([0.5]);
     let mut low = 1e-15;
@@ -161,7 +159,6 @@ mod tests {
         let found = crossing(|p| p * p, 1e-6).unwrap();
         assert!((found / 1e-3 - 1.0).abs() < 1e-9);
         assert_eq!(crossing(|p| p, 0.5), None);
-        // The function crosses the limit several times; the result is the first crossing.
         let bump = crossing(|p| if (1e-5..1e-4).contains(&p) { 2.0 } else { p }, 0.25).unwrap();
         assert!((bump / 1e-5 - 1.0).abs() < 1e-9);
     }

@@ -1,4 +1,4 @@
-//! The complete report: the output of `cargo xtask residual`, its JSON and the tables of its page.
+//! The complete report: the output of `cargo xtask residual`, its JSON, and the tables of its page.
 use std::fmt::Write as _;
 use std::num::NonZero;
 
@@ -15,7 +15,6 @@ pub const REPORT_PATH: &str = "docs/safety/residual-error.md";
 /// The path of the report's plot, from the workspace's root.
 pub const PLOT_PATH: &str = "docs/safety/residual-error.svg";
 
-/// The number of hours in a year of 365.25 days.
 const HOURS_PER_YEAR: f64 = 8766.0;
 
 /// One code with all results that follow from its weights.
@@ -130,7 +129,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Adds the results of the searches and of the injections to those of the codes, which takes less than a minute.
+    /// Adds the searches and the injections to the results of the codes, which takes less than a minute.
     #[must_use]
     pub fn new(analysis: Analysis, threads: NonZero<usize>) -> Self {
         let joint = Joint::search(&Nesting::REPORTED_POSITION, threads);
@@ -138,7 +137,7 @@ impl Report {
         Self { analysis, joint, checks }
     }
 
-    /// The injections whose outcome contradicts the theory; there must be none.
+    /// The injections whose outcome contradicts the theory. There must be none.
     pub fn unexplained(&self) -> impl Iterator<Item = &Check> {
         self.checks.iter().filter(|check| !check.holds())
     }
@@ -474,12 +473,12 @@ impl Report {
         )
     }
 
-    /// Returns the text of the report's page with updated tables. A table is between `<!-- table: NAME -->` and `<!--
-    /// end -->`.
+    /// Returns the text of the report's page with updated tables: each is between `<!-- table: NAME -->` and `<!-- end
+    /// -->`.
     ///
     /// # Errors
     ///
-    /// Returns a message with the name of a table for which the text has no such comments.
+    /// Returns a message with the name of a table that the text lacks.
     pub fn refresh(&self, text: &str) -> Result<String, String> {
         self.tables().into_iter().try_fold(text.to_owned(), |text, (name, table)| {
             let begin = format!("<!-- table: {name} -->\n");
@@ -541,7 +540,6 @@ fn bursts_table() -> String {
     )
 }
 
-/// A Markdown table.
 fn table(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
     let mut text = format!("| {} |\n|{}\n", head.join(" | "), "---|".repeat(head.len()));
     for row in rows {
@@ -550,7 +548,6 @@ fn table(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
     text
 }
 
-/// The results for one code, as JSON.
 #[derive(Serialize)]
 struct CodeJson {
     polynomial_koopman: String,
@@ -586,7 +583,6 @@ struct ProfileJson {
     residual_errors_per_hour: Vec<(String, f64)>,
     #[serde(serialize_with = "in_order")]
     rejected_objects_per_hour: Vec<(String, f64)>,
-    /// For each claim, the bit error rate up to which it holds; None if it holds at any rate.
     #[serde(serialize_with = "in_order")]
     holds_up_to_bit_error_rate: Vec<(String, Option<f64>)>,
     #[serde(serialize_with = "in_order")]
@@ -636,7 +632,6 @@ struct ReportJson {
     claims: Vec<Claim>,
 }
 
-/// Writes pairs of a name and a value as a JSON object, in their order.
 fn in_order<S: Serializer, T: Serialize>(pairs: &[(String, T)], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_map(pairs.iter().map(|(key, value)| (key, value)))
 }

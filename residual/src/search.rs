@@ -1,19 +1,19 @@
-//! Finds codewords of low weight one by one, as a second method for the numbers that follow from the dual code.
+//! Finds codewords of low weight one by one, to check the numbers that follow from the dual code.
 //!
 //! # Meeting in the middle
 //!
-//! Errors in some bits go undetected if the [columns](Polynomial::columns) of these bits add up to 0. To find all such
-//! sets of w bits, each set is split into two halves, whose columns must have equal sums. So it suffices to list the
-//! sums of all halves and search for equal ones.
+//! Errors in some bits go undetected if the [columns](Polynomial::columns) of these bits add up to 0. Each set of w
+//! such bits is split into two halves, whose columns have equal sums. So it suffices to list the sums of all halves and
+//! search for equal ones.
 //!
-//! **Only words that begin at bit 0 are searched.** A codeword of a CRC that is shifted by a bit is again a codeword.
-//! So the words whose lowest bit is bit 0 represent all others: a word that spans m bits occurs n - m + 1 times in n.
-//! With bit 0 given, and for an even weight each possible highest bit in turn, 2h bits remain. Each word is counted
-//! once, with the h lower bits as its first half.
+//! **Only words that begin at bit 0 are searched.** A CRC's codeword that is shifted by a bit is again a codeword. So a
+//! word that begins at bit 0 and spans m bits occurs n - m + 1 times in n. With bit 0 given, and for an even weight
+//! each possible highest bit in turn, 2h bits remain. Each word is counted once, with the h lower bits as its first
+//! half.
 //!
-//! **The data stay in the cache.** The halves are sorted into 2^16 buckets by the upper bits of their sums. Two
-//! matching halves lie in two matching buckets. A bitmap of 8 KiB over the lower bits shows whether one bucket has a
-//! partner for an entry of the other.
+//! **The data stay in the cache.** The halves are sorted into 2^16 buckets by the upper bits of their sums, so matching
+//! halves lie in matching buckets. A bitmap of 8 KiB over the lower bits shows whether one bucket has a partner for an
+//! entry of the other.
 use std::num::NonZero;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
@@ -39,8 +39,8 @@ pub struct Words {
 impl Words {
     /// Finds the codewords of `length` bits that have `weight` ones and begin at bit 0.
     ///
-    /// The work grows as the number of ways to choose weight / 2 of the bits, and the memory as the square root of that
-    /// number. For 512 bits the search takes seconds up to weight 8, and for 160 bits up to weight 10.
+    /// The work grows with the number of ways to choose weight / 2 of the bits, the memory with its square root. For
+    /// 512 bits the search takes seconds up to weight 8, for 160 bits up to weight 10.
     ///
     /// # Panics
     ///
@@ -48,8 +48,7 @@ impl Words {
     #[must_use]
     pub fn find(polynomial: Polynomial, length: usize, weight: usize, threads: NonZero<usize>) -> Self {
         assert!((1..=MAX_WEIGHT).contains(&weight) && length <= MAX_LENGTH, "{weight} of {length} bits");
-        // A bucket is selected by the upper bits of a sum. So the columns of a polynomial of lower degree are shifted
-        // up.
+        // The upper bits of a sum select its bucket, so the columns of a polynomial of lower degree are shifted up.
         let aligned = |column| column << (32 - polynomial.degree());
         let columns: Vec<u32> = polynomial.columns(length).into_iter().map(aligned).collect();
         let half = (weight - 1) / 2;
@@ -75,7 +74,7 @@ impl Words {
         &self.words
     }
 
-    /// The number of words of this weight, whichever bit they begin at: A_w.
+    /// The number of words of this weight, A_w, whichever bit they begin at.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.words.iter().map(|word| (self.length - span(word) + 1) as u64).sum()
@@ -89,7 +88,6 @@ impl Words {
     }
 }
 
-/// The number of bits from the word's first set bit to its last, both included.
 fn span(word: &[u16]) -> usize {
     usize::from(word.last().copied().unwrap_or(0)) + 1
 }
@@ -106,10 +104,9 @@ struct Halves {
     half: usize,
     /// The index of the first entry of each bucket, and finally the index behind the last entry.
     begins: Vec<u32>,
-    /// The buckets that are not empty.
     occupied: Vec<usize>,
-    /// An entry for each set of columns: the lower 16 bits of the sum, then the positions, 12 bits each, with the
-    /// lowest position in the highest bits. The entries of a bucket are in the order of their highest position.
+    /// An entry for each set of columns: the lower 16 bits of the sum, then the positions, 12 bits each, the lowest
+    /// position in the highest bits. The entries of a bucket are in the order of their highest position.
     entries: Vec<u64>,
 }
 
@@ -132,7 +129,6 @@ impl Halves {
         Self { half, begins, occupied, entries }
     }
 
-    /// The entries of a bucket whose positions are all below `limit`.
     fn bucket(&self, bucket: usize, limit: usize) -> &[u64] {
         let entries = &self.entries[self.begins[bucket] as usize..self.begins[bucket + 1] as usize];
         let highest = |entry: &u64| (*entry & ((1 << PLACE_BITS) - 1)) as usize;
@@ -142,7 +138,7 @@ impl Halves {
     /// Finds all pairs of halves whose sums add up to `target`. All positions of one half lie below those of the other
     /// and below `limit`.
     fn join(&self, target: u32, limit: usize, threads: NonZero<usize>, found: &mut dyn FnMut(Vec<u16>)) {
-        // Another thread is started only if there is enough work for it.
+        // A further thread is started only if there is enough work for it.
         let threads = if self.entries.len() < 1 << 20 { 1 } else { threads.get() };
         let next = AtomicUsize::new(0);
         let work = || {
@@ -199,8 +195,8 @@ impl Halves {
     }
 }
 
-/// Calls `visit` with the sum and the positions of every set of `size` columns without the first column. The sets come
-/// in the order of their highest position.
+/// Calls `visit` with the sum and the positions of every set of `size` columns without the first, in the order of their
+/// highest position.
 fn subsets(columns: &[u32], size: usize, visit: &mut dyn FnMut(u32, u64)) {
     fn below(
         columns: &[u32],

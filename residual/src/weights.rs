@@ -6,15 +6,14 @@
 //!
 //! > Σ A_w z^w = 2^-r Σ B_j (1 - z)^j (1 + z)^(n - j)
 //!
-//! (F. J. MacWilliams, N. J. A. Sloane, *The Theory of Error-Correcting Codes*, chapter 5). The right side is evaluated
-//! exactly in integers of any size, by Horner's rule in 1 - z. An error in the counts of the dual is unlikely to stay
-//! unnoticed: every coefficient must be divisible by 2^r and not negative, A_0 must be 1, and all of them must add up
-//! to 2^(n - r).
+//! This is in F. J. MacWilliams, N. J. A. Sloane, *The Theory of Error-Correcting Codes*, chapter 5. The right side is
+//! evaluated in integers of any size, by Horner's rule in 1 - z. Wrong counts of the dual would show: every coefficient
+//! must be divisible by 2^r and not negative, A_0 must be 1, and all must add up to 2^(n - r).
 use num_bigint::{BigInt, BigUint, Sign};
 
 use crate::DualWeights;
 
-/// The reason why a weight distribution is not that of the dual of any code.
+/// The reason why a weight distribution is not that of any code's dual.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotADual {
     /// The number of words that were counted is not 2^r.
@@ -41,9 +40,8 @@ pub enum NotADual {
 
 /// The number of codewords of each weight: A_0 to A_n, exactly.
 ///
-/// Because the code is linear, this is also the number of undetected error patterns of each weight in any object,
-/// whatever its contents. The start value and the final exclusive or of the CRC change all codewords alike and none of
-/// their distances.
+/// The code is linear, so this is also the number of undetected error patterns of each weight in any object. The CRC's
+/// start value and final exclusive or change all codewords alike and none of their distances.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Weights {
     counts: Vec<BigUint>,
@@ -115,7 +113,7 @@ impl Weights {
         self.check_bits
     }
 
-    /// The Hamming distance, which is the least number of bit errors that can go undetected.
+    /// The Hamming distance: the least number of bit errors that can go undetected.
     #[must_use]
     pub fn hamming_distance(&self) -> usize {
         self.nonzero().map(|(weight, _)| weight).next().unwrap_or(self.length() + 1)
@@ -134,7 +132,6 @@ mod tests {
     use super::*;
     use crate::Polynomial;
 
-    /// The number of codewords of each weight, found by listing every codeword.
     fn by_brute_force(polynomial: Polynomial, length: usize) -> Vec<BigUint> {
         let mut counts = vec![0_u64; length + 1];
         let data = length - polynomial.degree() as usize;
@@ -169,7 +166,7 @@ mod tests {
 
     #[test]
     fn hamming_codes_have_the_weights_in_the_books() {
-        // These are the [15, 11] Hamming code and its extension by a parity bit (MacWilliams, Sloane, chapter 1).
+        // The [15, 11] Hamming code, and its extension by a parity bit (MacWilliams, Sloane, chapter 1).
         let hamming = weights(Polynomial::from_normal(4, 3).unwrap(), 15);
         let expected = [1_u32, 0, 0, 35, 105, 168, 280, 435, 435, 280, 168, 105, 35, 0, 0, 1].map(BigUint::from);
         assert_eq!(hamming.counts(), expected);

@@ -1,10 +1,9 @@
-//! Compares the theory with the code that the drone carries: errors are injected into sealed objects, and the crate
-//! `profile` judges the damaged objects.
+//! Compares the theory with the code that the drone carries: the crate `profile` judges sealed objects into which
+//! errors are injected.
 //!
 //! Patterns that are detectable in theory must all be rejected; patterns that are codewords in theory must all pass
-//! both CRCs. The latter shows that the weights in this crate are those of the code in `profile`: of its polynomials,
-//! its byte order and its coverage. A codeword that happens to change the object's identifier is rejected for its
-//! identifier, and counted separately.
+//! both CRCs. So the weights in this crate are those of `profile`'s polynomials, byte order and coverage. A codeword
+//! that changes the object's identifier is rejected for that, and counted separately.
 use std::num::NonZero;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
@@ -93,7 +92,7 @@ impl Object {
         }
     }
 
-    /// The reason for which `profile` rejects `bytes` as an object of this kind; None if `profile` accepts them.
+    /// The reason for which `profile` rejects `bytes` as an object of this kind; `None` if `profile` accepts them.
     #[must_use]
     pub fn rejection(self, bytes: &[u8]) -> Option<Rejection> {
         match self {
@@ -108,10 +107,9 @@ impl Object {
 pub struct Injected {
     /// The number of injected patterns.
     pub tried: u64,
-    /// The number of patterns with which the object passed every CRC and the check of its identifier.
+    /// The number of patterns with which the object was accepted.
     pub accepted: u64,
-    /// The number of patterns with which the object passed every CRC, but was rejected because its identifier was
-    /// changed.
+    /// The number of patterns with which the object passed every CRC, but had a changed identifier.
     pub identifier: u64,
 }
 
@@ -134,7 +132,6 @@ impl Injected {
     }
 }
 
-/// Inverts the bit that is sent `bit` bits after the first.
 fn invert(bytes: &mut [u8], bit: usize) {
     bytes[bit / 8] ^= 0x80 >> (bit % 8);
 }
@@ -161,7 +158,7 @@ fn in_parallel(threads: NonZero<usize>, items: usize, work: &(dyn Fn(usize) -> I
     })
 }
 
-/// Injects every pattern of exactly `errors` wrong bits; `errors` is 1 to [`EXHAUSTIVE_ERRORS`].
+/// Injects every pattern of exactly `errors` wrong bits.
 ///
 /// # Panics
 ///
@@ -202,8 +199,8 @@ pub fn inject_bursts(object: Object, threads: NonZero<usize>) -> Injected {
     in_parallel(threads, object.bits(), &|start| {
         let mut injected = Injected::default();
         let mut bytes = sealed.clone();
-        // The patterns are all odd numbers of 16 bits, of which the lowest bit is sent first. So each burst that begins
-        // at one position is injected there exactly once.
+        // The patterns are all odd numbers of 16 bits, the lowest bit sent first. So each burst that begins at one
+        // position is injected there exactly once.
         for pattern in (1..1_u32 << EXHAUSTIVE_BURST).step_by(2) {
             let length = 32 - pattern.leading_zeros() as usize;
             if start + length <= object.bits() {
@@ -243,7 +240,7 @@ pub fn sample_bursts(
     })
 }
 
-/// Inverts the bits of `bytes` that are set in `pattern`; the lowest bit of `pattern` stands for the bit `start`.
+/// Inverts the bits of `bytes` that are set in `pattern`, whose lowest bit stands for the bit `start`.
 fn apply(bytes: &mut [u8], start: usize, mut pattern: u64) {
     while pattern != 0 {
         invert(bytes, start + pattern.trailing_zeros() as usize);
@@ -251,7 +248,7 @@ fn apply(bytes: &mut [u8], start: usize, mut pattern: u64) {
     }
 }
 
-/// Injects words. Each is given by the positions of its set bits, counted from the last bit that is sent.
+/// Injects words, each given by the positions of its set bits, counted from the last bit that is sent.
 #[must_use]
 pub fn inject_words<'a>(object: Object, words: impl IntoIterator<Item = &'a [u16]>) -> Injected {
     let sealed = object.sealed();
@@ -266,11 +263,11 @@ pub fn inject_words<'a>(object: Object, words: impl IntoIterator<Item = &'a [u16
     injected
 }
 
-/// Returns random codewords of `weight` ones in the code of `polynomial` at `length` bits, each given by the positions
-/// of its set bits.
+/// Returns random codewords of `weight` ones in the code of `polynomial` at `length` bits, as the positions of set
+/// bits.
 ///
-/// The codewords are found by chance: among many random halves of words, some have equal sums. Every codeword of that
-/// weight is equally probable.
+/// Among many random halves of words, some have equal sums and make a codeword. All codewords of that weight are
+/// equally probable.
 #[must_use]
 pub fn random_codewords(polynomial: Polynomial, length: usize, weight: usize, count: usize) -> Vec<Vec<u16>> {
     const HALVES: usize = 1 << 19;
@@ -304,14 +301,13 @@ pub fn touches(word: &[u16], bits: usize, bytes: std::ops::Range<usize>) -> bool
     word.iter().any(|place| bytes.contains(&((bits - 1 - usize::from(*place)) / 8)))
 }
 
-/// The polynomial itself as a word whose last bit is the last one sent: the shortest burst that the CRC does not
-/// detect, which has 33 bits.
+/// The polynomial as a word whose last bit is the last one sent: the shortest undetected burst, of 33 bits.
 #[must_use]
 pub fn polynomial_word(polynomial: Polynomial) -> Vec<u16> {
     (0..=polynomial.degree() as u16).filter(|i| polynomial.coefficients() >> i & 1 == 1).collect()
 }
 
-/// The codewords of the position code's 160 bits that have weight 9, its distance.
+/// The codewords of weight 9, its distance, in the position code's 160 bits.
 #[must_use]
 pub fn position_words(threads: NonZero<usize>) -> Words {
     Words::find(codes::POSITION.polynomial, codes::POSITION_BITS, 9, threads)
@@ -322,7 +318,7 @@ pub fn position_words(threads: NonZero<usize>) -> Words {
 pub struct Check {
     /// The kind of object into which the patterns were injected.
     pub object: &'static str,
-    /// The injected patterns, described as text.
+    /// A description of the injected patterns.
     pub patterns: String,
     /// The outcome that the algebra predicts.
     pub expected: Expected,
@@ -342,7 +338,7 @@ pub enum Expected {
 }
 
 impl Check {
-    /// Whether the outcome of the injection is the required one.
+    /// Whether the outcome is the required one.
     #[must_use]
     pub const fn holds(&self) -> bool {
         let passed = self.injected.accepted + self.injected.identifier;
@@ -354,9 +350,7 @@ impl Check {
     }
 }
 
-/// The number of bursts that are sampled for each length.
 const BURST_SAMPLES: usize = 50_000;
-/// The number of codewords that are constructed for each check.
 const CODEWORDS: usize = 1_000;
 
 /// Injects all kinds of patterns into both objects, which takes some seconds.
@@ -402,8 +396,8 @@ pub fn check(joint: &Joint, threads: NonZero<usize>) -> Vec<Check> {
                 );
             }
             Object::ReportedPosition => {
-                // Codewords of the frame CRC that lie within the 288 bits after the position CRC pass both CRCs. Those
-                // that change latitude, longitude or the position CRC are rejected.
+                // Codewords of the frame CRC within the 288 bits after the position CRC pass both CRCs. Those that
+                // change latitude, longitude or the position CRC are rejected.
                 let behind = random_codewords(frame, 8 * 36, 8, CODEWORDS);
                 add(
                     "random frame codewords of weight 8 behind the position CRC",
@@ -437,12 +431,12 @@ pub fn check(joint: &Joint, threads: NonZero<usize>) -> Vec<Check> {
     checks
 }
 
-/// The generator xorshift64* (Vigna, 2014), which suffices for sampling and gives the same numbers on every machine.
+/// The generator xorshift64* (Vigna, 2014), which gives the same numbers on every machine.
 struct Random(u64);
 
 impl Random {
     fn new(seed: u64) -> Self {
-        // The seed is mixed, so that two seeds that differ in a few bits do not give similar first numbers.
+        // The seed is mixed, so that two seeds that differ in a few bits give different first numbers.
         let mut random = Self(seed | 1);
         (0..16).for_each(|_| _ = random.next());
         random
@@ -455,7 +449,7 @@ impl Random {
         self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
     }
 
-    /// A random number from 0 to `limit` - 1. The probabilities of two numbers differ by a part in 2^50 at most.
+    /// A random number below `limit`. The probabilities of two numbers differ by a part in 2^50 at most.
     fn below(&mut self, limit: usize) -> usize {
         ((u128::from(self.next()) * limit as u128) >> 64) as usize
     }

@@ -1,4 +1,4 @@
-//! The tests of the residual errors in one binary: each file is a module of it.
+//! The tests of the residual errors in one binary.
 
 mod published;
 mod report;

@@ -1,5 +1,5 @@
 //! Tests the theory on objects that `profile` seals and judges: detectable errors are detected, and undetectable ones
-//! are not. `report.rs` has the injections of all patterns of a kind.
+//! are not. `report.rs` injects all patterns of a kind.
 use std::num::NonZero;
 
 use profile::{GpsObject, GpsValues, Identifier, LinkStatus, Rejection, ReportedPosition, ReportedValues};
@@ -95,8 +95,8 @@ fn scrubbed_and_inverted_objects_never_verify() {
             assert_eq!(GpsObject::verify(&[byte; GpsObject::SIZE], Identifier::gps(receiver)), Err(Rejection::Crc));
         }
         for object in Object::ALL {
-            // At least one byte of the object is scrubbed, from the front or from the back on. The result must not
-            // verify, unless the object is unchanged.
+            // At least one byte is scrubbed, from the front or from the back on. The result must not verify unless the
+            // object is unchanged.
             let sealed = object.sealed();
             for cut in 1..sealed.len() {
                 let (mut front, mut back) = (sealed.clone(), sealed.clone());
@@ -144,8 +144,8 @@ proptest! {
                 let verified = GpsObject::verify(sealed.as_bytes(), Identifier::gps(place));
                 prop_assert_eq!(verified, if place == i + 1 { Ok(sealed) } else { Err(Rejection::Identifier) });
             }
-            // Four bytes are appended to an object that is to be read as Reported-Position. Four bytes are removed from
-            // an object that is to be read as a GPS object.
+            // A GPS object with four more bytes is read as Reported-Position, and Reported-Position with four bytes
+            // fewer as a GPS object.
             let mut longer = bytes.clone();
             longer[..GpsObject::SIZE].copy_from_slice(sealed.as_bytes());
             prop_assert!(ReportedPosition::verify(&longer).is_err());
@@ -154,7 +154,6 @@ proptest! {
                 prop_assert!(GpsObject::verify(part, Identifier::gps(i + 1)).is_err());
             }
         }
-        // Link-Status has the same CRC at another length, but is not accepted as either object.
         prop_assert!(LinkStatus::verify(&reported.as_bytes()[..LinkStatus::SIZE]).is_err());
         prop_assert!(LinkStatus::verify(&gps[0].as_bytes()[GpsObject::SIZE - LinkStatus::SIZE..]).is_err());
     }

@@ -1,6 +1,6 @@
-//! Explains why a debug probe has no access to a board, and determines what must be written to keep a board accessible.
+//! Explains why a debug probe has no access to a board, and what must be written to keep a board accessible.
 //!
-//! Everything in this module is a pure function of the probe's findings; [`crate::probe`] reads these from the board.
+//! These functions do no I/O. [`crate::probe`] reads from the board what they need.
 
 use crate::Board;
 
@@ -8,7 +8,6 @@ use crate::Board;
 #[cfg(feature = "probe")]
 pub(crate) const VARIANT: u64 = 0x1000_0104;
 
-/// UICR.APPROTECT of the nRF52840.
 #[cfg(feature = "probe")]
 pub(crate) const UICR_APPROTECT: u64 = 0x1000_1208;
 
@@ -16,38 +15,30 @@ pub(crate) const UICR_APPROTECT: u64 = 0x1000_1208;
 /// `nrf52840_bitfields.h`).
 pub(crate) const HW_DISABLED: u32 = 0x5A;
 
-/// The first letter of the build codes of parts that start with a locked debug port: see `dpr-fw/src/debug_port.rs`.
+/// The first letter of the build codes of parts that start with a locked debug port (`dpr-fw/src/debug_port.rs`).
 const FIRST_LOCKED: u8 = b'F';
 
-/// The reason why the probe library did not reach the part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Refusal {
-    /// The debug port is locked. The library could only open it by erasing everything, which was not allowed.
+    /// The library was not allowed to unlock the debug port by erasing everything.
     Locked,
-    /// The library erased everything, as was allowed, and the debug port is still locked.
     StaysLocked,
-    /// No part answers.
     NoAnswer,
 }
 
-/// The kind of part at the probe, as identified before any access changes the part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Seen {
-    /// A Nordic part, identified by its CTRL-AP. The word is FICR.INFO.PART, which can be read if the part is not
-    /// locked.
+    /// A Nordic part, identified by its CTRL-AP, with FICR.INFO.PART if it is not locked.
     Nordic(Option<u32>),
     /// A part with ST's DBGMCU, with the device number in its IDCODE (RM0090 38.6.1).
     St(u32),
-    /// A part that has neither a CTRL-AP nor ST's DBGMCU.
     Other,
 }
 
-/// The value of FICR.INFO.PART in an nRF52840.
 const NRF52840: u32 = 0x52840;
 /// The device number of STM32F42x and STM32F43x in DBGMCU's IDCODE.
 const STM32F42X: u32 = 0x419;
 
-/// Returns the reason why the part at the probe cannot be this board's; `None` if it can be.
 pub(crate) fn wrong_chip(board: Board, seen: Seen, probe: &str) -> Option<String> {
     let what = match (board, seen) {
         (Board::Dpr, Seen::Nordic(None | Some(NRF52840))) | (Board::Horus, Seen::St(STM32F42X)) => return None,
@@ -66,7 +57,6 @@ pub(crate) fn wrong_chip(board: Board, seen: Seen, probe: &str) -> Option<String
     ))
 }
 
-/// Returns the message for a user whose command for this board was refused; `probe` is the probe's name.
 pub(crate) fn explain(refusal: Refusal, board: Board, probe: &str) -> String {
     let (chip, connection) = (chip(board), connection(board));
     match refusal {
@@ -87,7 +77,6 @@ pub(crate) fn explain(refusal: Refusal, board: Board, probe: &str) -> String {
     }
 }
 
-/// The chip's name in the probe library's list of targets.
 pub(crate) const fn chip(board: Board) -> &'static str {
     match board {
         Board::Dpr => "nRF52840_xxAA",
@@ -95,7 +84,6 @@ pub(crate) const fn chip(board: Board) -> &'static str {
     }
 }
 
-/// The text that tells the user how to connect the board.
 pub(crate) const fn connection(board: Board) -> &'static str {
     match board {
         Board::Dpr => "connect the nRF52840-DK by its J-Link's USB (connector J2) and switch it on",
@@ -103,21 +91,18 @@ pub(crate) const fn connection(board: Board) -> &'static str {
     }
 }
 
-/// The change of UICR.APPROTECT that an nRF52840 needs so that its debug port is open after the next power-on.
+/// The change of UICR.APPROTECT with which an nRF52840's debug port is open after the next power-on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Approtect {
-    /// No change is needed: the value is right, or the part is of the older kind. A part of the older kind is open
-    /// while UICR is erased, and the newer kind's value is not defined for it.
+    /// No change: the value is right, or the part is of the older kind, which is open while UICR is erased.
     Leave,
     /// The word is erased, so [`HW_DISABLED`] must be programmed.
     Program,
-    /// The word holds another value, which only erasing UICR can change. The part will be locked after the next
-    /// power-on.
+    /// The word holds another value, which only erasing UICR can change, so the part will be locked.
     WillLock,
 }
 
 impl Approtect {
-    /// Returns the change that a part needs; the arguments are its FICR.INFO.VARIANT and its UICR.APPROTECT.
     pub(crate) const fn of(variant: u32, uicr_approtect: u32) -> Self {
         let [_, build_code, ..] = variant.to_le_bytes();
         if build_code < FIRST_LOCKED || uicr_approtect & 0xFF == HW_DISABLED {

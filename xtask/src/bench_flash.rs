@@ -1,7 +1,7 @@
-//! The memory that the bench's boards keep while they are off. Each board has a file for it below `target/bench`.
+//! The memory that the bench's boards keep without their supply: one file for each board below `target/bench`.
 //!
 //! A file holds the result of [`bench::debug_port::Wire::kept`]: for the DPR 1 MiB of flash and 4 KiB of UICR, for
-//! HORUS 2 MiB of flash and 16 bytes of options. If its file is removed, a board starts like a new one.
+//! HORUS 2 MiB of flash and 16 bytes of options. Without its file, a board starts like a new one.
 
 use std::path::{Path, PathBuf};
 
@@ -17,12 +17,11 @@ pub(crate) const fn desk(board: Board) -> Desk {
     }
 }
 
-/// The file with the memory that a bench's board keeps without its supply.
 pub(crate) fn file(board: Board) -> PathBuf {
     workspace::target_dir().join("bench").join(board.name()).with_extension("flash")
 }
 
-/// Reads the kept memory from `file`. Returns `None` if there is no such file, which means that the board is a new one.
+/// Reads the kept memory from `file`, or returns `None` for a new board, which has no file.
 pub(crate) fn read(board: Board, file: &Path) -> Result<Option<Vec<u8>>> {
     let bytes = match std::fs::read(file) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),

@@ -1,9 +1,8 @@
 //! A board of the bench behind a debug probe of the probe-rs library: `--probe bench`.
 //!
-//! The board, its debug port and its time are those of the bench ([`bench::debug_port`]); this module is the probe.
-//! Like a CMSIS-DAP probe it converts the library's requests to transfers on the wires, and takes time for each. The
-//! part's non-volatile memory is kept in a file, so that a command finds what an earlier one has written.
-//! Each command of xtask switches the board on.
+//! The board, its debug port and its time are those of the bench ([`bench::debug_port`]). Like a CMSIS-DAP probe, this
+//! module converts the library's requests to transfers on the wires, each of which takes time. A file keeps the board's
+//! non-volatile memory. Each command of xtask switches the board on.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -21,30 +20,26 @@ use probe_rs::probe::{DebugProbe, DebugProbeError, WireProtocol};
 use crate::Board;
 use crate::bench_flash::{self, desk};
 
-/// How long the probe takes from a command to its answer, ns. The probes on both boards are on full-speed USB, whose
-/// frames are 1 ms apart (USB 2.0, 5.3.3).
+/// The time from a command to the probe's answer, ns: full-speed USB's frames are 1 ms apart (USB 2.0, 5.3.3).
 const COMMAND_NS: u64 = 1_000_000;
 
 /// The number of clocks of a transfer: request 8, turnaround 1, acknowledge 3, data 33, turnaround 1 (ADIv5.2 B4.1),
 /// and two idle clocks.
 const TRANSFER_CLOCKS: u64 = 48;
 
-/// The default frequency of SWCLK, kHz, which is that of probes.
 const DEFAULT_KHZ: u32 = 4_000;
 /// The highest frequency of SWCLK that the nRF52840 allows, kHz (PS v1.7, 4.8.6).
 const MOST_KHZ: u32 = 8_000;
 
-/// The bit that stands for nRESET among the pins of [`RawDapAccess::swj_pins`].
+/// The bit of nRESET among the pins of [`RawDapAccess::swj_pins`].
 const RESET_PIN: u32 = 1 << 7;
 
-/// The address at which both parts' RAM begins. The firmwares' code runs below it, in flash or in the DPR's code RAM.
-/// So an instruction above it is one that the probe has put into RAM.
+/// The address at which both boards' RAM begins. The firmwares' code runs below it, so an instruction above it is one
+/// that the probe has put into RAM.
 const RAM: u64 = 0x2000_0000;
 
-/// The address of the debug port's register RDBUFF.
 const READ_BUFFER: u8 = 0xC;
 
-/// A board on the bench. This program shares it with the probe library, which uses the board's probe.
 #[derive(Clone, Debug)]
 pub(crate) struct BenchBoard(Arc<Mutex<Switched>>);
 
@@ -52,44 +47,37 @@ pub(crate) struct BenchBoard(Arc<Mutex<Switched>>);
 struct Switched {
     wire: Box<dyn Wire>,
     file: PathBuf,
-    /// The number of commands after which the probe is unplugged; `None` for never.
     unplugged_after: Option<u64>,
     commands: u64,
 }
 
 impl BenchBoard {
-    /// Switches the board on with the memory contents in `file`, or as a new board if there is no such file.
     pub(crate) fn switch_on(board: Board, file: PathBuf) -> Result<Self> {
         let kept = bench_flash::read(board, &file)?;
         let wire = switch_on(desk(board), kept.as_deref()).context("the board's flash has another size")?;
         Ok(Self(Arc::new(Mutex::new(Switched { wire, file, unplugged_after: None, commands: 0 }))))
     }
 
-    /// The board's probe, which is unplugged when the board's last user drops it.
     pub(crate) fn probe(&self) -> Box<dyn DebugProbe> {
         let name = format!("bench ({})", self.with(|on| on.wire.part_name()));
         Box::new(BenchProbe { board: self.clone(), name, khz: DEFAULT_KHZ, protocol: None })
     }
 
     fn with<T>(&self, act: impl FnOnce(&mut Switched) -> T) -> T {
-        // A poisoned lock is ignored: if another thread panics, the bench's board keeps its state, as a real board
-        // would.
+        // A poisoned lock is ignored: after a panic, the board keeps its state as a real one would.
         act(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Writes the memory that the part keeps to its file.
     pub(crate) fn save(&self) -> Result<()> {
         self.with(Switched::save)
     }
 
-    /// The virtual time since the board was switched on, ns.
     pub(crate) fn now(&self) -> u64 {
         self.with(|on| on.wire.now())
     }
 
-    /// Returns the errors of the probe, and of code that the probe put into RAM, since the last call, one line for
-    /// each. Errors of the firmware are left out, because a debugger may stop the firmware at any point. `run` and
-    /// `sim` report these errors when there is no debugger.
+    /// Returns the errors, since the last call, of the probe and of code that the probe put into RAM. Errors of the
+    /// firmware are left out, because a debugger may stop the firmware at any point.
     pub(crate) fn take_findings(&self) -> Vec<String> {
         let found = self.with(|on| on.wire.take_findings());
         let is_ours = |finding: &&Finding| finding.kind != FindingKind::Lockup && finding.pc.is_none_or(|pc| pc >= RAM);
@@ -104,17 +92,14 @@ impl BenchBoard {
         assert!(self.with(|on| on.wire.stick_flash(address, bit, value)), "{address:#x} is flash");
     }
 
-    /// Unplugs the probe's cable after this many further commands.
     pub(crate) fn unplug_after(&self, commands: u64) {
         self.with(|on| on.unplugged_after = Some(on.commands + commands));
     }
 
-    /// Plugs the probe's cable in again.
     pub(crate) fn plug_in(&self) {
         self.with(|on| on.unplugged_after = None);
     }
 
-    /// Switches the board's supply off and on, so that memory which its part does not keep is lost.
     pub(crate) fn switch_off_and_on(&self) {
         self.with(|on| {
             let board = if on.wire.part_name().starts_with("nRF") { Board::Dpr } else { Board::Horus };
@@ -122,22 +107,18 @@ impl BenchBoard {
         });
     }
 
-    /// The number of commands that the probe has received so far.
     pub(crate) fn commands(&self) -> u64 {
         self.with(|on| on.commands)
     }
 
-    /// The causes of all restarts of the part since the board was switched on.
     pub(crate) fn restarts(&self) -> Vec<String> {
         self.with(|on| on.wire.resets().iter().map(|reset| format!("{} {}", reset.at, reset.why())).collect())
     }
 
-    /// Lets `ns` nanoseconds pass on the board.
     pub(crate) fn run(&self, ns: u64) {
         self.with(|on| on.wire.pass(ns));
     }
 
-    /// The memory that the part keeps without its supply.
     pub(crate) fn kept(&self) -> Vec<u8> {
         self.with(|on| on.wire.kept())
     }
@@ -150,7 +131,6 @@ impl Switched {
         std::fs::write(&self.file, self.wire.kept()).with_context(|| format!("could not write {}", self.file.display()))
     }
 
-    /// Passes a command to the probe.
     fn command(&mut self) -> Result<(), DebugProbeError> {
         self.commands += 1;
         if self.unplugged_after.is_some_and(|after| self.commands > after) {
@@ -170,7 +150,6 @@ impl Drop for Switched {
     }
 }
 
-/// The probe of a board on the bench, as the probe library uses it.
 #[derive(Debug)]
 struct BenchProbe {
     board: BenchBoard,
@@ -179,7 +158,6 @@ struct BenchProbe {
     protocol: Option<WireProtocol>,
 }
 
-/// Makes one transfer on the wires; the board runs for the time that the transfer takes.
 fn transfer(on: &mut Switched, khz: u32, request: Request) -> Result<u32, ArmError> {
     on.wire.pass(TRANSFER_CLOCKS * 1_000_000 / u64::from(khz));
     match on.wire.transfer(request) {
@@ -206,8 +184,8 @@ impl RawDapAccess for BenchProbe {
         Ok(word[0])
     }
 
-    /// Reads of an access port are posted: each read returns the result of the read before it. The register RDBUFF
-    /// returns the result of the last read.
+    /// Reads of an access port are posted: each returns the result of the read before it, and RDBUFF returns the last
+    /// one.
     fn raw_read_block(&mut self, address: RegisterAddress, values: &mut [u32]) -> Result<(), ArmError> {
         let register = address.a2_and_3();
         self.command(|on, khz| {
@@ -231,7 +209,8 @@ impl RawDapAccess for BenchProbe {
         self.raw_write_block(address, &[value])
     }
 
-    /// The next transfer tells whether a write to an access port has succeeded, so RDBUFF is read after the last write.
+    /// Reads RDBUFF after the last write to an access port, because only the next transfer tells whether the write
+    /// succeeded.
     fn raw_write_block(&mut self, address: RegisterAddress, values: &[u32]) -> Result<(), ArmError> {
         let register = address.a2_and_3();
         self.command(|on, khz| {

@@ -9,9 +9,8 @@
 //! | pages in Markdown | a link to no other site | likewise; a path counts from the page's folder |
 //! | every text file | `decision` and a number | the page of that decision |
 //!
-//! The anchor of a heading follows GitHub's rule: lower case, without punctuation, with hyphens for spaces. A section
-//! of the design is cited by its anchor. A citation of a section by its number is an error, because the headings have
-//! no numbers.
+//! The anchor of a heading follows GitHub's rule: lower case, without punctuation, with hyphens for spaces. Citing a
+//! section of the design by a number is an error, because the headings have none.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
@@ -20,10 +19,9 @@ use anyhow::{Result, ensure};
 
 use crate::workspace::{root, tracked};
 
-/// The folder of the decisions.
 const DECISIONS: &str = "docs/decisions/";
 
-/// Whether a tracked file is checked: hand-written text is checked, recorded data and test corpora are not.
+/// Whether a tracked file is checked: hand-written text is, recorded data and test corpora are not.
 fn is_checked(path: &str) -> bool {
     let data = path.split('/').any(|folder| matches!(folder, "data" | "corpus" | "recorded"));
     let text = matches!(
@@ -33,15 +31,14 @@ fn is_checked(path: &str) -> bool {
     (text || path == ".ci/run") && !data
 }
 
-/// Checks every tracked file, and prints each citation of something that does not exist as `file:line: what`.
+/// Checks every tracked file, and prints each citation of something missing as `file:line: what`.
 ///
 /// # Errors
 ///
-/// A citation of something that does not exist was found, or git does not list the tracked files.
+/// A target is missing, or git does not list the tracked files.
 pub(crate) fn check() -> Result<()> {
     let mut files = BTreeMap::new();
     for path in tracked()? {
-        // A file that cannot be read as text may be cited, but has no citations.
         let text = is_checked(&path).then(|| std::fs::read_to_string(root().join(&path)).ok()).flatten();
         files.insert(path, text.unwrap_or_default());
     }
@@ -53,7 +50,6 @@ pub(crate) fn check() -> Result<()> {
     Ok(())
 }
 
-/// Returns the citations in `files` (path and text) whose targets are missing, each as `file:line: what`.
 fn broken(files: &BTreeMap<String, String>) -> Vec<String> {
     let mut broken = vec![];
     for (path, text) in files {
@@ -87,7 +83,7 @@ fn broken(files: &BTreeMap<String, String>) -> Vec<String> {
     broken
 }
 
-/// Whether a line cites a section of the design by its number. The citation may begin in the line before, `before`.
+/// Whether a line cites a section of the design by its number. The citation may begin in the previous line, `before`.
 fn is_by_number(before: &str, line: &str) -> bool {
     let ends = |text: &str| text.to_lowercase().trim_end_matches([' ', ',']).ends_with("design");
     let begins = |text: &str| text.starts_with("section ");
@@ -95,23 +91,20 @@ fn is_by_number(before: &str, line: &str) -> bool {
     wrapped || line.match_indices("section ").any(|(at, _)| line[..at].ends_with(' ') && ends(&line[..at]))
 }
 
-/// A cited path from the root of the workspace, and a cited anchor in that file.
 type Cited = (String, Option<String>);
 
-/// The paths below docs/ that a line names, in any context.
 fn paths(line: &str) -> Vec<Cited> {
     let belongs = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.' | '/' | '#');
     line.match_indices("docs/")
         .filter(|(at, _)| {
-            // The prefix `../docs/` in a file of this workspace stands for the folder docs/ too. A folder docs/ of
-            // another site or project is not checked.
+            // `../docs/` in this workspace is docs/ too. A folder docs/ of another site or project is not.
             let before = line[..*at].trim_end_matches("../");
             !before.ends_with(belongs)
         })
         .filter_map(|(at, _)| {
             let rest = &line[at..];
             let end = rest.find(|c| !belongs(c)).unwrap_or(rest.len());
-            // A pattern such as `docs/*.md` names more than one file, so it is not checked.
+            // A pattern such as `docs/*.md` names more than one file.
             let pattern = rest[end..].starts_with(['*', '{', '<']);
             let (file, anchor) = split(rest[..end].trim_end_matches(['.', '-', '#']));
             (!pattern && file != "docs/").then(|| (file.trim_end_matches('/').to_owned(), anchor))
@@ -119,7 +112,6 @@ fn paths(line: &str) -> Vec<Cited> {
         .collect()
 }
 
-/// The targets of the links in a line of a Markdown page that are not on another site.
 fn links(page: &str, line: &str) -> Vec<Cited> {
     let folder = Path::new(page).parent().unwrap_or(Path::new(""));
     line.split("](")
@@ -141,7 +133,6 @@ fn split(target: &str) -> Cited {
     }
 }
 
-/// The path without `.` and `..`, its parts joined by `/`.
 fn normal(path: &Path) -> String {
     let mut parts = PathBuf::new();
     for part in path.components() {
@@ -154,7 +145,6 @@ fn normal(path: &Path) -> String {
     parts.components().map(|part| part.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
 }
 
-/// The numbers of the decisions that a line cites.
 fn decisions(line: &str) -> Vec<u32> {
     let line = line.to_lowercase();
     let number = |rest: &str| {
@@ -165,7 +155,6 @@ fn decisions(line: &str) -> Vec<u32> {
     line.split("decision").skip(1).filter_map(number).collect()
 }
 
-/// The anchors of a page's headings.
 fn anchors(page: &str) -> BTreeSet<String> {
     let mut in_code = false;
     let mut seen = BTreeMap::new();
@@ -186,7 +175,6 @@ fn anchors(page: &str) -> BTreeSet<String> {
     anchors
 }
 
-/// The text of a heading; a link in it is replaced by the text of the link.
 fn text_of(heading: &str) -> String {
     let mut text = String::new();
     let mut rest = heading.trim();
@@ -201,8 +189,8 @@ fn text_of(heading: &str) -> String {
 mod tests {
     use super::*;
 
-    /// The broken citations in one file that is checked together with a page of the design and a decision. Each `^` is
-    /// removed from the text first, so that this file does not itself contain the citations of its tests.
+    /// Returns the broken citations in a file, checked together with a page of the design and a decision. `^` is
+    /// removed from the text first, so that this test's source has no broken citations.
     fn broken_in(path: &str, text: &str) -> Vec<String> {
         let mut files = BTreeMap::from([
             ("docs/design.md".to_owned(), "# Design\n\n## Air frame\n\n```\n# no heading\n```\n".to_owned()),

@@ -1,14 +1,12 @@
-//! Runs a table of defects against the judge: each defect must lead to the violation that the table names.
+//! Runs a table of defects against the judge: each must lead to the violation that the table names.
 //!
 //! The table is in `bench/tests/defects/table.rs`. All of its changes are made at once, in a copy of the workspace
-//! below the target folder. Each becomes a choice between the old text and the new one, by a number from a crate that
-//! only the copy has. In a firmware that number is a constant in flash, which is written into the built file before the
-//! CRC. In the bench, where the flight controller's client and the base station run, it is an environment variable. So
-//! two firmwares and one bench suffice for the whole table. With number 0 the copy behaves like the checkout, and must
-//! pass every run of the table without a violation.
+//! below the target folder. A number then chooses between the old text and the new text of each, so two firmwares and
+//! one bench suffice. In a firmware the number is a constant in flash, written into the built file before the CRC. In
+//! the bench, which includes the flight controller's client and the base station, it is an environment variable. With
+//! number 0 the copy behaves like the checkout and must pass every run without a violation.
 //!
-//! `cargo xtask test` runs a sample of the defects, without those of the bench, because the bench takes longest to
-//! build.
+//! `cargo xtask test` runs a sample without the defects of the bench, which takes longest to build.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -36,21 +34,16 @@ pub(crate) struct DefectsArgs {
     names: Vec<String>,
 }
 
-/// The suffix of the copy's packages and binaries. Without it they would replace the checkout's files.
+/// The suffix of the copy's packages and binaries, which must not replace the checkout's files.
 const SUFFIX: &str = "-with-defects";
-/// The two words that stand before the number of the chosen defect in a firmware, so that the number can be found.
+/// Two words that stand before the number of the chosen defect in a firmware, by which that number is found.
 const MARK: [u32; 2] = [0x4445_4645, 0x4354_3A20];
-/// The environment variable that gives the bench the number of the chosen defect.
 const VARIABLE: &str = "HORUS_DEFECT";
-/// The placeholder for the choice in the new text of an edit.
 const CHOICE: &str = "DEFECT";
-/// The crates that the table may change.
 const CRATES: [&str; 7] =
     ["profile", "st25r3916", "firmware-common", "horus-tx-fw", "horus-tx-fw/voter", "dpr-fw", "base-station"];
-/// Folders that no build needs.
 const LEFT_OUT: [&str; 3] = ["target", "docs", "fuzz"];
-/// The defects that `cargo xtask test` runs: one of each kind. They are in the firmwares only, and their runs are
-/// short.
+/// The defects that `cargo xtask test` runs: one of each kind, in the firmwares, with short runs.
 const SAMPLE: [&str; 8] = [
     "buses-not-polled",
     "latitude-for-longitude",
@@ -62,7 +55,6 @@ const SAMPLE: [&str; 8] = [
     "uplink-ages-exchanged",
 ];
 
-/// The source of the crate in the copy that has the number of the chosen defect.
 fn chooser() -> String {
     let [first, second] = MARK;
     format!(
@@ -86,12 +78,10 @@ fn chooser() -> String {
     )
 }
 
-/// The number that chooses the defect at index `place` of the table; 0 chooses none.
 const fn number(place: usize) -> u32 {
     place as u32 + 1
 }
 
-/// The text that replaces the old text of an edit in the copy.
 fn changed(number: u32, old: &str, new: &str) -> String {
     let choice = format!("::defect::is({number})");
     if new.contains(CHOICE) {
@@ -103,7 +93,6 @@ fn changed(number: u32, old: &str, new: &str) -> String {
     }
 }
 
-/// Returns the `text` of `file` with all defects that the table has for that file.
 fn with_defects(file: &str, text: &str) -> Result<String> {
     let mut edits = vec![];
     for (place, defect) in DEFECTS.iter().enumerate().filter(|(_, defect)| defect.edit.file == file) {
@@ -126,7 +115,6 @@ fn with_defects(file: &str, text: &str) -> Result<String> {
     Ok(result)
 }
 
-/// Returns the manifest of the copy's package in `folder`, made from the original's `text`.
 fn manifest(folder: &str, text: &str) -> String {
     let dependencies = "[dependencies]\n";
     let mut text = text.to_owned();
@@ -152,13 +140,11 @@ fn manifest(folder: &str, text: &str) -> String {
     }
 }
 
-/// The folder of the copy.
 fn copy_folder() -> PathBuf {
     target_dir().join("defects").join("copy")
 }
 
-/// Makes the copy with all defects. Files that are equal already are not written, because cargo builds again what has
-/// been written.
+/// Makes the copy with all defects. Equal files are not written again, because cargo would build them again.
 fn copy() -> Result<()> {
     let (from, to) = (root(), copy_folder());
     let mut kept = vec![];
@@ -175,7 +161,6 @@ fn copy() -> Result<()> {
     Ok(())
 }
 
-/// Copies the folder `inside` of `from`; that folder must be in the workspace.
 fn copy_into(from: &Path, to: &Path, inside: &Path, kept: &mut Vec<PathBuf>) -> Result<()> {
     let folder = from.join(inside);
     for entry in fs::read_dir(&folder).with_context(|| format!("could not read {}", folder.display()))? {
@@ -202,7 +187,6 @@ fn copy_into(from: &Path, to: &Path, inside: &Path, kept: &mut Vec<PathBuf>) -> 
     Ok(())
 }
 
-/// Writes a file unless it already has these contents.
 fn write_changed(path: &Path, bytes: &[u8]) -> Result<()> {
     if fs::read(path).is_ok_and(|there| there == bytes) {
         return Ok(());
@@ -211,7 +195,6 @@ fn write_changed(path: &Path, bytes: &[u8]) -> Result<()> {
     fs::write(path, bytes).with_context(|| format!("could not write {}", path.display()))
 }
 
-/// Both firmwares as built in the copy, with no defect chosen and without a CRC.
 struct Built(Vec<(Board, Vec<u8>)>);
 
 impl Built {
@@ -230,7 +213,6 @@ impl Built {
         Ok(Self(built.into_iter().collect::<Result<_>>()?))
     }
 
-    /// Writes both firmwares to `folder`, with defect `number` chosen.
     fn choose(&self, number: u32, folder: &Path) -> Result<()> {
         fs::create_dir_all(folder).with_context(|| format!("could not make {}", folder.display()))?;
         for (board, elf) in &self.0 {
@@ -248,7 +230,6 @@ impl Built {
     }
 }
 
-/// Builds the bench of the copy and returns its path.
 fn build_bench() -> Result<PathBuf> {
     let package = format!("xtask{SUFFIX}");
     let mut command = cargo();
@@ -258,7 +239,6 @@ fn build_bench() -> Result<PathBuf> {
     Ok(target_dir().join("debug").join(package))
 }
 
-/// The violations, as text, in a run of `cargo xtask sim` with defect `number` chosen.
 fn violations(bench: &Path, images: &Path, number: u32, run: &str) -> Result<Vec<String>> {
     let output = Command::new(bench)
         .args(["sim", "--threads", "1", "--json", "-", "--images"])
@@ -277,13 +257,11 @@ fn violations(bench: &Path, images: &Path, number: u32, run: &str) -> Result<Vec
     Ok(violations.iter().filter_map(|violation| violation.as_str().map(str::to_owned)).collect())
 }
 
-/// The kinds of the violations in these texts.
 fn kinds(violations: &[String]) -> Vec<Violation> {
     let of = |text: &String| Violation::ALL.iter().copied().find(|kind| text.starts_with(kind.words()));
     violations.iter().filter_map(of).collect()
 }
 
-/// A run of the table, with a defect or with none.
 struct Case {
     name: String,
     number: u32,
@@ -291,7 +269,6 @@ struct Case {
     defect: Option<&'static Defect>,
 }
 
-/// The outcome of a case.
 struct Outcome {
     line: String,
     holds: bool,
@@ -338,8 +315,8 @@ impl Case {
     }
 }
 
-/// Runs these defects, and each of their runs without a defect, on all processors. Prints each outcome. Returns how
-/// many outcomes differed from the table.
+/// Runs these defects, and their runs without a defect, on all processors. Prints the outcomes, and returns how many
+/// differ from the table.
 fn run(chosen: &[(usize, &'static Defect)], bench: &Path, built: &Built) -> Result<usize> {
     let cases = Case::of(chosen);
     let (next, wrong) = (AtomicUsize::new(0), AtomicUsize::new(0));
@@ -362,7 +339,6 @@ fn run(chosen: &[(usize, &'static Defect)], bench: &Path, built: &Built) -> Resu
     Ok(wrong.into_inner())
 }
 
-/// The selected defects, each with its index in the table.
 fn chosen(is_chosen: impl Fn(&Defect) -> bool) -> Vec<(usize, &'static Defect)> {
     DEFECTS.iter().enumerate().filter(|(_, defect)| is_chosen(defect)).collect()
 }
@@ -379,7 +355,6 @@ pub(crate) fn defects(args: &DefectsArgs) -> Result<ExitCode> {
     Ok(if wrong == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// Runs the sample of defects with this program's own bench.
 pub(crate) fn sample() -> Result<()> {
     let chosen = chosen(|defect| SAMPLE.contains(&defect.name));
     copy()?;

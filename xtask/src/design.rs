@@ -1,7 +1,7 @@
 //! Tests that docs/design.md states the numbers of the code.
 //!
-//! The page is written by hand. Each test in this module formats constants as words or table rows of the page, and
-//! checks that each occurs on the page exactly once.
+//! The page is written by hand. Each test formats constants as words or table rows of the page, and checks that each
+//! occurs on the page exactly once.
 
 use bench_judge::bounds;
 use profile::air::{self, Place};
@@ -11,7 +11,6 @@ use profile::{Identifier, LinkStatus, Profile, ReportedPosition, Uplink, crc, im
 
 const PAGE: &str = include_str!("../../docs/design.md");
 
-/// Checks that the page has each of `numbers` exactly once. Line breaks of the page are ignored.
 fn states(numbers: &[String]) {
     let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
     let page = words(PAGE);
@@ -20,7 +19,6 @@ fn states(numbers: &[String]) {
     }
 }
 
-/// Nanoseconds as milliseconds or microseconds, without zeros at the end.
 fn ms(ns: u64) -> String {
     (ns as f64 / 1e6).to_string()
 }
@@ -33,7 +31,6 @@ fn us(ns: u64) -> String {
 fn the_design_states_sizes_and_offsets() {
     let sizes = [Profile::<1>::SIZE, Profile::<2>::SIZE, Profile::<3>::SIZE, Profile::<5>::SIZE];
     let [one, two, three, five] = sizes;
-    // The first offsets are those of an image without receivers, and the next offset is that of GPS1.
     let gps = Image::<1>::place(1).expect("GPS1");
     let port = |uplinks: usize| gps.start + 64 * uplinks;
     states(&[

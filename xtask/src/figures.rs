@@ -1,7 +1,7 @@
-//! Writes the figures of docs/figures.md and the sample of a run in README, from fresh runs.
+//! Writes the figures of docs/figures.md and README's sample of a run, from fresh runs.
 //!
-//! Every run is a command line of `sim`, which the page names, so any user can repeat it. The page does not depend on
-//! the machine, because real time is not among the figures.
+//! Each run is a command line of `sim` that the page names. No figure depends on the machine, because real time is not
+//! among them.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -29,7 +29,6 @@ const SAMPLE: [&str; 10] = [
     "violations ",
 ];
 
-/// The lines in README before and after the sample of a run.
 const MARKS: [&str; 2] =
     ["<!-- written by `cargo xtask figures` -->\n", "<!-- end of what `cargo xtask figures` writes -->\n"];
 
@@ -54,7 +53,6 @@ pub(crate) fn figures(args: &FiguresArgs) -> Result<ExitCode> {
 }
 
 fn write(check: bool, path: PathBuf, text: &str) -> Result<()> {
-    // A page that does not exist yet counts as not current.
     let current = std::fs::read_to_string(&path).is_ok_and(|found| found == text);
     if check {
         ensure!(current, "{} does not show what the link does now: run `cargo xtask figures`", path.display());
@@ -65,7 +63,6 @@ fn write(check: bool, path: PathBuf, text: &str) -> Result<()> {
     Ok(())
 }
 
-/// Returns the reports, or an error if any of their runs has a violation.
 fn sound(reports: Vec<Report>) -> Result<Vec<Report>> {
     for report in &reports {
         ensure!(report.violations.is_empty(), "the {} clock: {}", report.clock, report.violations.join("; "));
@@ -73,7 +70,6 @@ fn sound(reports: Vec<Report>) -> Result<Vec<Report>> {
     Ok(reports)
 }
 
-/// The reports of `sim` with these options, one on each clock.
 fn on_all_clocks(options: &[&str]) -> Result<Vec<Report>> {
     let run = |clock: Clock| {
         let clock = clock.to_string();
@@ -85,10 +81,8 @@ fn on_all_clocks(options: &[&str]) -> Result<Vec<Report>> {
     [Clock::Fast, Clock::Optimistic, Clock::Pessimistic].into_iter().map(run).collect()
 }
 
-/// A row of a table: its label, and a function that returns the row's figure from a report.
 type Row = (&'static str, fn(&Report) -> String);
 
-/// The rows that the tables of all runs have.
 const ROWS: [Row; 8] = [
     ("frames sent, delivered", |it| format!("{}, {}", it.horus.frames_sent, it.air.frames_delivered)),
     ("objects accepted; rejected while the sequence is searched", |it| {
@@ -112,13 +106,12 @@ const ROWS: [Row; 8] = [
     ("voted position, worst error", |it| or_none(it.voter.max_error_m.map(|metres| format!("{metres:.1} m")))),
 ];
 
-/// The row that only tables of runs with one frame in a cycle have.
 const ONE_FRAME: Row = ("sample to readable, 99.9 %, as a multiple of the air time", |it| {
     let readable = it.latency_ns.sample_to_readable;
     or_none(readable.map(|found| format!("{:.3}", found.p999 as f64 / it.air.air_time_ns as f64)))
 });
 
-/// The rows with figures that depend on the phase between the SSI's transactions and HORUS's frames.
+/// The rows whose figures depend on the phase between the SSI's transactions and HORUS's frames.
 const MEETING: [Row; 2] = [
     ("last bit to readable, worst, µs", |it| {
         or_none(it.latency_ns.last_bit_to_readable.map(|it| thousandths(it.max)))
@@ -126,8 +119,7 @@ const MEETING: [Row; 2] = [
     ("SSI ready for the next transaction, worst, µs", |it| or_none(it.ssi.ready_ns.map(|it| thousandths(it.max)))),
 ];
 
-/// Returns a table with a column for each report. If `slipping` is given, the rows [`MEETING`] are those of these
-/// reports.
+/// Returns a table with a column for each report. The rows [`MEETING`] have the figures of `slipping`, if given.
 fn table(reports: &[Report], slipping: Option<&[Report]>) -> String {
     let mut text = String::from("| |");
     reports.iter().for_each(|report| text += &format!(" {} |", report.clock));
@@ -150,12 +142,10 @@ fn table(reports: &[Report], slipping: Option<&[Report]>) -> String {
     text + "\n"
 }
 
-/// The violations of a run as text.
 fn violations(report: &Report) -> String {
     if report.violations.is_empty() { "none".into() } else { report.violations.join("; ") }
 }
 
-/// Converts nanoseconds to microseconds, as text.
 fn thousandths(ns: u64) -> String {
     format!("{}.{:03}", ns / 1_000, ns % 1_000)
 }
@@ -173,14 +163,12 @@ fn memory() -> Result<String> {
     Ok(text)
 }
 
-/// The lines of a run's report that README has as its sample.
 fn sample(report: &Report) -> String {
     let text = sim::table(report);
     let lines = text.lines().filter(|line| SAMPLE.iter().any(|begin| line.starts_with(begin)));
     lines.fold(String::new(), |text, line| format!("{text}    {line}\n"))
 }
 
-/// The text of README with this sample.
 fn with_sample(readme: &str, sample: &str) -> Result<String> {
     let [begin, end] = MARKS;
     let parts = readme.split_once(begin).and_then(|(before, rest)| Some((before, rest.split_once(end)?.1)));

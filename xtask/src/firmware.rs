@@ -9,13 +9,12 @@ use anyhow::{Context, Result, bail};
 use crate::workspace::{FLIP_LINK, TARGET, cargo, install, target_dir};
 use crate::{Board, Receivers, seal};
 
-/// The folder of the built firmwares. It has a subfolder for each profile with the name of the profile's cargo feature.
 pub(crate) fn folder() -> PathBuf {
     target_dir().join("firmware")
 }
 
-/// Builds one board's firmware in release, writes its CRC into it, and returns the path of its ELF file. Later builds
-/// for other profiles do not change that file.
+/// Builds one board's firmware in release with its CRC, and returns the path of its ELF file. Builds for other profiles
+/// do not change that file.
 pub(crate) fn build(board: Board, gps: Receivers) -> Result<PathBuf> {
     let package = board.package();
     let feature = gps.feature();
@@ -23,25 +22,22 @@ pub(crate) fn build(board: Board, gps: Receivers) -> Result<PathBuf> {
     let made = build_for_target(&args, package)?;
     let kept = folder().join(gps.feature()).join(board.package()).with_extension("elf");
     std::fs::create_dir_all(kept.parent().unwrap_or(Path::new("."))).context("could not make the firmware folder")?;
-    // The CRC is written into a copy, because cargo builds its own file again if another program has written to that
-    // file.
+    // The CRC is written into a copy, because cargo builds its own file again if another program has changed it.
     seal::copy_sealed(&made, &kept)?;
     Ok(kept)
 }
 
-/// Builds both boards' firmwares and returns the paths of their ELF files.
 pub(crate) fn build_pair(gps: Receivers) -> Result<(PathBuf, PathBuf)> {
     Ok((build(Board::Horus, gps)?, build(Board::Dpr, gps)?))
 }
 
-/// Runs cargo for the target in release and returns the path of the executable with the given name.
 pub(crate) fn build_for_target(args: &[&str], name: &str) -> Result<PathBuf> {
     install(&FLIP_LINK)?;
     let mut command = cargo();
     command
         .args(args)
         .args(["--release", "--target", TARGET, "--message-format", "json-render-diagnostics"])
-        // defmt reads this environment variable when the firmware is compiled. It sets the level of the log.
+        // defmt reads its level from this environment variable when the firmware is compiled.
         .env("DEFMT_LOG", "info")
         .stdout(Stdio::piped());
     let mut child = command.spawn().with_context(|| format!("could not start {command:?}"))?;

@@ -1,9 +1,8 @@
 //! Fuzzes the parsers of the profile and of the base station.
 //!
-//! cargo-fuzz runs on the pinned toolchain. Both crates forbid unsafe code, so no sanitizer is needed, and without a
-//! sanitizer no nightly compiler is needed either. The committed corpus seeds each run and is replayed by the ordinary
-//! tests. Inputs that a run adds stay below `target/`, and an input that causes a crash is written to the folder's
-//! `artifacts`, to be minimised into the corpus.
+//! cargo-fuzz runs on the pinned toolchain: both crates forbid unsafe code, so neither a sanitizer nor a nightly
+//! compiler is needed. The committed corpus seeds each run, and the ordinary tests replay it. New inputs stay below
+//! `target/`. An input that causes a crash is written to the folder's `artifacts`, to be minimised into the corpus.
 
 use std::process::ExitCode;
 
@@ -12,7 +11,6 @@ use clap::Args;
 
 use crate::workspace::{CARGO_FUZZ, cargo, check, install, root, target_dir};
 
-/// The folders that have fuzz targets.
 const FOLDERS: [&str; 2] = ["profile/fuzz", "base-station/fuzz"];
 
 #[derive(Args)]
@@ -42,7 +40,7 @@ pub(crate) fn fuzz(args: &FuzzArgs) -> Result<ExitCode> {
     };
     for (folder, target) in chosen {
         eprintln!("-- fuzzing {target} for {} s", args.seconds);
-        // libFuzzer writes new inputs into the first folder that it is given.
+        // libFuzzer writes new inputs into the first folder.
         let found = target_dir().join("fuzz-corpus").join(&target);
         std::fs::create_dir_all(&found).with_context(|| format!("could not make {}", found.display()))?;
         let mut command = cargo();
@@ -58,7 +56,6 @@ pub(crate) fn fuzz(args: &FuzzArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Every fuzz target, each with its folder.
 fn targets() -> Result<Vec<(&'static str, String)>> {
     let mut targets = vec![];
     for folder in FOLDERS {

@@ -1,5 +1,5 @@
-//! Waits for gdb at a socket, for a board of the running link and for one that `run` runs alone. `bench::gdb` serves
-//! the connection.
+//! Waits for gdb at a socket, for a board of the running link or one that `run` runs alone. `bench::gdb` serves the
+//! connection.
 
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::Path;
@@ -14,7 +14,7 @@ use clap::Args;
 use crate::Board;
 use crate::sim::{self, Screen, SimArgs};
 
-/// The default port, which is the default of OpenOCD and of editors.
+/// The default port of OpenOCD and of editors.
 pub(crate) const PORT: u16 = 3333;
 
 /// Runs the link as `sim` does, with the same options, and waits with it for a debugger.
@@ -41,8 +41,6 @@ pub(crate) fn gdb(args: &GdbArgs) -> Result<ExitCode> {
     })
 }
 
-/// Waits at `port` of this machine until a debugger connects to `board`, which runs the program `image`; `say` prints
-/// the address.
 pub(crate) fn wait(port: u16, board: Board, image: &Path, say: &mut dyn FnMut(&str)) -> Result<TcpStream> {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))
         .with_context(|| format!("--port {port}: cannot wait there for a debugger"))?;
@@ -55,16 +53,14 @@ pub(crate) fn wait(port: u16, board: Board, image: &Path, say: &mut dyn FnMut(&s
         image.display()
     ));
     let (connection, _) = listener.accept().context("no debugger came")?;
-    // The listener is closed from here on, because a run has only one debugger.
+    // A run has only one debugger, so the listener is closed here.
     Ok(connection)
 }
 
-/// Prints that a debugger disconnected although the run had not ended.
 pub(crate) fn say_lost(error: &str) {
     eprintln!("the debugger is gone ({error}); the run goes on without it");
 }
 
-/// Prints that the debugger ended the run after `at` nanoseconds of virtual time.
 pub(crate) fn say_killed(at: u64) {
     eprintln!("the debugger ended the run after {:.3} ms", at as f64 / 1e6);
 }

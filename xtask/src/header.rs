@@ -1,15 +1,11 @@
 //! The C header of the flight controller's client, generated from the layouts of `profile`.
 //!
-//! # Design
-//!
-//! The generator is written for this project instead of cbindgen: the objects of `profile` are arrays of bytes whose
-//! fields are private, and a macro defines their status words, so a tool that reads the source finds neither. This
-//! generator measures the layout: it makes `profile` seal each object with a value that occurs in one field only, and
-//! searches for the value's bytes. The header therefore has the offset at which the Rust code puts the field. Fields
-//! must fill their object without a gap, and bits must fill their status word; otherwise nothing is generated. So a new
+//! cbindgen cannot read these objects: they are arrays of bytes with private fields, and a macro defines their status
+//! words. So this generator makes `profile` seal each object with a value that occurs in one field only, and searches
+//! for the value's bytes. Nothing is generated unless fields fill their object and bits their status word, so a new
 //! field or bit in Rust cannot be missing from the header.
 //!
-//! `profile/c/horus_dpr.h` is `template.h` with the measured values inserted; `profile/c/horus_dpr_crc.h` has the
+//! `profile/c/horus_dpr.h` is `template.h` with the measured values inserted. `profile/c/horus_dpr_crc.h` has the
 //! tables of the two CRCs.
 
 pub(crate) mod objects;
@@ -53,12 +49,10 @@ pub(crate) fn header(args: &GeneratedArgs) -> Result<ExitCode> {
     args.apply("header", &files()?)
 }
 
-/// Fails if a generated file is not current.
 pub(crate) fn check() -> Result<()> {
     files()?.iter().try_for_each(|(path, text)| check_one("header", path, text))
 }
 
-/// Fails if a file that `cargo xtask COMMAND` generates is not current.
 pub(crate) fn check_one(command: &str, path: &Path, text: &str) -> Result<()> {
     let found = std::fs::read_to_string(path).with_context(|| format!("could not read {}", path.display()))?;
     ensure!(found == text, "{} is not what the layouts say: run `cargo xtask {command}`", path.display());
@@ -88,7 +82,6 @@ fn client_header() -> Result<String> {
     Ok(text)
 }
 
-/// Returns `#define` lines with their values in one column, each with a comment about its meaning.
 fn defines(lines: &[(String, String, impl AsRef<str>)]) -> String {
     let name = lines.iter().map(|(name, _, _)| name.len()).max().unwrap_or(0);
     let value = lines.iter().map(|(_, value, _)| value.len()).max().unwrap_or(0);
@@ -226,7 +219,6 @@ fn constants() -> String {
     text
 }
 
-/// Returns assertions that the macros for the sizes of every layout give the measured sizes.
 fn layouts() -> String {
     Layout::ALL.iter().fold(String::new(), |mut text, layout| {
         let n = layout.receivers();

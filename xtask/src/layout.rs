@@ -1,11 +1,9 @@
-//! The layout of all objects for machines: a description in JSON, a Kaitai Struct file, and the module of the Python
-//! package that decodes them.
+//! The layout of all objects for programs: a description in JSON, a Kaitai Struct file, and the Python package's
+//! module.
 //!
-//! # Design
-//!
-//! All three are written from the table that the C header is written from: `header::objects` measures the fields, and
-//! `header::status` names bits and codes. So a field or a bit that is new in Rust is in all of them, or none is
-//! generated. The JSON Schema of the description, `python/horus_profile/layout.schema.json`, is written by hand.
+//! All three come from the table of the C header: `header::objects` measures the fields, and `header::status` names
+//! bits and codes. So a new field or bit in Rust is in all of them. The JSON Schema,
+//! `python/horus_profile/layout.schema.json`, is written by hand.
 
 mod json;
 mod kaitai;
@@ -25,7 +23,6 @@ pub(crate) fn layout(args: &GeneratedArgs) -> Result<ExitCode> {
     args.apply("layout", &files()?)
 }
 
-/// Fails if a generated file is not current.
 pub(crate) fn check() -> Result<()> {
     files()?.iter().try_for_each(|(path, text)| check_one("layout", path, text))
 }
@@ -39,15 +36,13 @@ fn files() -> Result<[(PathBuf, String); 3]> {
     ])
 }
 
-/// The place of an object in a map.
 struct Place {
-    /// The object's name.
     object: &'static str,
     identifier: Identifier,
     bytes: std::ops::Range<usize>,
 }
 
-/// Returns the places of the map of this layout, in their order, without a gap.
+/// Returns the objects of this layout's map, in order. Fails if they have a gap.
 fn places(layout: Layout) -> Result<Vec<Place>> {
     let profile = (0..layout.objects()).map(|index| {
         let object = if index == 0 { "reported" } else { "gps" };
@@ -75,7 +70,6 @@ fn places(layout: Layout) -> Result<Vec<Place>> {
     Ok(places)
 }
 
-/// Every identifier with its name.
 fn identifiers() -> Vec<(String, Identifier)> {
     let gps = Identifier::GPS.iter().zip(1..).map(|(identifier, receiver)| (format!("GPS{receiver}"), *identifier));
     let others = [
@@ -90,7 +84,6 @@ fn identifiers() -> Vec<(String, Identifier)> {
     others.map(|(name, identifier)| (name.to_owned(), identifier)).into_iter().chain(gps).collect()
 }
 
-/// Returns the request and all objects.
 fn objects() -> Result<Vec<Object>> {
     let mut objects = crate::header::objects::all()?;
     objects.push(crate::header::objects::request()?);
@@ -108,7 +101,7 @@ mod tests {
         check().unwrap();
     }
 
-    /// Returns the Python that has the packages of which some tests make use; if none has them, the system's.
+    /// Returns the Python interpreter that has the packages of some tests, or else the system's.
     fn python() -> PathBuf {
         let named = std::env::var_os("PYMAVLINK_PYTHON").map(PathBuf::from);
         let own = crate::workspace::root().join("target/pymavlink/bin/python");

@@ -1,6 +1,6 @@
 //! Checks style (width, names of tests, openings of comments), citations, the C header, the layouts and formatting.
-//! Then runs clippy with warnings as errors, for the host and for the target, builds the crates' documentation with
-//! warnings as errors too, and checks the dependencies if cargo-deny is installed.
+//! Then runs clippy and rustdoc with warnings as errors, for host and target, and checks the dependencies if cargo-deny
+//! is installed.
 
 use std::process::{Command, ExitCode, Stdio};
 
@@ -43,7 +43,7 @@ pub(crate) fn lint() -> Result<ExitCode> {
             step(format!("clippy ({} for {TARGET}, {feature})", board.package()), &args);
         }
     }
-    // Each suite has a feature with the suite's name; the last suite fails on purpose.
+    // Each suite has a feature of its own name. The last suite fails on purpose.
     for name in Board::ALL.map(Board::name).into_iter().chain(["failing"]) {
         let args = [
             "clippy",
@@ -66,8 +66,8 @@ pub(crate) fn lint() -> Result<ExitCode> {
         .env("RUSTDOCFLAGS", "-D warnings");
     steps.push(("documentation".into(), documentation));
     let mut failed = vec![];
-    // cargo-deny takes minutes to compile, so only `.ci/run` installs it. It needs a network to read the list of
-    // advisories.
+    // cargo-deny takes minutes to compile and needs a network to read the list of advisories, so only `.ci/run`
+    // installs it.
     if has_cargo_deny() {
         let mut command = cargo();
         command.args(["deny", "--log-level", "error", "check", "licenses", "bans", "sources"]);
@@ -105,7 +105,6 @@ pub(crate) fn lint() -> Result<ExitCode> {
     Ok(crate::test::verdict("lint", steps.len() + 4, &failed))
 }
 
-/// Returns whether cargo-deny is on the PATH or among the tools below `target`.
 fn has_cargo_deny() -> bool {
     let mut command = cargo();
     command.args(["deny", "--version"]).stdout(Stdio::null()).stderr(Stdio::null());

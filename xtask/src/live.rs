@@ -1,28 +1,22 @@
 //! Runs the whole link in real time, with the base station's page.
 //!
-//! # Design
-//!
-//! Everything is real but the far ends of the wires. Both programs run on the bench, and the bench's flight controller
-//! reads the DPR. Each image that it has read undamaged, Link-Status included, is offered to the forwarder of
-//! [`base_station::carrier::mavlink`], which has the budget of a fast telemetry radio. The forwarder's messages go
-//! through a UDP socket of this machine to the station and the page of `horus-base serve`, in this process.
+//! Both firmwares run on the bench, and the bench's flight controller reads the DPR. It offers each undamaged image to
+//! the forwarder of [`base_station::carrier::mavlink`], which has the budget of a fast telemetry radio. The forwarder's
+//! messages go through a UDP socket to the station and the page of `horus-base serve`, in this process.
 //!
 //! **Pace.** The bench reads no clock. Every 10 ms of virtual time this module stops the bench until real time has come
-//! as far. It then sends the messages that were forwarded in these 10 ms, so nothing is shown early, and everything is
-//! late by at most 10 ms for this reason. If the machine is too slow, the run falls behind and reports by how much.
+//! as far, and then sends the messages of these 10 ms. So nothing is shown early, and everything up to 10 ms late. If
+//! the machine is too slow, the run falls behind and reports by how much.
 //!
-//! **Clock.** At pace 1 the station reads the system's clock, so the ages on the page are true, and increase when the
-//! bench falls behind. At any other pace HORUS's clock would look wrong against the system's, so the bench sets the
-//! station's clock.
+//! **Clock.** At pace 1 the station reads the system's clock, so the ages on the page are true. At another pace HORUS's
+//! clock would look wrong against the system's, so the bench sets the station's clock.
 //!
-//! **Panel.** A second address is on the bench's side of the radio: it injects faults into the running flight and shows
-//! both boards' logs ([`panel`]). The base station is independent of the panel, and the station's own page stays
-//! read-only.
+//! **Panel.** A second address injects faults into the running flight and shows both boards' logs ([`panel`]). The base
+//! station does not depend on it.
 //!
-//! **The way back.** With `--uplink` the page sends signed uplinks to the flight controller through the same socket;
-//! [`base_station::carrier::mavlink::Inbound`] receives them there. The flight controller writes the uplinks to the
-//! DPR, and forwards what the DPR then shows of them. With `--loss` messages are lost in both directions, drawn from
-//! the seed.
+//! **The way back.** With `--uplink` the page sends signed uplinks through the same socket to the flight controller,
+//! which receives them with [`base_station::carrier::mavlink::Inbound`], writes them to the DPR, and forwards what the
+//! DPR then shows. With `--loss` messages are lost in both directions, drawn from the seed.
 
 mod panel;
 #[cfg(test)]
@@ -51,29 +45,24 @@ use crate::{LiveArgs, firmware};
 use panel::Panel;
 use profile::Uplink;
 
-/// The MAVLink system id of the drone.
 const SYSTEM: u8 = 1;
 
-/// The MAVLink component id of the flight controller, MAV_COMP_ID_AUTOPILOT1.
 const COMPONENT: u8 = 1;
 
-/// The rates of a fast telemetry radio, which carries all objects at 10 Hz.
 const RATES: Rates = Rates { bytes_per_s: 6_000, period_us: 100_000, standard_us: 0 };
 
-/// The length of a piece of the run, after which the run can be ended, virtual ns.
+/// The length of a step of the run, virtual ns. The run can be ended after each step.
 const PIECE: u64 = 100_000_000;
 
-/// The greatest lag behind real time at which a run still counts as in real time: one period of the forwarder, which is
-/// a quarter of the age at which the page marks a position as old.
+/// The greatest lag behind real time at which a run still keeps its pace: one period of the forwarder, or a quarter of
+/// the age at which the page marks a position as old.
 const HELD: Duration = Duration::from_millis(100);
 
-/// How long to wait for messages after the last one was sent: within that time each message has arrived or is lost.
+/// The time after the last message within which each message arrives or is lost.
 const ARRIVES_WITHIN: Duration = Duration::from_secs(2);
 
-/// The address of all sockets: this machine.
 const LOCAL: Ipv4Addr = Ipv4Addr::LOCALHOST;
 
-/// The longest flight, s: a day, which is the longest that can be planned.
 const LONGEST: f64 = 86_400.0;
 
 pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
@@ -105,7 +94,6 @@ pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
     }
 }
 
-/// Returns a key for this run only, because both ends of the way back are in this process.
 fn key() -> Key {
     let mut bytes = [0; 32];
     for chunk in bytes.chunks_mut(8) {
@@ -115,19 +103,17 @@ fn key() -> Key {
     Key::new(bytes)
 }
 
-/// The present real time, µs since 1970.
 fn unix_us() -> u64 {
     let unix = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     u64::try_from(unix.as_micros()).unwrap_or_default()
 }
 
-/// Prints a change of an alarm.
 fn tell(_: DroneId, change: Change) {
     eprintln!("{} {}", if change.raised { "ALARM" } else { "over " }, change.alarm);
 }
 
-/// The number of messages with objects that were sent, the number of these that arrived, and the number of objects that
-/// arrived with a wrong CRC.
+/// The number of messages with objects that were sent, the number that arrived, and the number of objects with a wrong
+/// CRC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Shown {
     sent: u64,
@@ -136,7 +122,6 @@ struct Shown {
 }
 
 impl Shown {
-    /// Whether all messages that were sent arrived intact.
     const fn is_whole(self) -> bool {
         self.arrived == self.sent && self.bad_crc == 0
     }
@@ -149,40 +134,31 @@ impl std::fmt::Display for Shown {
     }
 }
 
-/// A base station with its page, and a flight controller's forwarder that sends to it.
 struct Page {
     server: Server,
     station: Station,
     forwarder: Forwarder,
     socket: UdpSocket,
     to: SocketAddr,
-    /// The ratio of virtual time to real time; 0 for as fast as possible.
+    /// Virtual time divided by real time; 0 for as fast as possible.
     pace: f64,
-    /// The elapsed virtual time, µs. It is the clock of a station that does not read the system's clock.
+    /// The elapsed virtual time, µs. A station that does not read the system's clock uses it.
     passed_us: Arc<AtomicU64>,
-    /// The instant of real time at which the run began. The run's first step is left out, because it loads the
-    /// programs.
+    /// The real time at which the run's second step began. The first step loads the programs.
     began: Option<Instant>,
-    /// The greatest lag behind real time.
     behind: Duration,
-    /// The number of messages with objects that were sent.
     sent: u64,
-    /// The reason why a message could not be sent, if there was one.
     unsent: Option<std::io::Error>,
-    /// The panel, whose user injects faults during the run.
     panel: Panel,
-    /// The flight controller's state for uplinks, if uplinks are enabled.
     inbound: Option<Inbound>,
-    /// The percentage of messages that are lost in each direction, and the generator that draws them.
     loss: (u64, Rng),
 }
 
 impl Page {
-    /// Opens the page on this port, with uplinks if `uplink` is set; `told` is called with every change of an alarm.
     fn start(port: u16, pace: f64, uplink: bool, told: impl FnMut(DroneId, Change) + Send + 'static) -> Result<Self> {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = if pace == 1.0 { Clock::begin() } else { Clock::told(Arc::clone(&passed_us)) };
-        // The station ends when its inlet ends, and the inlet ends with this process.
+        // The station ends with its inlet, and the inlet ends with this process.
         let key = uplink.then(key);
         let verifier = || key.clone().map(Verifier::new);
         let (inlet, station, _) = live::start(verifier(), None, Time::Clock(clock.clone()), told);
@@ -221,18 +197,15 @@ impl Page {
         })
     }
 
-    /// Makes the radio lose this percentage of the messages in each direction, drawn from this seed.
     fn with_loss(self, percent: u64, seed: u64) -> Self {
         Self { loss: (percent, Rng::new(seed)), ..self }
     }
 
-    /// Draws whether the radio loses a message.
     fn loses(&mut self) -> bool {
         let (percent, rng) = &mut self.loss;
         rng.below(100) < *percent
     }
 
-    /// Runs the link, and sends to the station the messages that the link's flight controller forwards.
     fn run(&mut self, setup: &Setup) -> Result<Outcome> {
         self.panel.begin(setup.gps, setup.duration_ns);
         let outcome = bench::sim::run(setup, self)?;
@@ -242,7 +215,6 @@ impl Page {
         }
     }
 
-    /// Waits until the station has received all messages that were sent, but at most [`ARRIVES_WITHIN`].
     fn settle(&self) -> Shown {
         let began = Instant::now();
         loop {
@@ -258,7 +230,6 @@ impl Page {
         }
     }
 
-    /// A line of text about whether the run kept its pace.
     fn pace(&self) -> String {
         let behind = self.behind.as_secs_f64() * 1e3;
         let held = match self.pace {
@@ -269,7 +240,6 @@ impl Page {
         format!("pace                  {} x real time, {held}: {behind:.1} ms late at worst\n", self.pace)
     }
 
-    /// Waits until as much real time as virtual time has passed.
     fn wait(&mut self, virtual_ns: u64) {
         if self.pace == 0.0 {
             return;
@@ -299,7 +269,6 @@ impl Observer for Page {
                 continue;
             }
             match self.socket.send_to(&message, self.to) {
-                // The number of messages that were sent is the number that a receiver finds in the datagram.
                 Ok(_) => self.sent += Receiver::default().datagram(0, &message).len() as u64,
                 Err(error) => self.unsent = Some(error),
             }
@@ -316,7 +285,6 @@ impl Observer for Page {
     fn uplink(&mut self, virtual_ns: u64) -> Option<Uplink> {
         let mut bytes = [0; 512];
         let mut to_write = None;
-        // `recv` returns an error when no further message has come.
         while let Ok(length) = self.socket.recv(&mut bytes) {
             if !self.loses()
                 && let Some(inbound) = &mut self.inbound

@@ -1,7 +1,7 @@
 //! Workspace tasks: `cargo xtask <command>`.
 //!
 //! One binary builds both firmwares, runs them against each other on the bench, tests everything, checks sizes against
-//! budgets and flashes the boards. Each command has a module of its own; this file has the command line.
+//! budgets and flashes the boards. Each command has a module; this file has the command line.
 //!
 //! The exit codes are 0 for success, 1 for a failed check (reported on standard error), 2 for a wrong command line.
 
@@ -110,7 +110,6 @@ pub(crate) enum Board {
 impl Board {
     pub(crate) const ALL: [Self; 2] = [Self::Dpr, Self::Horus];
 
-    /// The package that holds this board's firmware, which is also its binary's name.
     pub(crate) const fn package(self) -> &'static str {
         match self {
             Self::Dpr => "dpr-fw",
@@ -118,7 +117,7 @@ impl Board {
         }
     }
 
-    /// The name used on the command line and by the on-target test suite.
+    /// The name on the command line and in the on-target test suite.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Dpr => "dpr",
@@ -126,7 +125,6 @@ impl Board {
         }
     }
 
-    /// The board on the bench.
     pub(crate) const fn on_bench(self) -> Target {
         match self {
             Self::Dpr => Target::Dpr,
@@ -143,7 +141,6 @@ impl Receivers {
     pub(crate) const ALL: [Self; 4] = [Self(1), Self(2), Self(3), Self(5)];
     pub(crate) const DEFAULT: Self = Self(3);
 
-    /// The cargo feature of both firmware packages that selects this profile.
     pub(crate) fn feature(self) -> String {
         format!("gps-{}", self.0)
     }
@@ -246,7 +243,6 @@ pub(crate) struct LiveArgs {
     pub(crate) loss: u64,
 }
 
-/// Parses a pace.
 fn pace(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(pace) if pace == 0.0 || (0.01..=100.0).contains(&pace) => Ok(pace),
@@ -298,7 +294,6 @@ fn flash(args: &FlashArgs) -> Result<ExitCode> {
     probe::flash(args)
 }
 
-/// Runs the same command line again in a binary that has the probe library, which this binary lacks.
 #[cfg(not(feature = "probe"))]
 fn flash(_args: &FlashArgs) -> Result<ExitCode> {
     workspace::again_with("probe")
@@ -309,7 +304,6 @@ fn live(args: &LiveArgs) -> Result<ExitCode> {
     live::live(args)
 }
 
-/// Runs the same command line again in a binary that has the page, which this binary lacks.
 #[cfg(not(feature = "live"))]
 fn live(_args: &LiveArgs) -> Result<ExitCode> {
     workspace::again_with("live")

@@ -7,7 +7,6 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use core_oracle::{Class, Options, RECORDED_CASES};
 
-/// The folder of the recordings that the ordinary tests replay, from the workspace's root.
 const RECORDINGS: &str = "emulator/cortex-m4/tests/data";
 
 #[derive(Args)]

@@ -1,4 +1,4 @@
-//! Files that a run writes: each appears whole when the run has ended, or not at all.
+//! A file that a run writes, which appears whole when the run has ended, or not at all.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -6,21 +6,21 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use tempfile::TempPath;
 
-/// A file that is written beside its final path and moved there when the run has ended. If the final path exists and is
-/// not a regular file (`/dev/stdout`, a named pipe), that path is written to directly.
+/// A file that is written beside its final path and moved there at the end. An existing path that is no regular file
+/// (`/dev/stdout`, a named pipe) is written to directly.
 pub(crate) struct Output {
     place: PathBuf,
     beside: Option<TempPath>,
 }
 
 impl Output {
-    /// Creates the file beside the path `place`, which the option `option` gives.
+    /// Creates the file beside the path `place` of the option `option`.
     ///
     /// # Errors
     ///
     /// `place` is a folder, or its folder cannot be written to.
     pub(crate) fn new(option: &str, place: &Path) -> Result<Self> {
-        // If the path is a symbolic link, the link stays and the file that it leads to is written.
+        // A symbolic link is kept. The file that it leads to is written.
         let place = place.canonicalize().unwrap_or_else(|_| place.to_owned());
         if place.is_dir() {
             bail!("{option}: {} is a folder", place.display());
@@ -36,12 +36,11 @@ impl Output {
         Ok(Self { place, beside: Some(beside.into_temp_path()) })
     }
 
-    /// The path to which the run must write.
     pub(crate) fn path(&self) -> &Path {
         self.beside.as_deref().unwrap_or(&self.place)
     }
 
-    /// Moves the file, which is whole now, to its final path.
+    /// Moves the whole file to its final path.
     ///
     /// # Errors
     ///

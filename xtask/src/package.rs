@@ -1,4 +1,4 @@
-//! Checks that the crates which others can use build from their own packages, without this workspace.
+//! Checks that the crates which others can use build from their packages, without this workspace.
 
 use std::fs;
 use std::process::{Command, ExitCode};
@@ -7,7 +7,6 @@ use anyhow::{Context, Result, ensure};
 
 use crate::workspace::{cargo, check, root, target_dir};
 
-/// The crates that can be used without this workspace.
 const PACKAGES: [&str; 8] = [
     "profile",
     "st25r3916",
@@ -19,9 +18,8 @@ const PACKAGES: [&str; 8] = [
     "emulator-node",
 ];
 
-/// Packages the crates in [`PACKAGES`] and builds each from its tarball. The crates are not published. Cargo resolves
-/// packages of one workspace against each other only if they may be published, so publishing is allowed in a copy of
-/// the committed files.
+/// Packages [`PACKAGES`] and builds each from its tarball. Cargo resolves packages of one workspace against each other
+/// only if they may be published, which a copy of the committed files allows.
 pub(crate) fn package() -> Result<ExitCode> {
     const OFF: &str = "publish = false";
     let folder = target_dir().join("package");

@@ -1,8 +1,7 @@
 //! Handles real boards through the probe-rs library: writes and verifies a program, shows its log, runs a test suite.
 //!
-//! Which chip and which probe are used is always certain. The board determines the chip. The probe is the only one that
-//! is connected, or the one that `--probe` names. The program never chooses between two probes, because it is worse to
-//! write to the wrong board than to fail.
+//! The board determines the chip. The probe is the only connected one, or the one that `--probe` names. With several
+//! probes and no name, the command fails, because it must not write to the wrong board.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -40,34 +39,27 @@ use crate::{Board, FlashArgs, ProbeArgs, firmware};
 
 use watchdog::Feeding;
 
-/// The longest time that a core may take to carry out a debugger's request.
 const CORE_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// The number of the core's register LR in DCRSR (ARMv7-M ARM C1.6.3).
+/// The number of LR in DCRSR (ARMv7-M ARM C1.6.3).
 const LR: RegisterId = RegisterId(14);
-/// The number of the core's register xPSR in DCRSR.
+/// The number of xPSR in DCRSR.
 const XPSR: RegisterId = RegisterId(16);
-/// The number of the core's register MSP in DCRSR.
+/// The number of MSP in DCRSR.
 const MSP: RegisterId = RegisterId(17);
-/// The number of the core's register PSP in DCRSR.
+/// The number of PSP in DCRSR.
 const PSP: RegisterId = RegisterId(18);
 
-/// The interval at which the log is polled. It is far shorter than the time in which a firmware fills the log's buffer
-/// of 1 KiB.
+/// The interval at which the log is polled. A firmware takes far longer to fill the log's buffer of 1 KiB.
 const LOG_POLL: Duration = Duration::from_millis(10);
 
-/// The longest time after reset that a firmware may take to set up its log.
 const LOG_START: Duration = Duration::from_secs(3);
 
-/// How long the log of a board on the bench is shown by default, s: there is no user who could interrupt it.
 const BENCH_LOG: f64 = 1.0;
 
-/// A probe that was found, on USB or on the bench.
 #[derive(Debug)]
 enum Found {
-    /// A probe that is connected over USB.
     Usb(DebugProbeInfo),
-    /// The probe of a board on the bench.
     Bench(BenchBoard),
 }
 
@@ -80,7 +72,6 @@ impl std::fmt::Display for Found {
     }
 }
 
-/// How long a log is shown: until it ends or is interrupted, or for a given time of the board.
 #[derive(Debug)]
 enum Span<'a> {
     Endless,
@@ -89,7 +80,6 @@ enum Span<'a> {
 }
 
 impl<'a> Span<'a> {
-    /// Returns how long a log is shown, beginning now.
     fn of(found: &'a Found, seconds: Option<f64>) -> Self {
         match (found, seconds) {
             (Found::Usb(_), None) => Self::Endless,
@@ -109,9 +99,8 @@ impl<'a> Span<'a> {
     }
 }
 
-/// Builds a firmware, writes and verifies it, resets the board, and then shows the log.
 pub(crate) fn flash(args: &FlashArgs) -> Result<ExitCode> {
-    // The probe is opened before the firmware is built, because without a probe the build would be in vain.
+    // The probe is chosen before the build, which would be in vain without a probe.
     let probe = choose(args.board, &args.probe)?;
     let elf = firmware::build(args.board, args.gps)?;
     flash_elf(args, &probe, &elf)
@@ -136,7 +125,7 @@ fn flash_elf(args: &FlashArgs, probe: &Found, elf: &Path) -> Result<ExitCode> {
     Ok(if say_findings(probe) { ExitCode::FAILURE } else { code })
 }
 
-/// Prints what the bench has found wrong on its board. Returns whether there is anything.
+/// Prints the errors that the bench has found on its board. Returns whether there were any.
 fn say_findings(probe: &Found) -> bool {
     let Found::Bench(board) = probe else { return false };
     let found = board.take_findings();
@@ -144,8 +133,6 @@ fn say_findings(probe: &Found) -> bool {
     !found.is_empty()
 }
 
-/// Writes an ELF file to a board, runs it and shows its log. Exits with the program's status, which is the code of its
-/// semihosting exit.
 pub(crate) fn run(board: Board, elf: &Path, args: &ProbeArgs) -> Result<ExitCode> {
     let probe = choose(board, args)?;
     let (mut session, feeding) = attach(board, &probe, args)?;
@@ -191,8 +178,7 @@ fn listing(probes: &[DebugProbeInfo]) -> String {
 }
 
 fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<(Session, Feeding)> {
-    // The library does not check whether the part is the expected one: an STM32 has no access port 1, and that would
-    // look like a locked nRF52840.
+    // The library does not check which part it is: an STM32 without access port 1 would look like a locked nRF52840.
     if let Some(wrong) = look(probe, args)?.and_then(|seen| wrong_chip(board, seen, &probe.to_string())) {
         bail!(wrong);
     }
@@ -215,13 +201,13 @@ fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<(Session, Fee
     Ok((session, feeding))
 }
 
-/// Opens the probe. Returns the probe, the SWD clock in kHz if the user requested one, and the handle that ends the
-/// feeding of an nRF52840's watchdog.
+/// Opens the probe. Returns the probe, the requested SWD clock in kHz, and the handle that ends the feeding of an
+/// nRF52840's watchdog.
 fn open(probe: &Found, args: &ProbeArgs) -> Result<(Probe, Option<u32>, Feeding)> {
     let opened = match probe {
         Found::Usb(info) => {
-            // The library's drivers of these probes make single transfers, so the watchdog can be fed between two of
-            // them.
+            // The library's drivers of these probes make single transfers. The watchdog can be fed between two
+            // transfers.
             let drivers: [&dyn ProbeFactory; 2] = [&JLinkFactory, &CmsisDapFactory];
             let selector = DebugProbeSelector::from(info);
             drivers.into_iter().find_map(|driver| driver.open(&selector).ok())
@@ -245,14 +231,14 @@ fn open(probe: &Found, args: &ProbeArgs) -> Result<(Probe, Option<u32>, Feeding)
     Ok((opened, khz.transpose()?, feeding))
 }
 
-/// Identifies the part at the probe. Returns `None` if no debug port answers; the library reports that when it
-/// attaches. Only identification registers are read, so the part continues undisturbed.
+/// Identifies the part at the probe by its identification registers, without disturbing it. Returns `None` if no debug
+/// port answers, which the library reports when it attaches.
 fn look(probe: &Found, args: &ProbeArgs) -> Result<Option<Seen>> {
-    /// The address of the register IDR of an access port, in its bank 2 (ADIv5.2, C1.3).
+    /// The address of IDR of an access port, in its bank 2 (ADIv5.2, C1.3).
     const IDR: u64 = 0xFC;
     /// The bits of IDR that hold the JEP106 number of the access port's designer.
     const DESIGNER: u32 = 0x0FFE_0000;
-    /// The value of the bits [`DESIGNER`] in Nordic's access ports, which is the JEP106 number 0x44 (PS v1.7, 4.8.1).
+    /// The value of [`DESIGNER`] in Nordic's access ports: the JEP106 number 0x44 (PS v1.7, 4.8.1).
     const NORDIC: u32 = 0x0288_0000;
     const DBGMCU_IDCODE: u64 = 0xE004_2000;
     const INFO_PART: u64 = 0x1000_0100;
@@ -276,7 +262,7 @@ fn look(probe: &Found, args: &ProbeArgs) -> Result<Option<Seen>> {
     }))
 }
 
-/// Returns the meaning of an error of the library's `attach`. `erase_all` says whether the library was allowed to erase
+/// Returns the meaning of an error of the library's `attach`. With `erase_all`, the library was allowed to erase
 /// everything.
 fn refusal(error: &probe_rs::Error, erase_all: bool) -> Refusal {
     match error {
@@ -291,19 +277,19 @@ fn refusal(error: &probe_rs::Error, erase_all: bool) -> Refusal {
 
 /// Programs UICR.APPROTECT of an nRF52840 that would otherwise be locked after the next power-on.
 ///
-/// Only UICR.APPROTECT is written, by the NVMC itself (PS v1.7, NVMC). The library would first erase all of UICR, and
-/// with it the settings of the reset pin and the regulator.
+/// The NVMC programs only this word (PS v1.7, NVMC). The library would first erase all of UICR, with the settings of
+/// the reset pin and the regulator.
 fn keep_debug_port_open(session: &mut Session) -> Result<()> {
     const NVMC_READY: u64 = 0x4001_E400;
     const NVMC_CONFIG: u64 = 0x4001_E504;
     const READ_ONLY: u32 = 0;
     const WRITE: u32 = 1;
-    // The NVMC takes 41 us to program a word (PS v1.7, NVMC, electrical specification). Reading the NVMC's state once
+    // The NVMC takes 41 us to program a word (PS v1.7, NVMC, electrical specification). One reading of its state
     // through the probe takes longer.
     const LOOKS: usize = 1_000;
 
     let mut core = session.core(0).context("could not reach the core")?;
-    // The core is halted, so that the firmware cannot use the NVMC at the same time.
+    // The core is halted, because the firmware must not use the NVMC at the same time.
     core.halt(CORE_TIMEOUT).context("the core does not halt")?;
     match Approtect::of(core.read_word_32(VARIANT)?, core.read_word_32(UICR_APPROTECT)?) {
         Approtect::Leave => return Ok(()),
@@ -338,13 +324,12 @@ fn set_brown_out_level(session: &mut Session) -> Result<()> {
     const OPTLOCK: u32 = 1 << 0;
     const OPTSTRT: u32 = 1 << 1;
     const BOR_LEV: u32 = 3 << 2;
-    // The option bytes are erased and programmed together, which takes as long as for a sector: 0.8 s at most (DS9405,
-    // "Flash memory characteristics"). Reading the register once through the probe takes at least 50 us.
+    // Erasing and programming the option bytes takes as long as for a sector: 0.8 s at most (DS9405, "Flash memory
+    // characteristics"). Reading the register once through the probe takes at least 50 us.
     const LOOKS: usize = 50_000;
 
     let mut core = session.core(0).context("could not reach the core")?;
-    // The core is halted: the new program has not run yet, and the program before it must not use the flash interface
-    // at the same time.
+    // The core is halted before the new program runs, so that no program uses the flash interface at the same time.
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not halt")?;
     let options = core.read_word_32(OPTCR)?;
     let level = options & BOR_LEV;
@@ -365,7 +350,7 @@ fn set_brown_out_level(session: &mut Session) -> Result<()> {
     let is_done = |core: &mut Core<'_>| core.read_word_32(SR).is_ok_and(|status| status & BSY == 0);
     let done = (0..LOOKS).any(|_| is_done(&mut core));
     core.write_word_32(OPTCR, wanted | OPTLOCK)?;
-    // The next start loads the programmed option bytes, which may differ from the register's value.
+    // The option bytes take effect at this start. The register may hold other values.
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not halt")?;
     let loaded = core.read_word_32(OPTCR)?;
     if !done || loaded & BOR_LEV != 0 {
@@ -379,7 +364,7 @@ fn write(session: &mut Session, elf: &Path) -> Result<()> {
         ProgressStyle::with_template("{msg:>9} [{bar:40}] {bytes}/{total_bytes}").expect("a constant template"),
     );
     let shown = bar.clone();
-    // probe-rs first announces every step of writing with the step's size. It then begins the steps one by one.
+    // probe-rs first announces every step of writing with the step's size, and then begins the steps one by one.
     let mut totals = BTreeMap::new();
     let progress = FlashProgress::new(move |event| match event {
         ProgressEvent::AddProgressBar { operation, total } => {
@@ -407,7 +392,6 @@ fn write(session: &mut Session, elf: &Path) -> Result<()> {
     })
 }
 
-/// Returns the message for the user about a program that could not be written.
 fn not_written(error: &FileDownloadError, elf: &Path) -> String {
     let elf = elf.display();
     match error {
@@ -422,7 +406,6 @@ fn not_written(error: &FileDownloadError, elf: &Path) -> String {
     }
 }
 
-/// Returns the word that is printed for a step of writing.
 const fn verb(operation: &ProgressOperation) -> &'static str {
     match operation {
         ProgressOperation::Fill => "reading",
@@ -432,30 +415,28 @@ const fn verb(operation: &ProgressOperation) -> &'static str {
     }
 }
 
-/// The kind of program whose log is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Follow {
-    /// A firmware that is meant to run for ever and handles a HardFault or a restart itself.
+    /// A firmware that runs for ever and handles a HardFault or a restart itself.
     Firmware,
     /// A test suite, which ends with a semihosting exit or, if it fails, with a HardFault (panic-probe). The core halts
-    /// at a HardFault, because nothing else would end the run: cortex-m-rt's handler is a loop.
+    /// at a HardFault, because cortex-m-rt's handler is an endless loop.
     Suite,
 }
 
-/// The number of restarts after which a suite is taken for one that never ends.
+/// A suite that restarts more often never ends.
 const MOST_RESTARTS: usize = 10;
 
-/// The address of DHCSR, the Debug Halting Control and Status Register. Its bit S_RESET_ST is set if the core was reset
-/// since the last read of the register (ARMv7-M ARM C1.6.2).
+/// The address of DHCSR. Its bit S_RESET_ST is set if the core was reset since the register's last read (ARMv7-M ARM
+/// C1.6.2).
 const DHCSR: u64 = 0xE000_EDF0;
 const S_RESET_ST: u32 = 1 << 25;
 
-/// The address of CPUID, which identifies the core (ARMv7-M ARM B3.2.3).
+/// The address of CPUID, which is never zero (ARMv7-M ARM B3.2.3).
 const CPUID: u64 = 0xE000_ED00;
 
-/// Resets the core and shows its defmt log. This ends when the program exits through semihosting, when the time of the
-/// log is over, or when the user interrupts it. The exit code is that of the semihosting exit. If the part restarts
-/// meanwhile, the log continues with the new start.
+/// Resets the core and shows its defmt log until the program exits through semihosting, the time is over, or the user
+/// interrupts. Returns the exit code. The log continues if the part restarts.
 fn follow(
     (session, feeding): (&mut Session, &Feeding),
     elf: &Path,
@@ -468,14 +449,14 @@ fn follow(
     let mut decoder = table.new_stream_decoder();
     let mut core = session.core(0).context("could not reach the core")?;
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not reset")?;
-    // The control block in RAM may still be that of the last run, so it is cleared before its log is read.
+    // The control block of the last run's log may still be in RAM.
     core.write_8(block, &[0; 16]).context("could not clear the old log")?;
-    // Some resets of some parts do not clear the vector catch, so it may still be set by an earlier run.
+    // An earlier run may have set the vector catch, which not every reset clears.
     core.disable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
     if follow == Follow::Suite {
         core.enable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
     }
-    // The reset by this function must not be counted as a restart, so the flag of that reset is cleared here.
+    // The reset above must not be counted as a restart.
     was_reset(&mut core)?;
     core.run().context("the core does not run")?;
     // From here on the program must feed the watchdog itself.
@@ -485,12 +466,10 @@ fn follow(
     loop {
         let mut restarted = was_reset(&mut core)?;
         let status = core.status().context("lost the core")?;
-        // The log is read after the status, so that the lines before a halt are shown before this function returns.
+        // The log is read after the status, so that it includes the lines before a halt.
         if !restarted {
             match drain(&mut rtt, &mut core, decoder.as_mut()) {
                 Ok(()) => {}
-                // The part has restarted. Its start-up code has initialised the control block again, or will do so
-                // next.
                 Err(probe_rs::rtt::Error::ReadPointerChanged | probe_rs::rtt::Error::ControlBlockCorrupted(_)) => {
                     restarted = true;
                 }
@@ -506,7 +485,6 @@ fn follow(
             if follow == Follow::Suite && restarts == MOST_RESTARTS {
                 bail!("the part restarted {restarts} times: the suite does not come to its end");
             }
-            // An incomplete log message is lost with the part's log buffer.
             decoder = table.new_stream_decoder();
             if follow == Follow::Suite && catch_again(&mut core)? {
                 // The HardFault occurred before the vector catch was set. Its log is still in the buffer.
@@ -515,7 +493,7 @@ fn follow(
                 eprintln!("error: the image ended in a HardFault");
                 return Ok(ExitCode::FAILURE);
             }
-            // The sleep is far longer than the start-up code takes to initialise the control block.
+            // The start-up code takes far less time than this to initialise the log's control block.
             std::thread::sleep(LOG_POLL);
             rtt = attach_log(&mut core, block)?;
             continue;
@@ -529,7 +507,7 @@ fn follow(
                 }
                 _ => core.run().context("the core does not go on")?,
             },
-            // The library may report several reasons for a halt, because it cannot clear all reasons of earlier halts.
+            // The reason for the halt is not evaluated, because the library cannot clear the reasons of earlier halts.
             CoreStatus::Halted(_) if follow == Follow::Suite && in_hard_fault(&mut core)? => {
                 eprintln!("error: the image ended in a HardFault{}", faulted(&mut core, elf)?);
                 return Ok(ExitCode::FAILURE);
@@ -544,17 +522,16 @@ fn follow(
     }
 }
 
-/// Returns whether the core was reset since the last call.
 fn was_reset(core: &mut Core<'_>) -> Result<bool> {
     Ok(core.read_word_32(DHCSR).context("lost the core")? & S_RESET_ST != 0)
 }
 
-/// Makes the core halt again at a HardFault and at semihosting calls: on an nRF52840 only a soft reset keeps that
+/// Makes the core halt again at a HardFault and at semihosting calls. On an nRF52840 only a soft reset keeps that
 /// setting (PS v1.7, 5.3.7.8). Returns whether a HardFault occurred before the setting was made.
 fn catch_again(core: &mut Core<'_>) -> Result<bool> {
-    // After any reset but a soft one, an nRF52840's debug port is closed until the program opens it, some time after
-    // the program's start. Until then a request to halt is lost, and every read returns zero. CPUID, which is never
-    // zero, shows when the debug port is open again.
+    // After any reset but a soft one, an nRF52840's debug port is closed until the program opens it. Until then a
+    // request to halt is lost, and every read returns zero. CPUID is never zero, so a read of it shows that the port is
+    // open.
     let since = Instant::now();
     while core.read_word_32(CPUID).context("lost the core")? == 0 {
         if since.elapsed() >= CORE_TIMEOUT {
@@ -579,16 +556,15 @@ fn in_hard_fault(core: &mut Core<'_>) -> Result<bool> {
     Ok(status & EXCEPTION == HARD_FAULT)
 }
 
-/// Returns the address of the instruction that the HardFault interrupted, as text for the end of a sentence. The core
-/// must have halted at the first instruction of its HardFault handler.
+/// Returns the address of the instruction that the HardFault interrupted, as text. The core must have halted at the
+/// first instruction of its HardFault handler.
 fn faulted(core: &mut Core<'_>, elf: &Path) -> Result<String> {
-    /// Bit 2 of EXC_RETURN, which is set if the exception's frame is on the process stack (ARMv7-M ARM table B1-8).
+    /// Bit 2 of EXC_RETURN, set if the exception's frame is on the process stack (ARMv7-M ARM table B1-8).
     const PROCESS_STACK: u32 = 1 << 2;
-    /// The offset of the return address in the exception's frame.
     const RETURN_ADDRESS: u64 = 24;
     let returns: u32 = core.read_core_reg(LR)?;
     let stack: u32 = core.read_core_reg(if returns & PROCESS_STACK != 0 { PSP } else { MSP })?;
-    // The stack pointer may point outside memory, which may also be the cause of the fault.
+    // The stack pointer may point outside memory, which may be the cause of the fault.
     let Ok(pc) = core.read_word_32(u64::from(stack) + RETURN_ADDRESS) else { return Ok(String::new()) };
     let place = emulator_node::Firmware::read(elf)?.place_of(u64::from(pc));
     Ok(place.map_or_else(|| format!(" at {pc:#010x}"), |place| format!(" in {place}")))

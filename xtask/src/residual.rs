@@ -15,7 +15,6 @@ use residual::{Code, DualWeights, codes};
 
 use crate::workspace;
 
-/// The number of steps that the progress bar has for each code.
 const PARTS: f64 = 1000.0;
 
 #[derive(Args)]
@@ -63,7 +62,7 @@ pub(crate) fn residual(args: &ResidualArgs) -> Result<ExitCode> {
     let text = std::fs::read_to_string(&page).with_context(|| format!("could not read {}", page.display()))?;
     write(&page, &report.refresh(&text).map_err(anyhow::Error::msg)?)?;
 
-    // If the JSON goes to standard output, a program reads it there, so nothing else may be printed.
+    // A program may read the JSON from standard output, so nothing else may be printed there.
     let json_on_stdout = args.json.as_deref() == Some(Path::new("-"));
     let screen = report.screen();
     if json_on_stdout {
@@ -116,7 +115,6 @@ fn committed() -> Result<Vec<(Code, DualWeights)>> {
     Code::all().into_iter().map(dual).collect()
 }
 
-/// Counts the words of all dual codes, and prints on standard error how long each code took.
 fn count(threads: NonZero<usize>) -> Vec<(Code, DualWeights)> {
     let all = Code::all();
     let style = ProgressStyle::with_template("{bar:40} {percent} % of {msg}, {eta} left").expect("a constant template");

@@ -139,7 +139,7 @@ fn on_bench(args: &RunArgs) -> Result<ExitCode> {
         }
     };
     eprintln!("{}", summary(&outcome, args.clock));
-    // With a debugger, the duration of a run says nothing about the speed of this machine.
+    // With a debugger, the duration of a run does not show the speed of this machine.
     if !args.gdb {
         let seconds = began.elapsed().as_secs_f64();
         eprintln!("{:.0} million instructions a second of this machine", outcome.instructions as f64 / 1e6 / seconds);
@@ -150,10 +150,9 @@ fn on_bench(args: &RunArgs) -> Result<ExitCode> {
     Ok(ending(args, &outcome))
 }
 
-/// Returns a hint for the user if the program is at addresses that are the flash of the other board's part.
 fn linked_elsewhere(board: Board, firmware: &Firmware) -> Option<String> {
-    // The STM32 has its flash at address 0 too. A program for the nRF52840 is therefore loaded, but the core does not
-    // find its instructions at the addresses for which it was linked.
+    // A program for the nRF52840 is loaded at address 0, where the STM32 has flash too. But it was linked for other
+    // addresses.
     const STM32_FLASH: u64 = 0x0800_0000;
     let lies_below = firmware.segments().iter().all(|(address, _)| *address < STM32_FLASH);
     (board == Board::Horus && lies_below).then(|| {
@@ -164,7 +163,6 @@ fn linked_elsewhere(board: Board, firmware: &Firmware) -> Option<String> {
     })
 }
 
-/// Returns a hint for the user of a firmware that printed nothing: in which ways a firmware can print text.
 fn said_nothing(args: &RunArgs, firmware: &Firmware, outcome: &Outcome) -> Option<&'static str> {
     if !outcome.lines.is_empty() || !args.uart.is_empty() {
         return None;
@@ -176,7 +174,6 @@ fn said_nothing(args: &RunArgs, firmware: &Firmware, outcome: &Outcome) -> Optio
     })
 }
 
-/// Returns the exit code of the run. Prints a message if the reason for that code is not obvious.
 fn ending(args: &RunArgs, outcome: &Outcome) -> ExitCode {
     let (says, status) = verdict(args.seconds, args.limit, outcome);
     if let Some(says) = says {
@@ -185,7 +182,7 @@ fn ending(args: &RunArgs, outcome: &Outcome) -> ExitCode {
     u8::try_from(status).map_or(ExitCode::FAILURE, ExitCode::from)
 }
 
-/// Returns the message about a run, if one is needed, and the run's status. The run was meant to take `seconds`, or
+/// Returns a message about the run, if one is needed, and the run's status. The run was meant to take `seconds`, or
 /// else at most `limit`.
 fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (Option<String>, u32) {
     if outcome.exit.is_none() && !outcome.died {
@@ -214,10 +211,8 @@ fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (Option<Strin
     (None, if outcome.status() == 0 && !outcome.passed() { 1 } else { outcome.status() })
 }
 
-/// The files into which the bytes of UART pins are written, each with its name.
 type Files = BTreeMap<Pin, (String, BufWriter<File>)>;
 
-/// Returns what these arguments connect to the board's pins, and the files for the bytes of UART pins.
 fn leads(args: &RunArgs) -> Result<(Connected, Files)> {
     let pin = |option: &str, name: &str| {
         pin_called(args.board, name).with_context(|| {
@@ -283,7 +278,7 @@ fn leads(args: &RunArgs) -> Result<(Connected, Files)> {
     Ok((connected, files))
 }
 
-/// Returns the pin with this name, which is the part's maker's: P0.13, P1.02 on the nRF52840; PB7, PC13 on the STM32.
+/// Returns the pin with this name of the chip's maker: P0.13, P1.02 on the nRF52840; PB7, PC13 on the STM32.
 fn pin_called(board: Board, name: &str) -> Option<Pin> {
     let rest = name.strip_prefix(['P', 'p'])?;
     let (port, number) = match board {
@@ -319,22 +314,20 @@ const fn pad_text(pad: Pad) -> &'static str {
     }
 }
 
-/// The output to which the firmware's log is written.
 struct Output<W> {
     stdout: W,
-    /// Whether the reader of the output has closed it, as `head` at the end of a pipe does. The run continues, because
-    /// its exit code is still needed.
+    /// Whether the reader has closed the output, as `head` does. The run continues, because its exit code is still
+    /// needed.
     closed: bool,
-    /// For each UART, the line that has not ended yet, and the instant at which the line's first byte was sent, ns.
+    /// For each UART, the bytes of the unfinished line and the instant of the first one, ns.
     half: BTreeMap<Pin, (u64, Vec<u8>)>,
 }
 
-/// The greatest number of bytes of a UART's line that are shown at once; a longer line is shown in several pieces.
 const LONGEST_LINE: usize = 4096;
 
 impl<W: Write> Output<W> {
-    /// Shows a line of the log. If the firmware gave it no time stamp, it gets the virtual time at which the probe read
-    /// it, up to 1 ms after it was written.
+    /// Shows a line of the log. A line without a time stamp gets the virtual time at which the probe read it, up to 1
+    /// ms after it was written.
     fn line(&mut self, line: &LogLine) {
         if line.timestamp.is_empty() {
             self.text(format_args!("{:>14.6} ms  {line}", milliseconds(line.at)));
@@ -343,7 +336,6 @@ impl<W: Write> Output<W> {
         }
     }
 
-    /// Processes a byte that a UART has sent, and shows the line if the byte ends it.
     fn byte(&mut self, SentByte { at, pin, byte }: SentByte) {
         let (_, bytes) = self.half.entry(pin).or_insert((at, vec![]));
         if byte != b'\n' {
@@ -361,7 +353,6 @@ impl<W: Write> Output<W> {
         self.text(format_args!("{:>14.6} ms  {}", milliseconds(at), line.trim_end_matches('\r')));
     }
 
-    /// Shows the lines of UARTs that have not ended when the run ends.
     fn finish(&mut self) {
         for (at, bytes) in std::mem::take(&mut self.half).into_values() {
             self.half_line(at, &bytes);
@@ -377,13 +368,11 @@ fn milliseconds(ns: u64) -> f64 {
     ns as f64 / 1e6
 }
 
-/// The outcome of a run in one line.
 fn summary(outcome: &Outcome, clock: Clock) -> String {
     let findings = outcome.findings.len();
     let resets = outcome.resets;
     let stack = match outcome.stack {
-        // A firmware that tests its RAM at its start writes to all of it. How much of the stack it uses is then not
-        // known.
+        // The firmware's own RAM test writes to the whole stack, so the use of the stack is not known.
         Some((used, size)) if used == size => format!(", all {size} bytes of the stack written"),
         Some((used, size)) => format!(", stack {used} of {size} bytes at worst"),
         None => String::new(),
@@ -415,7 +404,6 @@ mod tests {
 
     use super::*;
 
-    /// A reader that takes a number of lines and then closes the pipe.
     struct Pipe(Vec<u8>, usize);
 
     impl Write for Pipe {

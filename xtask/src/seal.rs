@@ -1,9 +1,9 @@
-//! Writes a program's CRC into its ELF file, so that the firmware can check at its start whether its flash is as built.
+//! Writes a program's CRC into its ELF file, so that the firmware can check its flash at the start.
 //!
 //! The linker script `firmware-common/program_crc.x` reserves one word, section `.program_crc`, after everything that
 //! is loaded into flash. [`seal`] writes into it the frame CRC of all bytes from the vector table up to that word, most
-//! significant byte first. A gap between two sections counts as 0xFF, the value of erased flash. The firmware checks
-//! the CRC in `firmware_common::program`.
+//! significant byte first. A gap between two sections counts as 0xFF, as erased flash. `firmware_common::program`
+//! checks the CRC.
 
 use std::path::Path;
 
@@ -12,16 +12,12 @@ use object::elf::{FileHeader32, PT_LOAD};
 use object::read::elf::{FileHeader, ProgramHeader, SectionHeader};
 use object::{Endianness, SectionIndex};
 
-/// The section that holds the CRC.
 const CRC_SECTION: &str = ".program_crc";
 
-/// The section at which the CRC's range begins.
 const FIRST_SECTION: &str = ".vector_table";
 
-/// The value of erased flash.
 const ERASED: u8 = 0xFF;
 
-/// The size of the CRC, bytes.
 const CRC_SIZE: u64 = 4;
 
 /// Bytes that a programmer writes to a board: their address in memory, and their range in the file.
@@ -38,8 +34,6 @@ impl Loaded {
     }
 }
 
-/// Writes the ELF file `from` to `to` with its CRC. If the file cannot be sealed, nothing is written.
-///
 /// # Errors
 ///
 /// A file cannot be read or written, or is not an ELF file that [`seal`] accepts.
@@ -66,7 +60,7 @@ pub(crate) fn seal(elf: &mut [u8]) -> Result<u32> {
     Ok(crc)
 }
 
-/// The bytes in flash from the vector table up to the CRC, and the offset of the CRC in the file.
+/// Returns the bytes in flash from the vector table up to the CRC, and the offset of the CRC in the file.
 fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
     let header = FileHeader32::<Endianness>::parse(elf).context("not a 32-bit ELF file")?;
     let endian = header.endian()?;
@@ -75,8 +69,8 @@ fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
         .iter()
         .filter(|segment| segment.p_type(endian) == PT_LOAD && segment.p_filesz(endian) > 0)
         .map(|segment| Loaded {
-            // The physical address is used, because the initial values of variables are loaded into flash, although the
-            // variables are in RAM.
+            // The physical address is the one in flash. A variable's initial value is loaded there, although the
+            // variable is in RAM.
             address: segment.p_paddr(endian).into(),
             offset: segment.p_offset(endian).into(),
             len: segment.p_filesz(endian).into(),
@@ -110,7 +104,6 @@ fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
                 crc.address
             );
         }
-        // Only the bytes before the CRC count in the segment that holds the CRC.
         let len = usize::try_from(segment.end().min(crc.address).saturating_sub(segment.address))?;
         let to = usize::try_from(segment.address - first)?.min(image.len());
         let from = usize::try_from(segment.offset)?;
@@ -125,11 +118,8 @@ mod tests {
     use super::*;
     use firmware_common::program::Comparison;
 
-    /// A section of the test's ELF file, which gets its own segment: name, load address, bytes.
     type Part<'a> = (&'a str, u32, &'a [u8]);
 
-    /// Returns a little-endian 32-bit ELF file: header, one program header for each part, the parts, section names,
-    /// section headers.
     fn elf(parts: &[Part<'_>]) -> Vec<u8> {
         let words = |words: &[u32]| -> Vec<u8> { words.iter().flat_map(|word| word.to_le_bytes()).collect() };
         let halves = |halves: &[u16]| -> Vec<u8> { halves.iter().flat_map(|half| half.to_le_bytes()).collect() };
@@ -140,9 +130,9 @@ mod tests {
         let (mut segments, mut sections) = (vec![], vec![0; 40]);
         for &(name, address, content) in parts {
             let (offset, len) = (body + bytes.len() as u32, content.len() as u32);
-            // The fields are type, offset, virtual and physical address, size in file and in memory, flags, alignment.
+            // Type, offset, virtual and physical address, size in file and in memory, flags, alignment.
             segments.extend(words(&[1, offset, address, address, len, len, 5, 4]));
-            // The fields are name, type, flags, address, offset, size, link, info, alignment, entry size.
+            // Name, type, flags, address, offset, size, link, info, alignment, entry size.
             sections.extend(words(&[names.len() as u32, 1, 2, address, offset, len, 0, 0, 4, 0]));
             names.extend(name.bytes().chain([0]));
             bytes.extend_from_slice(content);
@@ -160,13 +150,10 @@ mod tests {
     const CODE: [u8; 6] = [0x70, 0x47, 0x00, 0xBF, 0x12, 0x34];
     const UNSEALED: [u8; 4] = [0xFF; 4];
 
-    /// Returns the ELF file of a program with a vector table at 0x1000, two bytes of gap after the code, and the word
-    /// for the CRC after the gap.
     fn image() -> Vec<u8> {
         elf(&[(FIRST_SECTION, 0x1000, &VECTORS), (".text", 0x1008, &CODE), (CRC_SECTION, 0x1010, &UNSEALED)])
     }
 
-    /// The contents of flash when the program of [`image`] has been written, in the order of addresses.
     fn flash() -> Vec<u8> {
         [&VECTORS[..], &CODE[..], &[0xFF, 0xFF]].concat()
     }
@@ -175,7 +162,6 @@ mod tests {
         bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word))
     }
 
-    /// The word of the CRC in the file, as the processor would load it.
     fn stored(elf: &[u8]) -> u32 {
         let at = layout(elf).unwrap().1 as usize;
         u32::from_le_bytes(elf[at..at + 4].try_into().unwrap())
@@ -210,7 +196,7 @@ mod tests {
         for byte in 0..VECTORS.len() + CODE.len() {
             for bit in 0..8 {
                 let mut elf = image();
-                // The parts begin behind the file header and three program headers.
+                // The sections begin behind the file header and three program headers.
                 elf[52 + 3 * 32 + byte] ^= 1 << bit;
                 assert_ne!(seal(&mut elf).unwrap(), crc, "byte {byte}, bit {bit}");
             }

@@ -18,14 +18,13 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::output::Output;
 use crate::{Receivers, bench_flash, firmware};
 
-/// The limit for the error of a crystal, ppm. Real crystals have errors of tens of ppm, so a far larger number is taken
-/// for a typing error.
+/// The limit for the error of a crystal, ppm. Real crystals have tens of ppm, so a larger number is probably a typing
+/// error.
 const MAX_PPM: f64 = 1000.0;
 
-/// The length of a piece of the run, ns of virtual time. If Ctrl-C was pressed, the run ends after the present piece.
+/// The length of a step of the run, virtual ns. Ctrl-C ends the run after the present step.
 const PIECE: u64 = 500_000_000;
 
-/// Whether Ctrl-C was pressed.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 #[derive(Args)]
@@ -122,7 +121,6 @@ pub(crate) fn positive_seconds(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Parses the number of solutions that a receiver gives in a second.
 fn receiver_hz(text: &str) -> Result<u32, String> {
     match text.parse::<u32>() {
         Ok(hz @ 1..=40) if 1_000 % hz == 0 => Ok(hz),
@@ -137,14 +135,12 @@ fn ppm(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A terminal that shows the progress of a run and, if requested, the boards' logs.
 pub(crate) struct Screen {
     bar: ProgressBar,
     log: bool,
 }
 
 impl Screen {
-    /// Prints a message without disturbing the progress bar.
     pub(crate) fn say(&self, text: &str) {
         if self.bar.is_hidden() {
             eprintln!("{text}");
@@ -175,7 +171,7 @@ impl Observer for Screen {
 }
 
 pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
-    // The first Ctrl-C ends the run, and its results are then written and shown. The second ends this program.
+    // The first Ctrl-C ends the run, whose results are then shown. The second ends this program.
     let pressed = || {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
@@ -185,21 +181,19 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
     run(args, |setup, screen| Ok(Some(bench::sim::run(setup, screen)?)))
 }
 
-/// Builds both images, runs the link with them, and returns only the report.
 pub(crate) fn report(args: &SimArgs) -> Result<Report> {
     let (horus, dpr) = firmware::build_pair(args.gps)?;
     Ok(bench::sim::run(&setup(args, vec![], Images { horus, dpr }), &mut ())?.report)
 }
 
-/// Builds both firmwares, calls `go` to run the link with them, and shows the result. `go` returns `None` if the run
-/// was ended early; the command then fails.
+/// Builds both firmwares, calls `go` to run the link with them, and shows the result. The command fails if `go` returns
+/// `None`, which means that the run was ended early.
 pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result<Option<Outcome>>) -> Result<ExitCode> {
     let recordings = vec![args.ubx1.clone(), args.ubx2.clone(), args.ubx3.clone()];
     if let Some(beyond) = recordings.iter().skip(args.gps.0).position(Option::is_some) {
         bail!("--ubx{}: this profile has {} receiver(s) only (--gps {})", args.gps.0 + beyond + 1, args.gps, args.gps);
     }
-    // The program reports inputs that cannot be read and outputs that cannot be written before it builds or runs
-    // anything.
+    // Inputs that cannot be read and outputs that cannot be written are reported before anything is built.
     for (option, path) in (1..).zip(&recordings).filter_map(|(number, path)| Some((number, path.as_ref()?))) {
         gnss_sim::Log::open(path).with_context(|| format!("--ubx{option}: {} cannot be played", path.display()))?;
     }
@@ -281,7 +275,6 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     Ok(ExitCode::FAILURE)
 }
 
-/// Flips every bit of the front ends' registers, or every `every`-th bit, each on a copy of the bench.
 fn flip_all(setup: &Setup, every: usize) -> Result<Flips> {
     let style = ProgressStyle::with_template("{spinner} {pos} bits flipped, {elapsed}").expect("a constant template");
     let bar = ProgressBar::new_spinner().with_style(style);
@@ -290,7 +283,6 @@ fn flip_all(setup: &Setup, every: usize) -> Result<Flips> {
     Ok(flipped)
 }
 
-/// Returns the memory that a bench's board keeps, as `flash --probe bench` has written it.
 fn flashed(board: crate::Board) -> Result<Vec<u8>> {
     let name = board.name();
     bench_flash::read(board, &bench_flash::file(board))?.with_context(|| {
@@ -298,7 +290,6 @@ fn flashed(board: crate::Board) -> Result<Vec<u8>> {
     })
 }
 
-/// Returns the setup of a run for these arguments.
 fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Setup {
     let duration_ns = (args.seconds * 1e9).round() as u64;
     let to_ppb = |ppm: f64| (ppm * 1000.0).round() as i64;
@@ -333,10 +324,9 @@ fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Se
 }
 
 /// How long a copy of the bench runs after an upset, ns. The watchdogs reset a board within 200 ms, and 40 ms later the
-/// cycles of a board that has restarted are accepted again.
+/// board's cycles are accepted again.
 const AFTER_UPSET: u64 = 400_000_000;
 
-/// Tries upsets on copies of the bench.
 fn upsets(args: &SimArgs, setup: &Setup) -> Result<Campaign> {
     let setup = Setup { trace: None, log: None, plot: None, faults: Faults::none(), ..setup.clone() };
     let options = Options {
@@ -351,8 +341,7 @@ fn upsets(args: &SimArgs, setup: &Setup) -> Result<Campaign> {
     Ok(bench::sim::campaign(&setup, &options)?)
 }
 
-/// Returns a line about the time when Reported-Position ceased to be valid, and about the receivers that were silent by
-/// then.
+/// Returns a line about when Reported-Position ceased to be valid, and which receivers were silent at that instant.
 fn reported_position(reported: &Reported) -> String {
     let seconds = |ns: u64| format!("{:.3} s", ns as f64 / 1e9);
     let cycles = reported.valid_cycles;
@@ -372,7 +361,6 @@ fn reported_position(reported: &Reported) -> String {
     format!("invalid since {} ({}), valid in {cycles} cycles read", seconds(since), silent.join(", "))
 }
 
-/// Returns lines about the number of receivers that agreed, and about the error of the voted position.
 fn vote(voter: &Voter) -> String {
     let agree = voter.agree.iter().rev().filter(|(agree, cycles)| **agree > 0 && **cycles > 0);
     let agree: Vec<String> = agree
@@ -386,10 +374,8 @@ fn vote(voter: &Voter) -> String {
     format!("{agree}; none in {}{error}", voter.none)
 }
 
-/// The greatest number of exclusions of receivers that are listed.
 const MOST_EXCLUSIONS: usize = 5;
 
-/// Returns a few lines about the first exclusions of receivers: beginning, end, and error at the beginning of each.
 fn exclusions(voter: &Voter) -> String {
     let seconds = |ns: u64| format!("{:.2} s", ns as f64 / 1e9);
     let mut text = String::new();
@@ -409,14 +395,12 @@ fn exclusions(voter: &Voter) -> String {
     text
 }
 
-/// Returns lines about the effects of the upsets that were tried on copies of the bench.
 fn upsets_in_words(upsets: &Upsets) -> String {
     let count = |of: fn(&UpsetClasses) -> usize| upsets.classes.values().map(of).sum::<usize>();
     let (masked, detected) = (count(|classes| classes.masked), count(|classes| classes.detected));
     format!("{masked} masked, {detected} detected, {} dangerous, each on a copy", upsets.dangerous.len())
 }
 
-/// Returns lines about the faults that were injected, and about their effects.
 fn faults_in_words(faults: &bench::report::Faults) -> String {
     if faults.injected.is_empty() {
         return "none injected".to_owned();
@@ -432,14 +416,11 @@ fn faults_in_words(faults: &bench::report::Faults) -> String {
     )
 }
 
-/// Returns the report as text that fits on one screen.
 pub(crate) fn table(report: &Report) -> String {
     let ms = |ns: u64| format!("{:.3} ms", ns as f64 / 1e6);
     let us = |ns: u64| format!("{:.3} us", ns as f64 / 1e3);
-    // A figure that was never measured is shown as "none".
     let or_none = |text: Option<String>| text.unwrap_or_else(|| "none".to_owned());
     let Report { horus, air, dpr, latency_ns: latency, ssi, reported, base, .. } = report;
-    // The DPR's own counters begin at 0 with each start of the DPR.
     let since = match dpr.since_ns {
         0 => String::new(),
         since => format!(" since its start at {:.3} s", since as f64 / 1e9),

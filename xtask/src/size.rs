@@ -1,9 +1,8 @@
 //! Compares the sizes of both firmwares with the budgets in each firmware's `Cargo.toml`.
 //!
-//! Flash is what a program takes of flash: code, constants and the initial values of statics. RAM is all statics,
-//! whether they have initial values or not. The rest of the RAM budget is for the stack, which flip-link places so that
-//! an overflow leads to a fault. Code that is copied to RAM has a RAM region of its own, whose size the linker limits.
-//! Such code counts in flash, and has a separate column.
+//! Flash counts code, constants and the initial values of statics. RAM counts all statics; the rest of the RAM budget
+//! is for the stack, which flip-link places so that an overflow leads to a fault. Code that is copied to RAM counts in
+//! flash and has a separate column; the linker limits its own RAM region.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -15,17 +14,14 @@ use object::read::elf::{FileHeader, ProgramHeader, SectionHeader};
 use crate::workspace::metadata;
 use crate::{Board, Receivers, firmware};
 
-/// The number of bytes that a firmware has in each kind of memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Footprint {
     pub(crate) flash: u64,
     pub(crate) ram: u64,
-    /// The code that is copied from flash to RAM at the start and runs there; it counts in flash too.
+    /// The code that is copied from flash to RAM at the start; it counts in flash too.
     pub(crate) code_in_ram: u64,
 }
 
-/// The greatest number of bytes that a firmware may have in each kind of memory. The linker limits the code that runs
-/// from RAM.
 struct Budget {
     flash: u64,
     ram: u64,
@@ -84,7 +80,6 @@ pub(crate) fn footprint(elf: &Path) -> Result<Footprint> {
 fn measure(data: &[u8]) -> Result<Footprint> {
     let header = object::elf::FileHeader32::<object::Endianness>::parse(data)?;
     let endian = header.endian()?;
-    // A programmer writes, for each loadable segment, the bytes that the file has for it.
     let segments = header.program_headers(endian, data)?;
     let loaded = || segments.iter().filter(|segment| segment.p_type(endian) == PT_LOAD);
     let flash = loaded().map(|segment| u64::from(segment.p_filesz(endian))).sum();
@@ -94,7 +89,6 @@ fn measure(data: &[u8]) -> Result<Footprint> {
         .filter(|segment| is_code(segment) && segment.p_vaddr(endian) != segment.p_paddr(endian))
         .map(|segment| u64::from(segment.p_memsz(endian)))
         .sum();
-    // Statics are in the sections that are writable and have an address at run time.
     let ram = header
         .section_headers(endian, data)?
         .iter()

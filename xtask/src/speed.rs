@@ -8,8 +8,7 @@ use clap::Args;
 
 use crate::{Receivers, firmware, workspace};
 
-/// How long the link runs before the measurement begins, ns. This time covers the start of the firmwares, which is
-/// negligible in longer runs.
+/// How long the link runs before the measurement begins, ns: the start of the firmwares is negligible in longer runs.
 const WARM_UP_NS: u64 = 1_000_000_000;
 
 /// The longest time that a virtual second of the link may take, in times of the yardstick of [`bench::sim::speed`]. The
@@ -76,8 +75,8 @@ pub(crate) fn check() -> Result<()> {
     Ok(())
 }
 
-/// Runs the example program `speed` of the core's crate and shows its output. Returns the time that an instruction
-/// takes in the computing loop on the fast clock, ns.
+/// Runs the example `speed` of the core's crate. Returns the time of an instruction in the computing loop on the fast
+/// clock, ns.
 fn core_alone() -> Result<f64> {
     let mut cargo = workspace::cargo();
     cargo.args(["run", "--quiet", "--package", "cortex-m4", "--example", "speed"]);
@@ -92,7 +91,6 @@ fn core_alone() -> Result<f64> {
     per_instruction(&text).context("the core's example did not say how fast it is")
 }
 
-/// Returns the time that an instruction takes, ns, from the line `compute fast <n> M/s, ...`.
 fn per_instruction(text: &str) -> Option<f64> {
     text.lines().find_map(|line| {
         let mut words = line.split_whitespace();

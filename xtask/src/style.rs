@@ -9,11 +9,10 @@ use anyhow::{Context, Result, bail, ensure};
 
 use crate::workspace::{root, tracked};
 
-/// The longest line, in characters.
 const COLUMNS: usize = 120;
 
-/// Returns whether the file at `path` is checked. Hand-written sources are checked; documents in Markdown, recorded
-/// data, test corpora and generated files are not.
+/// Returns whether the file at `path` is checked. Hand-written sources are; Markdown, recorded data, test corpora and
+/// generated files are not.
 fn is_checked(path: &str) -> bool {
     let data = path.split('/').any(|folder| matches!(folder, "data" | "corpus"));
     let source = matches!(
@@ -23,13 +22,12 @@ fn is_checked(path: &str) -> bool {
     (source || path == ".ci/run") && !data
 }
 
-/// The greatest number of words in a test's name, and the greatest number of characters.
 const TEST_NAME: (usize, usize) = (12, 80);
 
-/// Words with which a comment may not begin: its first sentence would be incomplete, with the subject in the code.
+/// Words with which a comment may not begin, because its first sentence would be incomplete.
 const OPENINGS: [&str; 7] = ["As", "Of", "Not", "Nothing of", "So long", "So many", "So much"];
 
-/// Returns the names of tests in `text` that are too long, each with the number of its line, from 1.
+/// Returns the names of tests in `text` that are too long, each with its line number, from 1.
 fn long_names(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let mut is_test = false;
     text.lines().enumerate().filter_map(move |(index, line)| {
@@ -43,8 +41,7 @@ fn long_names(text: &str) -> impl Iterator<Item = (usize, &str)> {
     })
 }
 
-/// Returns the numbers, from 1, of the lines of `text` in which a comment, or a paragraph of a comment, begins with one
-/// of [`OPENINGS`].
+/// Returns the numbers, from 1, of lines in `text` at which a paragraph of a comment begins with one of [`OPENINGS`].
 fn torn_openings(text: &str) -> impl Iterator<Item = usize> {
     let mut goes_on = false;
     text.lines().enumerate().filter_map(move |(index, line)| {
@@ -56,7 +53,7 @@ fn torn_openings(text: &str) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Returns the numbers, from 1, of the lines of `text` that are too long, each with the line's width in characters.
+/// Returns the numbers, from 1, of lines in `text` that are too long, each with the line's width in characters.
 fn too_long(text: &str) -> impl Iterator<Item = (usize, usize)> + '_ {
     text.lines()
         .enumerate()
@@ -102,7 +99,6 @@ mod tests {
     fn a_line_is_too_long_from_121_characters_on_whatever_it_holds() {
         let fits = "x".repeat(120);
         let comment = format!("// {}", "x".repeat(118));
-        // This line has 120 characters of two bytes each. It is not too long, because characters are counted.
         let accents = "é".repeat(120);
         let text = format!("{fits}\n{comment}\r\n\n{accents}\n{accents}é");
         assert_eq!(too_long(&text).collect::<Vec<_>>(), [(2, 121), (5, 121)]);

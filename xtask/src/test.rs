@@ -34,15 +34,14 @@ pub(crate) struct TestArgs {
     probe: ProbeArgs,
 }
 
-/// Returns the packages that have tests called `name`, which is the name of a package, of a test binary or of a file of
-/// tests. Each comes with the arguments of `cargo test` before `--` and, for a file in a larger binary, the module of
-/// the tests.
+/// Returns the packages that have tests called `name`: the name of a package, of a test binary or of a file of tests.
+/// Each comes with the arguments of `cargo test` before `--` and, for a file in a larger binary, the module of the
+/// tests.
 fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<(Vec<String>, Option<String>)>> {
     let mut found = vec![];
     for package in metadata["packages"].as_array().into_iter().flatten() {
         let Some(of_package) = package["name"].as_str() else { continue };
         let mut args = vec!["--package".to_owned(), of_package.to_owned()];
-        // The tests of xtask may need code that only these cargo features include.
         if of_package == "xtask" {
             args.extend(["--features".into(), "live,probe".into()]);
         }
@@ -63,8 +62,8 @@ fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<(Vec<String>
     Ok(found)
 }
 
-/// Runs the tests that [`selected`] selects, with both images. If `test` is given, only tests with that text in their
-/// names are run.
+/// Runs the tests that [`selected`] selects, with both images. With `test`, runs only those that have this text in
+/// their names.
 fn only(name: &str, test: Option<&String>) -> Result<ExitCode> {
     let selected = selected(&metadata()?, name)?;
     for gps in Receivers::ALL {
@@ -78,8 +77,8 @@ fn only(name: &str, test: Option<&String>) -> Result<ExitCode> {
         };
         let mut command = cargo_test();
         match (&module, test) {
-            // The test runner accepts only one text as a filter, so this program itself selects the tests by module and
-            // by name.
+            // The test runner accepts only one text as a filter, so this program selects the tests by module and by
+            // name.
             (Some(module), Some(test)) => {
                 let listed = cargo_test().args([module, "--list"]).output().context("cargo did not start")?;
                 let listed = String::from_utf8_lossy(&listed.stdout).into_owned();
@@ -105,8 +104,8 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     if let Some(name) = args.only.first() {
         return only(name, args.only.get(1));
     }
-    // The path of this program is read before anything is built. The host tests are built with all features of xtask,
-    // which replaces the file of the running program, and the system then reports its path with " (deleted)" appended.
+    // The path is read before the build, which replaces the running program's file. The system then appends "
+    // (deleted)" to the path.
     let runner = std::env::current_exe().context("could not find out where this program is")?;
     let mut ran = 0;
     let mut failed = vec![];
@@ -127,8 +126,8 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
         });
         step("the speed of the bench", &mut crate::speed::check);
         step("a sample of the defects", &mut crate::defects::sample);
-        // The tests that run both firmwares get the firmwares' folder. Without the folder they would be skipped, and
-        // would fail if CI is set.
+        // Tests that run both firmwares need the firmwares' folder. Without it they would be skipped, or fail if CI is
+        // set.
         let images = firmware::folder();
         step("host tests", &mut || {
             let args = ["test", "--quiet", "--no-fail-fast", "--workspace", "--features", "xtask/live,xtask/probe"];
@@ -149,9 +148,8 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     Ok(verdict("test", ran, &failed))
 }
 
-/// Runs one board's defmt-test suite, which is the same code on the bench and on the board. With a clock, the suite is
-/// built for the bench with that clock, because the suite's bounds depend on it. Without a clock, it is built for the
-/// board. `runner` is the path of this program.
+/// Runs one board's defmt-test suite: on the bench with `clock`, for which the suite is built because its bounds depend
+/// on the clock, or on the real board without a clock. `runner` is the path of this program.
 fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArgs) -> Result<()> {
     crate::workspace::install(&crate::workspace::FLIP_LINK)?;
     let runner = runner.to_str().with_context(|| format!("{} is not Unicode", runner.display()))?;
@@ -186,8 +184,7 @@ fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArg
             "--features",
             board.name(),
         ])
-        // cargo gets its runner as a list, so a space in the runner's path does not split it. A list of strings is
-        // written in the same way in JSON and in TOML.
+        // A list is used because the path may contain a space. JSON and TOML write such a list in the same way.
         .arg("--config")
         .arg(format!("target.{TARGET}.runner={}", serde_json::to_string(&runner)?))
         .env("DEFMT_LOG", "info");
@@ -198,7 +195,6 @@ fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArg
     check("the suite", &mut command)
 }
 
-/// Prints which tests failed, or that none failed.
 pub(crate) fn verdict(name: &str, ran: usize, failed: &[String]) -> ExitCode {
     for failure in failed {
         eprintln!("FAILED {failure}");

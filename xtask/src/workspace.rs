@@ -11,30 +11,24 @@ use anyhow::{Context, Result, bail, ensure};
 /// The target of both microcontrollers: Cortex-M4F.
 pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// A pinned tool from crates.io that xtask installs for itself under `target/tools`.
 pub(crate) struct Tool {
     name: &'static str,
     version: &'static str,
 }
 
-/// The linker wrapper that puts the stack below the statics, so that an overflow leads to a fault instead of corrupted
-/// statics.
+/// The linker wrapper that puts the stack below the statics, so that an overflow leads to a fault.
 pub(crate) const FLIP_LINK: Tool = Tool { name: "flip-link", version: "0.1.12" };
 
-/// The command with which libFuzzer's fuzz targets are built and run.
 pub(crate) const CARGO_FUZZ: Tool = Tool { name: "cargo-fuzz", version: "0.13.2" };
 
-/// The workspace's root folder.
 pub(crate) fn root() -> PathBuf {
-    // The root is found from xtask's own folder at build time. If the checkout has moved since then, cargo reports its
-    // present folder.
+    // The root is found from xtask's folder at build time or, if the checkout has moved, by cargo.
     let manifest =
         std::env::var_os("CARGO_MANIFEST_DIR").map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")), PathBuf::from);
     manifest.parent().map_or(manifest.clone(), Path::to_path_buf)
 }
 
-/// Returns the files that git tracks, by their paths from the root. A file that was deleted is left out, even if the
-/// deletion is not committed.
+/// Returns the files that git tracks, by their paths from the root, without those that were deleted.
 pub(crate) fn tracked() -> Result<Vec<String>> {
     let output = Command::new("git")
         .args(["ls-files", "-z"])
@@ -47,17 +41,15 @@ pub(crate) fn tracked() -> Result<Vec<String>> {
     Ok(listed.split('\0').filter(exists).map(str::to_owned).collect())
 }
 
-/// The folder for the output of cargo and xtask.
 pub(crate) fn target_dir() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |dir| root().join(PathBuf::from(dir)))
 }
 
-/// Returns the command `cargo`, to be run in the workspace's root, with the installed tools on its PATH.
+/// Returns the command `cargo`, which runs in the workspace's root with the installed tools on its PATH.
 pub(crate) fn cargo() -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(root()).env("PATH", path_with_tools());
-    // The variables that cargo sets for xtask's own package are removed, because they would be wrong for another
-    // package.
+    // The variables that cargo sets for xtask's own package would be wrong for another one.
     for (key, _) in std::env::vars_os() {
         let name = key.to_string_lossy();
         if name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_") || name == "CARGO_PRIMARY_PACKAGE" {
@@ -76,7 +68,6 @@ pub(crate) fn check(what: &str, command: &mut Command) -> Result<()> {
     Ok(())
 }
 
-/// Installs a pinned tool under `target/tools` unless that version is installed there.
 pub(crate) fn install(tool: &Tool) -> Result<()> {
     let tools = tools_dir();
     let stamp = tools.join(format!(".{}-{}", tool.name, tool.version));
@@ -94,8 +85,8 @@ pub(crate) fn install(tool: &Tool) -> Result<()> {
     std::fs::write(&stamp, "").with_context(|| format!("could not write {}", stamp.display()))
 }
 
-/// Runs the command line of this process again with a feature of xtask compiled in. On Unix the new process replaces
-/// this one, so that an interrupt from the keyboard reaches only one process.
+/// Runs this command line again in a binary that has a further feature of xtask. On Unix the new process replaces this
+/// one, so that an interrupt from the keyboard reaches only one process.
 #[cfg(not(all(feature = "probe", feature = "live")))]
 pub(crate) fn again_with(feature: &str) -> Result<ExitCode> {
     let mut command = cargo();
@@ -120,11 +111,9 @@ fn tools_dir() -> PathBuf {
 fn path_with_tools() -> OsString {
     let old = std::env::var_os("PATH").unwrap_or_default();
     let parts = std::iter::once(tools_dir().join("bin")).chain(std::env::split_paths(&old));
-    // A PATH that cannot be joined was not usable before either, so it is not changed.
     std::env::join_paths(parts).unwrap_or(old)
 }
 
-/// Returns cargo's metadata of the workspace's packages.
 pub(crate) fn metadata() -> Result<serde_json::Value> {
     let output = cargo()
         .args(["metadata", "--no-deps", "--format-version", "1"])
@@ -157,7 +146,6 @@ mod tests {
         }
     }
 
-    /// Returns each module of the files in `folder`: its path, and its code without tests and comments.
     fn modules(folder: &str) -> BTreeMap<Vec<String>, String> {
         let of_file = |file: String| {
             let within = file
@@ -172,7 +160,7 @@ mod tests {
         tracked().unwrap().into_iter().filter_map(of_file).collect()
     }
 
-    /// Returns all paths in `code`. A path with braces is returned as one path for each name within the braces.
+    /// Returns all paths in `code`. A path with braces gives one path for each name in the braces.
     fn paths(code: &str) -> Vec<Vec<&str>> {
         let (mut all, mut groups, mut path, mut rest) = (vec![], vec![], vec![], code);
         while let Some(first) = rest.chars().next() {
@@ -197,7 +185,7 @@ mod tests {
     }
 
     /// Returns the dependencies between modules of one folder that are part of a circle, or lead to one. A folder
-    /// counts as one module for the modules beside it. A module does not depend on the module that contains it.
+    /// counts as one module. A module does not depend on the module that contains it.
     fn circles(modules: &BTreeMap<Vec<String>, String>) -> BTreeSet<String> {
         let mut arrows = BTreeSet::new();
         for (module, code) in modules {

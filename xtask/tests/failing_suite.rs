@@ -1,21 +1,19 @@
-//! Tests a suite that fails on a board, through a debug probe: the failure is reported, and the command fails.
+//! Tests that a failing suite on a board makes the command fail, with the failure reported through a debug probe.
 //!
-//! The board is one of the bench, of which only the wires to the probe are used (`--probe bench`).
+//! The board is one of the bench (`--probe bench`).
 #![cfg(feature = "probe")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Builds the suite `tests/tests/failing.rs` and returns the path of its ELF file.
 fn suite() -> PathBuf {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut command = Command::new(env!("CARGO"));
     command.args(["test", "--no-run", "--release", "--target", "thumbv7em-none-eabihf", "--message-format=json"]);
     command.args(["--package", "on-target-tests", "--test", "failing", "--features", "failing"]);
-    // The linker is the one that flip-link would call. flip-link is not needed, because this suite's stack never
-    // overflows.
+    // flip-link is not needed, because this suite's stack never overflows.
     command.args(["--config", "target.thumbv7em-none-eabihf.linker='rust-lld'"]);
-    // The variables that cargo sets for this test's package are removed, because they would be wrong for the suite.
+    // The variables that cargo sets for this test's package would be wrong for the suite.
     for (key, _) in std::env::vars_os() {
         let name = key.to_string_lossy();
         if name.starts_with("CARGO_") && name != "CARGO_HOME" && name != "CARGO_TARGET_DIR" {
@@ -36,7 +34,6 @@ fn suite() -> PathBuf {
 
 #[test]
 fn a_failing_suite_reports_its_message_and_earlier_restarts() {
-    // The board's flash is a file below this folder, so the board is a new one that no other test uses.
     let folder = std::env::temp_dir().join(format!("failing-suite-{}", std::process::id()));
     let ran = Command::new(env!("CARGO_BIN_EXE_xtask"))
         .args(["run", "--board", "dpr", "--on", "hardware", "--probe", "bench", "--erase-all"])
@@ -48,7 +45,6 @@ fn a_failing_suite_reports_its_message_and_earlier_restarts() {
     let (out, err) = (String::from_utf8_lossy(&ran.stdout), String::from_utf8_lossy(&ran.stderr));
     let said = format!("{out}\n{err}");
     assert_eq!(ran.status.code(), Some(1), "{said}");
-    // The output has both starts of the first test and the failure, and nothing after the failure.
     assert_eq!(out.matches("(1/3) running `the_watchdog_bites_once`").count(), 2, "{said}");
     assert_eq!(out.matches("(2/3) running `one_and_one_are_three`").count(), 1, "{said}");
     assert!(out.contains("this test is made to fail"), "{said}");

@@ -1,8 +1,7 @@
-//! Tests the runner from another project's folder, as in docs/bench.md#your-own-firmware: `cargo run` in that folder
-//! builds the project's firmware and runs it on a board of the bench.
+//! Tests the runner from another project's folder, as in docs/bench.md#your-own-firmware: `cargo run` builds the
+//! project's firmware and runs it on a board of the bench.
 //!
-//! The project is a real one, made in a separate folder outside this workspace. It uses only crates that are in this
-//! workspace's lock file.
+//! The project is made in a folder outside this workspace, with crates of this workspace's lock file only.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -23,7 +22,7 @@ cortex-m-rt = "0.7"
 
 const MEMORY: &str = "MEMORY { FLASH : ORIGIN = 0, LENGTH = 1M RAM : ORIGIN = 0x20000000, LENGTH = 256K }\n";
 
-/// The firmware prints a greeting through semihosting, makes two pulses on P0.13 where P0.11 is low, and runs for ever.
+/// The firmware prints a greeting through semihosting, makes two pulses on P0.13 while P0.11 is low, and runs for ever.
 const MAIN: &str = r#"
 #![no_std]
 #![no_main]
@@ -60,8 +59,8 @@ fn panic(_: &core::panic::PanicInfo) -> ! {
 }
 "#;
 
-/// Runs the project's built firmware with the real gdb. Returns the run's output, and gdb's output. The run's standard
-/// error is included, without the lines that tell the user how to connect gdb.
+/// Runs the project's firmware with the real gdb. Returns the output of the run, without the lines about connecting
+/// gdb, and the output of gdb.
 fn run_with_gdb(folder: &Path, arguments: &str, script: &[&str]) -> (Output, String) {
     let elf = folder.join("target/thumbv7em-none-eabihf/debug/blinky");
     let mut run = Command::new(env!("CARGO_BIN_EXE_xtask"));
@@ -86,7 +85,6 @@ fn run_with_gdb(folder: &Path, arguments: &str, script: &[&str]) -> (Output, Str
     (Output { stderr, ..ran }, said)
 }
 
-/// Runs `cargo run` in the project. `arguments` are added to the documented command line of the runner.
 fn cargo_run(folder: &Path, arguments: &str) -> Output {
     let runner = env!("CARGO_BIN_EXE_xtask");
     let config = format!(
@@ -96,8 +94,7 @@ fn cargo_run(folder: &Path, arguments: &str) -> Output {
     std::fs::create_dir_all(folder.join(".cargo")).unwrap();
     std::fs::write(folder.join(".cargo/config.toml"), config).unwrap();
     let mut command = Command::new(env!("CARGO"));
-    // The variables that cargo sets for this test's package are removed, because they would be wrong for the other
-    // project.
+    // The variables that cargo sets for this test's package would be wrong for the other project.
     for (key, _) in std::env::vars_os() {
         let name = key.to_string_lossy();
         if name.starts_with("CARGO_") && name != "CARGO_HOME" {
@@ -125,7 +122,7 @@ fn a_project_elsewhere_runs_its_firmware_on_the_bench_by_cargo_run() {
     let edges = |level: &str| out.lines().filter(|line| line.ends_with(&format!("P0.13 {level}"))).count();
     assert_eq!((edges("high"), edges("low")), (2, 3), "low when it becomes an output, then two pulses: {out}");
     assert!(err.contains("still running after 0.1 s of virtual time, as it should (--seconds)"), "{err}");
-    // The stack has all of RAM that the firmware's statics leave free, and the firmware used a little of it.
+    // The stack has all of RAM that the statics leave free. The firmware uses a little of it.
     let stack = err.split("stack ").nth(1).and_then(|rest| rest.split(" bytes at worst").next()).unwrap();
     let (used, size) = stack.split_once(" of ").unwrap();
     let (used, size): (usize, usize) = (used.parse().unwrap(), size.parse().unwrap());
@@ -135,7 +132,7 @@ fn a_project_elsewhere_runs_its_firmware_on_the_bench_by_cargo_run() {
         assert!(std::env::var_os("CI").is_none(), "there is no gdb-multiarch: apt-get install gdb-multiarch");
         eprintln!("not run: there is no gdb-multiarch: apt-get install gdb-multiarch");
     } else {
-        // The run gives the same output when gdb inspects it, and gdb gets the run's exit status.
+        // The output is the same when gdb inspects the run, and gdb gets the run's exit status.
         let looks = ["set language c", "tbreak main", "continue", "info registers pc", "monitor pin P0.11"];
         let watches = ["watch *(unsigned *)0x50000508", "continue", "stepi", "monitor pin P0.13", "delete", "continue"];
         let script = [&looks[..], &watches].concat();

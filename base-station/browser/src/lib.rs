@@ -1,15 +1,12 @@
-//! Runs a headless Chromium for tests of a page: it opens and inspects the page, types into it, and reports its errors.
+//! Runs a headless Chromium for tests of a page.
 //!
-//! # Design
+//! Chromium is controlled by its [DevTools protocol](https://chromedevtools.github.io/devtools-protocol/) over two
+//! pipes (`--remote-debugging-pipe`): JSON, each message ended by a zero byte. No port is opened, and Chromium ends
+//! with the pipes. The libraries `headless_chrome` and `chromiumoxide` would bring 141 and 150 crates for the dozen
+//! commands that are used here.
 //!
-//! Chromium is controlled by its DevTools protocol over two pipes (`--remote-debugging-pipe`): JSON, each message ended
-//! by a zero byte. There is no port, no program listens, and Chromium ends when the pipes do, so no test leaves a
-//! browser behind. The protocol is that of <https://chromedevtools.github.io/devtools-protocol/>. Libraries for it are
-//! `headless_chrome` and `chromiumoxide`: 141 and 150 crates, the former a minute of a processor to build, most of it
-//! code generated for a protocol of which a dozen commands are used here.
-//!
-//! Only this machine is reachable: every other host name resolves to nothing, which shows as a failed request
-//! ([`Tab::requests`]).
+//! Chromium resolves no host name except this machine's, so a page's request to another machine fails and shows in
+//! [`Tab::requests`].
 
 #![forbid(unsafe_code)]
 
@@ -24,22 +21,18 @@ use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use serde_json::{Value, json};
 
-/// The names of programs that are Chromium, in the order in which they are searched for.
 const NAMES: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
-/// The time limit for an answer of the browser, which is longer than a busy machine needs.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// The interval at which [`Tab::until`] checks its condition.
 const LOOK: Duration = Duration::from_millis(10);
 
 /// Returns the browser's program: the one that the environment variable `CHROMIUM` names, or else the first of the
-/// known programs that is found. Where there is none, this returns `None` and prints a message. If the environment has
-/// `CI`, this panics instead, because the browser must be installed there.
+/// known programs that is found. If there is none, prints a message and returns `None`.
 ///
 /// # Panics
 ///
-/// Panics if there is no browser and the environment has `CI`.
+/// Panics if there is no browser and the environment has `CI`, where a browser must be installed.
 #[must_use]
 pub fn program() -> Option<PathBuf> {
     let named = std::env::var_os("CHROMIUM").map(PathBuf::from);
@@ -62,7 +55,7 @@ pub struct Screen {
     pub width: u32,
     /// The height of the page, CSS pixels.
     pub height: u32,
-    /// The number of the screen's pixels for each CSS pixel, along one axis.
+    /// The number of the screen's pixels for each CSS pixel, in each direction.
     pub scale: u32,
     /// Whether the screen is a phone's.
     pub phone: bool,
@@ -80,7 +73,6 @@ pub struct Tab {
     process: Child,
     to: ChildStdin,
     from: Receiver<Value>,
-    /// The identifier of the page's DevTools session, which every command must contain.
     session: String,
     commands: u64,
     events: VecDeque<Value>,
@@ -89,22 +81,21 @@ pub struct Tab {
 }
 
 impl Tab {
-    /// Starts the browser with an empty page. Its files are written below `folder`, which is emptied first.
+    /// Starts the browser with an empty page. The browser's files are below `folder`, which is emptied first.
     ///
     /// # Panics
     ///
     /// Panics if the browser cannot be started, or does not answer.
     #[must_use]
     pub fn start(program: &Path, folder: &Path) -> Self {
-        // An earlier run may have left files in the folder.
         let _ = std::fs::remove_dir_all(folder);
-        // The browser needs the pipes as file descriptors 3 and 4. The shell duplicates the descriptors that std has
-        // set up for the pipes.
+        // The browser needs the pipes as file descriptors 3 and 4. The shell can set them up; the standard library
+        // cannot.
         let mut command = Command::new("/bin/sh");
         command.args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null 2>&1", "sh"]).arg(program);
         command.args(["--headless", "--remote-debugging-pipe", "--disable-gpu", "--no-first-run", "--mute-audio"]);
-        // In a container the browser lacks shared memory, and as root it cannot use its sandbox. The sandbox is not
-        // needed, because the page is trusted.
+        // In a container the browser lacks shared memory. As root it cannot use its sandbox, which a trusted page does
+        // not need.
         command.args(["--disable-dev-shm-usage", "--no-sandbox", "--disable-background-networking"]);
         command.args(["--disable-component-update", "--disable-default-apps", "--disable-sync"]);
         command.arg("--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1");
@@ -142,7 +133,7 @@ impl Tab {
         tab
     }
 
-    /// Carries out a command of the DevTools protocol and returns its result.
+    /// Carries out a command of the DevTools protocol and returns the result.
     ///
     /// # Panics
     ///
@@ -167,7 +158,6 @@ impl Tab {
         }
     }
 
-    /// Records an event from the browser.
     fn note(&mut self, event: Value) {
         let params = &event["params"];
         match event["method"].as_str().unwrap_or_default() {
@@ -188,7 +178,6 @@ impl Tab {
         self.events.push_back(event);
     }
 
-    /// Reads the events that the browser has sent, and records them.
     fn listen(&mut self) {
         loop {
             match self.from.recv_timeout(Duration::ZERO) {
@@ -262,8 +251,7 @@ impl Tab {
     ///
     /// Panics if the table of keys has no such key.
     pub fn press(&mut self, key: &str) {
-        // The columns are key, code, Windows' code and text, from https://www.w3.org/TR/uievents-code/ and virtual-key
-        // codes.
+        // The columns are key, code, Windows' code and text, from https://www.w3.org/TR/uievents-code/.
         let (key, code, number, text) = match (key, key.as_bytes()) {
             ("Tab", _) => ("Tab", "Tab".to_owned(), 9, ""),
             ("Enter", _) => ("Enter", "Enter".to_owned(), 13, "\r"),
@@ -288,8 +276,7 @@ impl Tab {
         }
     }
 
-    /// Returns the output of a screen reader: role and name of each element of the page that a screen reader does not
-    /// skip.
+    /// Returns the role and the name of each element that a screen reader reads out.
     pub fn spoken(&mut self) -> Vec<(String, String)> {
         let tree = self.command("Accessibility.getFullAXTree", json!({}));
         let nodes = tree["nodes"].as_array().cloned().unwrap_or_default();
@@ -325,7 +312,7 @@ impl Tab {
 
 impl Drop for Tab {
     fn drop(&mut self) {
-        // The browser may have ended already, so an error is ignored. The browser's helper processes end with it.
+        // The browser may have ended already, so the error is ignored. The browser's helper processes end with it.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }

@@ -1,4 +1,4 @@
-//! Lists the carriers that bring objects; each module packs and unpacks the objects for one of them.
+//! The carriers that bring objects. Each module packs and unpacks objects for one carrier.
 //!
 //! A carrier is not trusted: it brings a [`Bundle`](crate::Bundle) of bytes, which [`Drone::take`](crate::Drone::take)
 //! judges.

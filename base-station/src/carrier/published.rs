@@ -1,8 +1,7 @@
 //! Defines the messages that base stations exchange through a broker (decision 19).
 //!
 //! One message holds the objects of one drone that arrived at one instant, unchanged, and the publishing station's
-//! verdict on each object. A subscriber judges the objects again (black channel): to it a broker is one more carrier.
-//! All numbers are little-endian.
+//! verdict on each. A subscriber judges the objects again. All numbers are little-endian.
 //!
 //! | offset | what |
 //! |---|---|
@@ -12,9 +11,9 @@
 //! | 10 | n × u8 verdict on each object ([`VERDICTS`]) |
 //! | 10 + n | the objects |
 //!
-//! The topic is `horus/1/STATION/DRONE`: 1 is the version of this format, STATION the publishing station's name, and
-//! DRONE the name that this station has for the drone. Two stations may receive two drones with the same MAVLink system
-//! id, so a subscriber names a drone by both: `STATION/DRONE`.
+//! The topic is `horus/1/STATION/DRONE`: the version of this format, the publishing station's name, and that station's
+//! name for the drone. Two stations may receive two drones with one MAVLink system id, so a subscriber calls a drone
+//! `STATION/DRONE`.
 
 use core::fmt;
 
@@ -38,28 +37,25 @@ pub const VERDICTS: [Verdict; 9] = [
     Verdict::Rejected(Rejection::Identifier),
 ];
 
-/// The number of bytes in a message before the verdicts: the numbers of the objects and the instant.
 const HEAD: usize = 10;
 
-/// The length of the longest message, bytes, which has every object.
+/// The length of the longest message, bytes: that with every object.
 pub const MAX_MESSAGE: usize = HEAD + Place::COUNT + 32 + 64 + 5 * 60 + 2 * 64;
 
 /// The greatest number of characters in a station's name.
 pub const MAX_STATION: usize = 32;
 
-/// The greatest number of characters in a name: a station's name, a slash, and an IPv6 address with its port.
 const MAX_NAME: usize = 96;
 
 /// The name of a drone that another station receives: `STATION/DRONE`.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Name {
-    /// The name, followed by zeros.
     text: [u8; MAX_NAME],
 }
 
 impl Name {
-    /// Returns the name in this text, if it consists of a station's and a drone's with a slash between them, and is not
-    /// too long.
+    /// Returns the name in this text: a station's name, a slash and a drone's name; `None` if the text is too long or
+    /// is no such name.
     #[must_use]
     pub fn new(name: &str) -> Option<Self> {
         let (station, drone) = name.split_once('/')?;
@@ -82,7 +78,6 @@ impl Name {
     #[must_use]
     pub fn as_str(&self) -> &str {
         let end = self.text.iter().position(|byte| *byte == 0).unwrap_or(MAX_NAME);
-        // The name consists of ASCII characters only.
         core::str::from_utf8(&self.text[..end]).unwrap_or_default()
     }
 }
@@ -93,15 +88,15 @@ impl fmt::Debug for Name {
     }
 }
 
-/// Returns whether this is a valid name of a station: 1 to [`MAX_STATION`] letters, digits, dots, hyphens and
-/// underscores. Characters with a meaning in topics are excluded.
+/// Returns whether this is a valid station's name: 1 to [`MAX_STATION`] letters, digits, dots, hyphens and underscores,
+/// none of which has a meaning in topics.
 #[must_use]
 pub fn is_station(name: &str) -> bool {
     let is_known = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '_');
     (1..=MAX_STATION).contains(&name.len()) && name.chars().all(is_known)
 }
 
-/// Returns the topic for a drone whose messages the station of this name receives.
+/// Returns the topic of a drone that the station of this name receives.
 #[must_use]
 pub fn topic(station: &str, drone: DroneId) -> String {
     format!("{TOPICS}/{station}/{drone}")
@@ -118,7 +113,7 @@ pub struct Published<'a> {
 }
 
 impl<'a> Published<'a> {
-    /// Reads a message; `None` if it is not valid.
+    /// Reads a message; `None` if it is malformed.
     #[must_use]
     pub fn read(message: &'a [u8]) -> Option<Self> {
         let ([first, count], rest) = message.split_first_chunk()?;
@@ -140,7 +135,6 @@ impl<'a> Published<'a> {
 pub fn message(at_us: u64, bundle: &Bundle<'_>, verdicts: &[Verdict]) -> Vec<u8> {
     let first = bundle.objects().next().map_or(0, |(place, _)| place.index());
     let number = |verdict: &Verdict| VERDICTS.iter().position(|known| known == verdict).unwrap_or(255) as u8;
-    // The map has nine objects, so each number fits a byte.
     let mut message = vec![first as u8, verdicts.len() as u8];
     message.extend(at_us.to_le_bytes());
     message.extend(verdicts.iter().map(number));

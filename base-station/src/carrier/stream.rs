@@ -1,17 +1,15 @@
 //! Frames a byte stream from a flight controller to a base station, for links without MAVLink.
 //!
-//! The link is a byte stream that may lose and damage bytes. A profile travels unchanged, in consistent overhead byte
-//! stuffing (COBS: Cheshire and Baker, *Consistent Overhead Byte Stuffing*, IEEE/ACM Transactions on Networking 7(2),
-//! 1999), ended by a zero byte. The encoded bytes contain no zero, so a receiver resynchronises at the next zero byte
-//! after any damage. There is no checksum here: the objects have their own (black channel).
+//! The link may lose and damage bytes. A profile or an image travels unchanged, in consistent overhead byte stuffing
+//! (COBS: Cheshire and Baker, *Consistent Overhead Byte Stuffing*, IEEE/ACM Transactions on Networking 7(2), 1999),
+//! ended by a zero byte. The encoded bytes contain no zero, so a receiver resynchronises at the next zero. The objects
+//! have their own CRCs, so a frame has none.
 //!
-//! The crate `cobs` is not used, because this deframer never holds more than a frame and reports damaged frames, in 60
-//! lines that the paper's examples test.
+//! The crate `cobs` is not used, because this deframer holds at most one frame and reports damaged frames.
 
 /// The byte that ends each frame, and occurs nowhere else.
 pub const DELIMITER: u8 = 0;
 
-/// The greatest number of bytes that one COBS code byte covers.
 const RUN_MAX: usize = 254;
 
 /// Appends `payload` as a frame to `line`.
@@ -26,7 +24,7 @@ pub fn encode(payload: &[u8], line: &mut Vec<u8>) {
         }
         line.push(*byte);
         line[code_at] += 1;
-        // After a run of full length another code byte follows, unless the frame ends with that run.
+        // A run of full length needs another code byte after it, unless the frame ends with that run.
         if usize::from(line[code_at]) == RUN_MAX + 1 && index + 1 < payload.len() {
             code_at = line.len();
             line.push(1);
@@ -42,22 +40,20 @@ pub struct Damaged;
 /// Extracts the frames of a byte stream.
 #[derive(Debug, Clone)]
 pub struct Deframer {
-    /// The encoded bytes since the last delimiter.
     held: Vec<u8>,
-    /// The greatest number of encoded bytes that a frame may have.
     limit: usize,
     overrun: bool,
 }
 
 impl Deframer {
-    /// Returns a deframer for payloads of at most `longest` bytes. It never holds more than such a frame.
+    /// Returns a deframer for payloads of at most `longest` bytes.
     #[must_use]
     pub fn new(longest: usize) -> Self {
         Self { held: Vec::new(), limit: longest + longest / RUN_MAX + 1, overrun: false }
     }
 
-    /// Processes the next byte of the stream; returns the payload of the frame that this byte completes, if any. A
-    /// delimiter directly after another one completes no frame.
+    /// Processes the next byte of the stream; returns the payload of the frame that it completes. A delimiter directly
+    /// after another one completes no frame.
     pub fn push(&mut self, byte: u8) -> Option<Result<Vec<u8>, Damaged>> {
         if byte != DELIMITER {
             if self.held.len() < self.limit {
@@ -77,7 +73,6 @@ impl Deframer {
     }
 }
 
-/// Returns the payload of an encoded frame without its delimiter; `None` if the frame ends within a run.
 fn decode(mut encoded: &[u8]) -> Option<Vec<u8>> {
     let mut payload = Vec::with_capacity(encoded.len());
     while let Some((code, rest)) = encoded.split_first() {
@@ -145,8 +140,6 @@ mod tests {
         let mut line = Vec::new();
         encode(&[1, 2, 0, 3, 4], &mut line);
         let whole = line.clone();
-        // The stream starts in the middle of a frame and loses a byte; then many more bytes than the limit come without
-        // a delimiter.
         let mut stream = whole[4..].to_vec();
         stream.extend(&whole[..3]);
         stream.extend(&whole[4..]);

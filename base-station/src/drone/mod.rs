@@ -1,34 +1,29 @@
 //! Keeps the state of one drone: the newest of each of its objects, their ages, and the alarms.
 //!
-//! # Design
+//! **Each object is judged separately.** CRCs and identifier determine whether an object is intact ([`Place::judge`]).
+//! An intact object is shown if it is newer than the displayed object of its kind. So if two messages arrive in the
+//! wrong order, the objects of the older one have no effect, except those that the newer one lacks.
 //!
-//! **Each object is judged separately.** The object's CRCs and its identifier determine whether it is intact
-//! ([`Place::judge`]). The object is shown if it is newer than the displayed object of its kind. So if two messages
-//! arrive in the wrong order, the objects of the older message have no effect. The exception is an object that is
-//! missing in the newer message: it is shown, with its age.
-//!
-//! **A HORUS that has restarted** counts from 0 again, so its objects are older than the displayed ones. It is accepted
-//! after three cycles in a row that each advance, once the displayed sender is quiet. None of these cycles may be older
-//! than the time for which nothing newer came: a HORUS from which data came two seconds ago cannot have been running
-//! for an hour since its restart. The displayed data are then dropped. A single message that was repeated, delayed,
-//! reordered or inserted is never taken for a restart. Three delayed messages in a row may be taken for one in HORUS's
-//! first [`RESTART_SLACK_US`](order::RESTART_SLACK_US); the next newer message corrects this. Other messages belong to
+//! **A HORUS that has restarted** counts from 0 again, so its objects are older than the displayed ones. They are
+//! accepted after three cycles in a row that each advance, once the displayed sender is quiet. None of these cycles may
+//! be older than the time for which nothing newer came: a HORUS from which data came two seconds ago cannot have been
+//! running for an hour since its restart. The displayed data are then dropped. A single repeated, delayed, reordered or
+//! inserted message is never taken for a restart. Three delayed messages in a row may be, in HORUS's first
+//! [`RESTART_SLACK_US`](order::RESTART_SLACK_US); the next newer message corrects this. Other messages belong to
 //! another sender ([`order`], [`fleet`](crate::fleet)).
 //!
-//! The data of a restarted HORUS may arrive only after it has run for longer than before its restart. Its timestamps
-//! then continue as if it had not restarted, and the time for which it did not run looks like delay. Such a restart is
-//! detected only by a changed reason of HORUS's last reset, which stays the same as long as HORUS runs.
+//! The data of a restarted HORUS may arrive only after it has run for longer than before. Its timestamps then continue
+//! the earlier ones, and only a changed reason of HORUS's last reset reveals the restart.
 //!
-//! The DPR's Link-Status and Port-Status share a separate clock and are judged in the same way. The uplink that the DPR
-//! shows has the time of the base station that sent it, which cannot be compared with any other time here. So the last
-//! uplink is always kept. It is not a sign of life of the drone, and only its sender can evaluate it
-//! ([`uplink`](Drone::uplink)).
+//! Link-Status and Port-Status have the DPR's clock and are judged in the same way. The base station's uplink has the
+//! clock of the station that sent it, so no timestamps can be compared: the last uplink is always kept, and only its
+//! sender can evaluate it ([`uplink`](Drone::uplink)). It is not a sign of life of the drone.
 //!
-//! **Everything that is kept can be shown.** Values that contradict the status of their own object are removed before
-//! they are kept ([`profile::range`]), so no display has to check again.
+//! **Everything that is kept can be shown.** Impossible values, and values that their status does not mark as valid,
+//! are removed first ([`profile::range`]).
 //!
-//! **Alarms** follow from the kept data and the time; [`Drone::tick`] returns the changes. If the DPR's Link-Status
-//! arrives too, its bits are alarms as well.
+//! **Alarms** follow from the kept data and the time; [`Drone::tick`] returns their changes. The bits of Link-Status
+//! are alarms as well.
 
 pub mod order;
 pub mod words;
@@ -44,8 +39,8 @@ use crate::alarm::{Alarms, Board};
 use crate::{Alarm, Bundle, Change, Intact, Place, Raised};
 use order::{Order, Step};
 
-/// The age from which on a position is stale, µs: the page must report it within half a second, and needs the rest of
-/// that to receive and draw the state.
+/// The age from which on a position is stale, µs. The page must report this within half a second, and needs the rest of
+/// that time to receive and draw the state.
 pub const STALE_US: u64 = 400_000;
 
 /// The age from which on the data of a receiver or of the link are old, µs. It is long because receivers take turns on
@@ -58,11 +53,11 @@ pub const SILENT_US: u64 = 1_000_000;
 /// The time for which a single event causes an alarm, µs.
 pub const RECENT_US: u64 = 10_000_000;
 
-/// The time after a sample's first arrival, µs, from which on duplicates of the sample are counted. If there are more
-/// than [`FROZEN_REPEATS`] of them, HORUS's timestamp is frozen.
+/// The time after a sample's first arrival from which on its duplicates are counted, µs. If more than
+/// [`FROZEN_REPEATS`] come, HORUS's timestamp is frozen.
 pub const FROZEN_US: u64 = 300_000;
 
-/// The number of duplicates of one sample that may come [`FROZEN_US`] after its first arrival, or later.
+/// The greatest number of duplicates of one sample, later than [`FROZEN_US`] after its first arrival, that is no alarm.
 pub const FROZEN_REPEATS: u32 = 2;
 
 /// The verdict on an object that arrived.
@@ -70,20 +65,20 @@ pub const FROZEN_REPEATS: u32 = 2;
 pub enum Verdict {
     /// The object is intact and newer than the displayed one, and is shown now.
     New,
-    /// The object is intact, and displayed already.
+    /// The object is intact and displayed already.
     Duplicate,
-    /// The object is intact, and older than the displayed one.
+    /// The object is intact and older than the displayed one.
     Older,
-    /// The object is intact, but does not continue what was shown, and is not accepted yet.
+    /// The object is intact, but its timestamp does not continue the earlier ones, so it is not shown.
     OutOfSequence,
-    /// The place of this object is empty: HORUS sent the object, and the DPR did not accept it.
+    /// There is no object. Its bytes are 0x00 or 0xFF throughout, because the DPR did not accept one.
     Vacant,
-    /// The object is not intact, or is in another object's place.
+    /// The object is not intact, or is of another kind than expected.
     Rejected(Rejection),
 }
 
 impl Verdict {
-    /// Returns whether the object is intact and in its own place.
+    /// Returns whether the object is intact and of the expected kind.
     #[must_use]
     pub const fn is_intact(self) -> bool {
         matches!(self, Self::New | Self::Duplicate | Self::Older | Self::OutOfSequence)
@@ -118,16 +113,13 @@ pub struct Held<T> {
     pub arrived_us: u64,
     /// The delay of the object beyond the shortest delay, µs ([`age`](crate::age)).
     pub late_us: u64,
-    /// The number of further arrivals of the object, [`FROZEN_US`] after the first or later.
     repeats: u32,
-    /// The frame CRC of the object, which distinguishes two objects with one timestamp.
     crc: u32,
-    /// Whether the object marked an impossible position as valid.
     implausible: bool,
 }
 
 impl<T> Held<T> {
-    /// Returns the least age of the object at `now_us`, µs; the shortest delay itself is not included.
+    /// Returns a lower bound of the object's age at `now_us`, µs: the shortest delay is not included.
     #[must_use]
     pub fn age_us(&self, now_us: u64) -> u64 {
         now_us.saturating_sub(self.arrived_us).saturating_add(self.late_us)
@@ -151,19 +143,19 @@ pub struct Counts {
     pub duplicate: u64,
     /// The number of intact objects that were older than the displayed one.
     pub older: u64,
-    /// The number of intact objects that did not continue what was shown and were not accepted.
+    /// The number of intact objects whose timestamp did not continue the earlier ones.
     pub out_of_sequence: u64,
     /// The number of objects that were missing, because the DPR had not accepted them.
     pub vacant: u64,
     /// The number of objects with a wrong frame or position CRC.
     pub bad_crc: u64,
-    /// The number of intact objects in another object's place, or of another length.
+    /// The number of intact objects of another kind or length than expected.
     pub misplaced: u64,
-    /// The number of messages in which intact objects of the profile come from different cycles.
+    /// The number of messages with intact objects from different cycles.
     pub mixed: u64,
-    /// The number of cycles of HORUS that did not arrive, or only after a newer one.
+    /// The number of cycles of HORUS that did not arrive, or arrived after a newer one.
     pub missed: u64,
-    /// The number of times that HORUS restarted, or its time began anew.
+    /// The number of times that HORUS restarted.
     pub restarts: u64,
 }
 
@@ -180,18 +172,15 @@ pub struct Drone {
     link: Option<Held<LinkValues>>,
     port_status: Option<Held<PortValues>>,
     uplink: Option<Uplink>,
-    /// The highest number of a receiver of which an intact object arrived.
     receivers: usize,
     counts: Counts,
     board: Board,
-    /// The instant of the last arrival of an intact object, or else the instant since which the drone is awaited, µs.
+    /// The instant, µs, at which an intact object last arrived, or from which on the drone is awaited.
     heard_us: u64,
     restarted_us: Option<u64>,
     damaged_us: Option<u64>,
     strange_us: Option<u64>,
-    /// The instant at which another sender used this drone's id, µs.
     rival_us: Option<u64>,
-    /// Whether the last object came from another sender with this drone's id.
     stranger: bool,
 }
 
@@ -222,8 +211,8 @@ impl Drone {
         }
     }
 
-    /// Judges a message's objects, which arrived at `at_us`, and keeps those that are accepted. Returns the verdict on
-    /// each, in their order.
+    /// Judges a message's objects, which arrived at `at_us`, and keeps the accepted ones. Returns the verdicts in their
+    /// order.
     pub fn take_bundle(&mut self, at_us: u64, bundle: &Bundle<'_>) -> Vec<Verdict> {
         self.counts.messages += 1;
         self.stranger = false;
@@ -240,7 +229,7 @@ impl Drone {
         verdicts
     }
 
-    /// Judges bytes that arrived at `at_us`, µs, as an object of the kind `place`. Keeps the object if it is accepted.
+    /// Judges bytes that arrived at `at_us`, µs, as an object of the kind `place`, and keeps it if it is accepted.
     pub fn take(&mut self, place: Place, at_us: u64, bytes: &[u8]) -> Verdict {
         let verdict = match place.judge(bytes) {
             Shown::Vacant => Verdict::Vacant,
@@ -256,7 +245,7 @@ impl Drone {
                         false => Verdict::New,
                     },
                 };
-                // An object that is not accepted is no sign of life of this drone.
+                // An object that is not accepted, or is the base station's own, is no sign of life of this drone.
                 if verdict != Verdict::OutOfSequence && place != Place::Uplink {
                     self.heard_us = self.heard_us.max(at_us);
                 }
@@ -287,7 +276,6 @@ impl Drone {
             Step::Newest { .. } => {}
             Step::Restarted => {
                 self.dpr_ages = Ages::default();
-                // Port-Status has the clock of Link-Status, so it begins anew too.
                 self.port = Order::default();
                 self.port_status = None;
                 self.uplink = None;
@@ -319,20 +307,18 @@ impl Drone {
         Verdict::New
     }
 
-    /// Returns the verdict on an object that has the timestamp of the displayed one; `own` is the frame CRC of the
-    /// displayed one.
+    /// Judges an object with the displayed object's timestamp. `own` is the displayed object's frame CRC.
     fn repeated(&mut self, own: Option<u32>, at_us: u64, crc: u32) -> Verdict {
         if own == Some(crc) {
             return Verdict::Duplicate;
         }
-        // One sender never seals two different contents with one timestamp, so there are two senders.
+        // One sender never seals two contents with one timestamp, so there are two senders.
         self.rival_us = Some(at_us);
         Verdict::OutOfSequence
     }
 
     fn take_object(&mut self, place: Place, at_us: u64, object: Object<'_>, crc: u32) -> Verdict {
         let timestamp = object.timestamp();
-        // The index of the receiver, from 0; Reported-Position has no such index.
         let receiver = match place {
             Place::Gps(receiver) => usize::from(receiver).checked_sub(1),
             Place::Reported | Place::LinkStatus | Place::PortStatus | Place::Uplink => None,
@@ -389,13 +375,12 @@ impl Drone {
                 let held = Held { values, timestamp, arrived_us, late_us, repeats: 0, crc, implausible };
                 self.gps[receiver] = Some(held);
             }
-            // This does not occur, because only a GPS object is found intact where a message has a GPS object.
+            // This does not occur: a GPS object is found intact only where a message has a GPS object.
             (Object::Gps(_), None) => {}
         }
         Verdict::New
     }
 
-    /// Drops the earlier data, because HORUS has restarted.
     fn restart(&mut self, at_us: u64) {
         self.counts.restarts += 1;
         self.restarted_us = Some(at_us);
@@ -409,8 +394,7 @@ impl Drone {
     }
 
     /// Returns whether a message's objects, which arrived at `at_us`, may belong to this drone: they continue its data,
-    /// or are late. Only the first object of the profile is examined or, in a message without one, the DPR's own
-    /// objects.
+    /// or are late. Only the profile's first object is examined, or the DPR's objects if there is no profile.
     #[must_use]
     pub fn fits(&self, at_us: u64, bundle: &Bundle<'_>) -> bool {
         let mut fits = true;
@@ -445,7 +429,7 @@ impl Drone {
         self.rival_us = Some(at_us);
     }
 
-    /// Returns the instant at which the drone's HORUS started, by its newest sample, µs of the caller's clock.
+    /// Returns the instant of HORUS's start, by its newest sample, µs of the caller's clock.
     #[must_use]
     pub fn started_us(&self) -> Option<i64> {
         let held = self.reported.as_ref()?;
@@ -474,7 +458,7 @@ impl Drone {
         let is_in = |state| status.state() == Some(state);
         let stale = reported.is_none_or(|held| held.age_us(now_us) > STALE_US);
         let silent = now_us.saturating_sub(self.heard_us) > SILENT_US;
-        // All data of a silent drone are old, so there is no separate alarm for that.
+        // The data of a silent drone are all old, so no separate alarm reports that.
         let old = |age_us: u64| age_us > OLD_US && !silent;
         let mut gps = self.gps.iter().flatten();
         let implausible = reported.is_some_and(|held| held.implausible);
@@ -531,20 +515,20 @@ impl Drone {
         self.link.as_ref()
     }
 
-    /// Returns the newest Port-Status, which a drone forwards after an uplink was sent to it.
+    /// Returns the newest Port-Status, which a drone forwards as the answer to an uplink.
     #[must_use]
     pub const fn port_status(&self) -> Option<&Held<PortValues>> {
         self.port_status.as_ref()
     }
 
-    /// Returns the last uplink of the base station that the DPR showed, as it arrived. If it equals the uplink that was
-    /// sent, the DPR has stored that uplink; when it did so is not known.
+    /// Returns the last uplink of the base station that the DPR showed. If it equals the uplink that was sent, the DPR
+    /// has stored that one at some time.
     #[must_use]
     pub const fn uplink(&self) -> Option<&Uplink> {
         self.uplink.as_ref()
     }
 
-    /// Returns the highest number of a receiver of which an intact object arrived, 1 to 5; 0 if no such object arrived.
+    /// Returns the highest number of a receiver of which an intact object arrived, 1 to 5; 0 if none did.
     #[must_use]
     pub const fn receivers(&self) -> usize {
         self.receivers

@@ -1,14 +1,13 @@
-//! Determines which timestamps continue the earlier ones on a link where the time of arrival is imprecise.
+//! Determines which timestamps continue the earlier ones on a link that loses, reorders and delays messages.
 //!
-//! The DPR judges each cycle by its own clock, to a quarter of a cycle ([`profile::sequence`]). That is impossible
-//! behind a radio that loses, reorders and delays messages: here a timestamp may skip any number of cycles, and come
-//! [late](crate::age). It must not run ahead of time, and it must not go back.
+//! The DPR judges each cycle by its own clock, to a quarter of a cycle ([`profile::sequence`]). Behind a radio that is
+//! impossible: a timestamp may skip any number of cycles and come [late](crate::age). It must neither run ahead of time
+//! nor go back.
 //!
 //! # Discontinuities
 //!
-//! A timestamp that neither continues the earlier ones nor can be a late message's starts a search: it is accepted once
-//! [`SEARCH_CYCLES`] timestamps in a row continue one another. What they are then taken for depends on the earlier
-//! sender:
+//! A timestamp that neither continues the earlier ones nor can be late starts a search. When [`SEARCH_CYCLES`]
+//! timestamps in a row continue one another, the result depends on the earlier sender:
 //!
 //! | the earlier sender | the new timestamps | result |
 //! |---|---|---|
@@ -17,35 +16,32 @@
 //! | is quiet for [`QUIET_US`] | back by more than [`LATE_US`] | a stranger: perhaps a replayed recording |
 //! | has sent less than [`QUIET_US`] ago, but does not continue | any | not known yet |
 //!
-//! So no number of messages between two messages of the true sender can replace it.
+//! So messages that come between two messages of the true sender cannot replace that sender.
 
 use profile::{Freshness, freshness};
 
-/// How much earlier one of a sender's first timestamps may come than the shortest delay allows, µs: the difference of
-/// delays in one carrier.
+/// A sender's first timestamps may come this much earlier than the shortest delay allows, µs: the differences of delay
+/// in one carrier.
 pub const SLACK_US: u64 = 2_000_000;
 
-/// How much earlier a timestamp may come than the shortest delay allows, once [`SEARCH_CYCLES`] timestamps of the
-/// sender have come, µs.
+/// Later timestamps, after the first [`SEARCH_CYCLES`], may come this much earlier than the shortest delay allows, µs.
 pub const AHEAD_US: u64 = 1_000_000;
 
 /// The longest time for which a carrier holds a message back while it delivers others, µs.
 pub const LATE_US: u64 = 10_000_000;
 
-/// How much a restarted sender's timestamp may exceed the time since the earlier sender's newest message, µs: the time
+/// A restarted sender's timestamp may exceed the time since the earlier sender's newest message by this, µs: the time
 /// for which that message may have been under way.
 pub const RESTART_SLACK_US: u64 = 500_000;
 
-/// The number of timestamps in a row, each newer than the one before, after which a restart or another sender is
-/// accepted.
+/// The number of timestamps in a row, each newer than the last, after which a restart or another sender is accepted.
 pub const SEARCH_CYCLES: u8 = 3;
 
-/// How long after a sender's last message another sender never replaces it, µs. A sender slower than 4 Hz is
+/// After a sender's last message no other sender replaces it for this time, µs. A sender slower than 4 Hz is
 /// [stale](super::STALE_US) between two messages.
 pub const QUIET_US: u64 = 250_000;
 
-/// The number of searches that are made at the same time, so that unrelated messages cannot keep a sender from being
-/// found.
+/// The number of simultaneous searches. With more than one, unrelated messages cannot keep a sender from being found.
 const SEARCHES: usize = 4;
 
 /// The relation of a timestamp to the earlier ones.
@@ -53,19 +49,18 @@ const SEARCHES: usize = 4;
 pub enum Step {
     /// The timestamp is newer than all before it.
     Newest {
-        /// The number of whole cycles between this timestamp and the newest before it; the objects of these cycles did
-        /// not arrive.
+        /// The number of cycles between this timestamp and the newest before it, whose objects did not arrive.
         missed: u32,
     },
     /// The timestamp equals the newest one.
     Same,
     /// The timestamp is older than the newest one.
     Older,
-    /// The timestamp does not continue the earlier ones and is not accepted yet, so that its object is not shown.
+    /// The timestamp does not continue the earlier ones; its object is not shown.
     Search,
-    /// The timestamp is of a sender that has restarted: the earlier data are dropped.
+    /// The timestamp is of a sender that has restarted, so the earlier data are dropped.
     Restarted,
-    /// The timestamp belongs to another sender, beside the earlier one or in place of it.
+    /// The timestamp is of another sender, beside the earlier one or in its place.
     Stranger,
 }
 
@@ -75,7 +70,6 @@ struct Seen {
     at_us: u64,
 }
 
-/// A series of timestamps that continue one another.
 #[derive(Clone, Copy, Debug)]
 struct Search {
     began_us: u64,
@@ -83,15 +77,14 @@ struct Search {
     found: u8,
 }
 
-/// The relation of a timestamp to the newest one.
 enum Kind {
     Newest {
         missed: u32,
     },
     Same,
     Older,
-    /// The timestamp does not continue the earlier ones. `back` is true if it is neither that of a restarted sender nor
-    /// ahead of the earlier ones.
+    /// The timestamp does not continue the earlier ones. `back` is true if it is neither a restarted sender's nor
+    /// ahead.
     Strange {
         back: bool,
     },
@@ -101,15 +94,14 @@ enum Kind {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Order {
     newest: Option<Seen>,
-    /// The number of timestamps that were the newest since the sender started, at most [`SEARCH_CYCLES`].
     taken: u8,
     searches: [Option<Search>; SEARCHES],
 }
 
 impl Order {
-    /// Judges the timestamp, ms, of an object that arrived at `at_us`, `early_us` earlier than with the shortest delay
-    /// ([`Ages::early_us`](crate::age::Ages::early_us)). `grid` says whether the sender's timestamps advance by whole
-    /// cycles.
+    /// Judges the timestamp, ms, of an object that arrived at `at_us`. It arrived `early_us` earlier than with the
+    /// shortest delay ([`Ages::early_us`](crate::age::Ages::early_us)). `grid` says whether the sender's timestamps
+    /// advance by whole cycles.
     pub fn judge(&mut self, timestamp: u32, at_us: u64, grid: bool, early_us: i64) -> Step {
         let seen = Seen { timestamp, at_us };
         let back = match self.kind(seen, grid, early_us) {
@@ -138,8 +130,8 @@ impl Order {
         Step::Restarted
     }
 
-    /// Returns whether a timestamp continues the earlier ones, or may be that of a late message. The arguments are
-    /// those of [`judge`](Self::judge).
+    /// Returns whether a timestamp continues the earlier ones or may be late. The arguments are those of
+    /// [`judge`](Self::judge).
     #[must_use]
     pub fn fits(&self, timestamp: u32, at_us: u64, grid: bool, early_us: i64) -> bool {
         !matches!(self.kind(Seen { timestamp, at_us }, grid, early_us), Kind::Strange { .. })
@@ -165,7 +157,6 @@ impl Order {
         }
     }
 
-    /// Returns the search that a timestamp continues or begins, and the index of that search.
     fn search(&mut self, seen: Seen, grid: bool) -> Option<(usize, Search)> {
         let passed_us = |search: &Search| seen.at_us.saturating_sub(search.last.at_us);
         let continues = |search: &Search| match freshness(Some(search.last.timestamp), seen.timestamp) {
@@ -175,7 +166,7 @@ impl Order {
         };
         let known = self.searches.iter().position(|search| search.as_ref().is_some_and(continues));
         if known.is_none() && self.searches.iter().flatten().any(|search| search.last.timestamp == seen.timestamp) {
-            // The timestamp is that of a search's last one, so it belongs to another object of the same cycle.
+            // Another object of the same cycle has this timestamp.
             return None;
         }
         let oldest = || (0..SEARCHES).min_by_key(|place| self.searches[*place].map(|search| search.last.at_us));
@@ -195,15 +186,12 @@ impl Order {
     }
 }
 
-/// Returns whether the timestamp advanced by no more time than has passed for the base station, except for drift and
-/// [`SLACK_US`].
 fn is_in_time(before: Seen, now: Seen) -> bool {
     let step_us = u64::from(now.timestamp.wrapping_sub(before.timestamp)) * 1_000;
     let passed_us = now.at_us.saturating_sub(before.at_us);
     step_us <= passed_us.saturating_add(drift_us(passed_us)).saturating_add(SLACK_US)
 }
 
-/// Returns by how much two clocks may drift apart in this time, µs.
 const fn drift_us(passed_us: u64) -> u64 {
     passed_us / profile::sequence::TOLERANCE_SHARE as u64
 }
@@ -215,7 +203,6 @@ mod tests {
 
     const SECOND: u64 = 1_000_000;
 
-    /// The timestamps and the ages of one sender.
     #[derive(Default)]
     struct Sender(Order, Ages);
 
@@ -232,7 +219,6 @@ mod tests {
             step
         }
 
-        /// Returns a sender that has sent at 10 Hz for a minute; the timestamp of its last message is 60 s.
         fn running() -> Self {
             let mut sender = Self::default();
             for tenth in 0..=600 {
@@ -291,7 +277,6 @@ mod tests {
             }
             assert_eq!(order.judge(60_100, 60_100_000, true), Step::Newest { missed: 9 });
         }
-        // The sender of the burst replaces the true sender once the true sender has been quiet long enough.
         for (third, step) in [(QUIET_US - 1, Step::Search), (QUIET_US, Step::Restarted)] {
             let mut order = Sender::running();
             for burst in 1..=2_u32 {
@@ -309,8 +294,8 @@ mod tests {
             order.judge(60_000, 0, true, 0);
             order.judge(timestamp, SECOND, true, early_us)
         };
-        // The restarted sender may have started when the earlier sender's last message left, which may have been under
-        // way for half a second.
+        // The earlier sender's last message may have left half a second before it arrived. At that instant the
+        // restarted sender may have started.
         assert_eq!([1_500, 1_510].map(|timestamp| judged(timestamp, -1)), [Step::Search, Step::Older]);
         let late = LATE_US.cast_signed();
         assert_eq!([-late, -late - 1].map(|early_us| judged(5_000, early_us)), [Step::Older, Step::Search]);
@@ -326,7 +311,6 @@ mod tests {
 
     #[test]
     fn the_sample_that_proves_a_restart_counts_as_the_first() {
-        // From the third sample on, a timestamp may come less early than before.
         for (more, step) in [(1, Step::Newest { missed: 0 }), (2, Step::Search)] {
             let mut order = Order::default();
             order.judge(60_000, 0, true, 0);
@@ -342,7 +326,6 @@ mod tests {
 
     #[test]
     fn who_speaks_beside_another_is_a_stranger_from_the_third_message_on() {
-        // The other sender is an hour behind, or as recent as a restart.
         for first in [10, 3_000_000] {
             let mut order = Sender::default();
             let mut found = vec![];
@@ -407,7 +390,6 @@ mod tests {
     #[test]
     fn a_search_continues_only_within_the_clocks_drift_and_slack() {
         let seen = |timestamp, at_us| Seen { timestamp, at_us };
-        // A timestamp may advance by the 10 s that have passed, 2 % of them, and 2 s.
         assert!(is_in_time(seen(0, SECOND), seen(12_200, 11 * SECOND)));
         assert!(!is_in_time(seen(0, SECOND), seen(12_201, 11 * SECOND)));
     }

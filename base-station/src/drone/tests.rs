@@ -6,7 +6,6 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// The length of a cycle, 10 ms, in µs.
 const CYCLE: u64 = 10_000;
 
 fn gps(timestamp: u32, longitude: f64) -> GpsValues {
@@ -128,7 +127,7 @@ fn vacant_misplaced_and_mixed_objects_are_told_apart() {
     take(&mut drone, 0, &bytes);
     assert_eq!(drone.counts().mixed, 1);
 
-    // An empty image counts as a message, but has no object to show and is no sign of life.
+    // An image of zeros is a message, but has no object to show and is no sign of life.
     take(&mut drone, 5_000_000, &[0; 244]);
     assert_eq!((drone.counts().messages, drone.counts().vacant, drone.heard_us()), (4, 5, 0));
 }
@@ -177,8 +176,6 @@ fn a_restarted_horus_is_shown_from_its_third_cycle_on() {
 #[test]
 fn a_new_reset_reason_is_a_restart_even_if_timestamps_go_on() {
     let again = status().with_reset_reason(ResetReason::Watchdog);
-    // HORUS's data arrive until 0.27 s after its start. HORUS then restarts, and its data arrive again one second
-    // later, when it has run for 0.28 s.
     let taken = |status: ReportedStatus, first: std::ops::Range<usize>| {
         let mut drone = Drone::new(0);
         (1..=27).for_each(|cycle| drop(take(&mut drone, u64::from(cycle) * CYCLE, profile(10 * cycle).as_bytes())));
@@ -198,8 +195,6 @@ fn a_new_reset_reason_is_a_restart_even_if_timestamps_go_on() {
         assert_eq!((drone.counts().restarts, drone.gps(3)), (1, None), "what was before is forgotten");
         assert_eq!(codes(&mut drone, 1_270_000), ["restarted", "horus-unasked-reset"]);
     }
-    // If the reason of the last reset is unchanged, the sample looks like a delayed one of a HORUS that has not
-    // restarted.
     let drone = taken(status(), 0..0);
     assert!((989_000..=990_000).contains(&drone.reported().unwrap().age_us(1_270_000)));
     assert_eq!(drone.counts().restarts, 0);
@@ -315,14 +310,12 @@ fn every_value_has_an_age_and_an_alarm_of_its_own() {
     let mut drone = Drone::new(0);
     let bytes = [link(7, LinkStatusBits::new().with_link_up(true)).as_bytes(), profile(10).as_bytes()].concat();
     take(&mut drone, 0, &bytes);
-    // Only Reported-Position arrives from here on.
     for cycle in 1..=250_u32 {
         let at = CYCLE * u64::from(cycle);
         drone.take(Place::Reported, at, &profile(10 + 10 * cycle).as_bytes()[..64]);
         let expected: &[&str] = if at <= OLD_US { &[] } else { &["receivers-old", "link-status-old"] };
         assert_eq!(codes(&mut drone, at), expected, "{at}");
     }
-    // The alarm holds if the data of one receiver are old.
     let at = 251 * CYCLE;
     take(&mut drone, at, &profile(2_520).as_bytes()[..184]);
     assert_eq!(codes(&mut drone, at), ["receivers-old", "link-status-old"]);
@@ -432,7 +425,6 @@ fn the_newest_port_status_is_kept_whatever_arrives_after_it() {
         assert_eq!(drone.uplink().map(Uplink::timestamp), Some(timestamp));
     }
     assert_eq!(drone.heard_us(), heard_us);
-    // Port-Status has the clock of Link-Status, and begins anew with it.
     for timestamp in [10, 110, 210] {
         take(&mut drone, Place::LinkStatus, link(timestamp, LinkStatusBits::new()).as_bytes());
     }
@@ -448,7 +440,6 @@ fn what_the_dpr_alone_says_fits_if_it_continues_what_it_said() {
         let link = link(timestamp, LinkStatusBits::new());
         drone.fits(at, &Bundle::from_first(Place::LinkStatus, link.as_bytes()).unwrap())
     };
-    // The timestamps of the DPR's objects may advance by any amount.
     assert_eq!([70_010, 70_103, 5].map(|timestamp| fits(100_000, timestamp)), [true, true, false]);
     assert!(drone.fits(0, &Bundle::from_first(Place::LinkStatus, &[0; 32]).unwrap()), "nothing contradicts it");
 }
@@ -474,7 +465,6 @@ fn a_late_sample_fits_a_horus_without_its_crystal_for_longer() {
         let mut drone = Drone::new(0);
         let status = status().with_without_crystal(without_crystal);
         take(&mut drone, 0, profile_with(70_000, status).as_bytes());
-        // The object is 10.1 s late, of which 0.2 s may be due to the clock.
         drone.fits(10_000_000, &Bundle::datagram(profile(69_900).as_bytes()).unwrap())
     };
     assert_eq!([false, true].map(fits), [false, true]);
@@ -502,7 +492,6 @@ fn a_reset_for_a_reason_that_has_no_name_is_no_alarm() {
 
 #[test]
 fn a_clock_counts_as_a_crystals_where_nothing_else_is_said() {
-    // HORUS's clock is 1 % slow: more than crystals differ by, and less than HORUS may be off by without its crystal.
     let (first, second) = (0, 10_100_000);
     let mut drone = Drone::new(0);
     for (at, timestamp) in [(first, 10), (second, 10_010)] {
@@ -539,14 +528,10 @@ monitoring, 2 of 3 agree, degraded, MEMORY FAULT, last reset: software  0.01 s a
     assert_eq!(drone.words(1_240_000), expected);
 }
 
-/// The treatment of one message by the carrier.
 #[derive(Clone, Debug)]
 struct Fate {
-    /// The number of copies of the message that arrive.
     copies: u8,
-    /// The delay of each copy of the message, in cycles of 10 ms.
     delays: [u8; 3],
-    /// The bit of the message that flips, if any.
     flips: Option<u16>,
 }
 
@@ -558,7 +543,6 @@ fn fate() -> impl Strategy<Value = Fate> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
 
-    /// The drone always shows the newest intact object of each kind that has arrived, whatever happened on the way.
     #[test]
     fn loss_duplicates_reordering_and_damage_change_nothing(fates in prop::collection::vec(fate(), 1..150)) {
         // HORUS has been running for a while, so a delayed message cannot be mistaken for a restart.
@@ -594,7 +578,6 @@ proptest! {
         }
     }
 
-    /// Bytes that are no sealed object are never shown.
     #[test]
     fn anything_may_arrive(messages in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..400), 0..20)) {
         let mut drone = Drone::new(0);

@@ -6,7 +6,7 @@ use profile::{FixType, GpsStatus, HorusState, ResetReason};
 
 use super::{Counts, Drone, Held};
 
-/// Returns HORUS's state as text; a state that has no name here belongs to a later version.
+/// Returns HORUS's state as text. A state of a later version has no name here.
 #[must_use]
 pub const fn state(state: Option<HorusState>) -> &'static str {
     match state {
@@ -61,11 +61,10 @@ pub fn solution_age(status: GpsStatus) -> String {
 }
 
 impl Drone {
-    /// Returns the state at `now_us` as text: a line for each object, with its age, the alarms, and the link's totals.
+    /// Returns the state at `now_us` as text: a line for each object with its age, the alarms, and the link's totals.
     #[must_use]
     pub fn words(&self, now_us: u64) -> String {
         let mut words = String::new();
-        // A write to a String cannot fail.
         let _ = self.write(&mut words, now_us);
         words
     }
@@ -115,12 +114,11 @@ impl Drone {
     }
 }
 
-/// Writes the age of an object, and then the end of the line.
 fn age<T>(f: &mut String, held: &Held<T>, now_us: u64) -> fmt::Result {
     writeln!(f, "  {:.2} s ago", held.age_us(now_us) as f64 / 1e6)
 }
 
-/// Writes position and attitude of one object, in degrees and metres, without the end of the line.
+/// Writes one object's position and attitude, in degrees and metres.
 fn row(f: &mut String, valid: bool, [latitude, longitude, altitude]: [f64; 3], attitude: [f32; 3]) -> fmt::Result {
     if !valid {
         return write!(f, "no position");

@@ -5,7 +5,6 @@ use crate::{Alarm, Place};
 
 const SECOND: u64 = 1_000_000;
 
-/// An instant that is later than any time span in these tests, µs.
 const BEGIN: u64 = 1_000 * SECOND;
 
 fn profile_in(timestamp: u32, state: HorusState) -> Profile<1> {
@@ -19,7 +18,6 @@ fn profile(timestamp: u32) -> Profile<1> {
     profile_in(timestamp, HorusState::Monitoring)
 }
 
-/// Returns the source of messages that come from this port.
 fn source(port: u16) -> Source {
     Source { from: Some(SocketAddr::from(([10, 0, 0, 1], port))), ..Source::default() }
 }
@@ -54,7 +52,6 @@ fn drones_are_kept_apart_and_strangers_make_none() {
 
 #[test]
 fn two_drones_with_one_system_id_are_two_and_both_say_so() {
-    // The HORUS of the second drone started an hour earlier than that of the first, or at the same instant.
     for ahead in [3_600_000, 0] {
         let mut fleet = Fleet::default();
         for tenth in 0..30_u32 {
@@ -124,8 +121,6 @@ fn forged_messages_from_a_drones_own_address_blind_nobody() {
         assert!(fleet.get(Who::System(7).first()).unwrap().reported().unwrap().age_us(at) < 20_000, "{tenth}");
     }
     assert_eq!((names(&fleet), has(&fleet, "7", at, Alarm::Stale)), (vec!["7".to_owned()], false));
-    // A burst replaces the true sender while the true sender is silent. The true sender's third message after that
-    // restores it.
     let lost = at + SECOND;
     for burst in 0..3 {
         take(&mut fleet, 7, 1, lost + burst, &profile(9_000_000 + 10 * burst as u32));
@@ -156,7 +151,6 @@ fn a_drone_whose_address_changed_is_one_again_after_silence() {
     }
     let over = |alarm| went.iter().any(|(id, change)| id == "7" && change.alarm == alarm && !change.raised);
     assert!(over(Alarm::Silent) && over(Alarm::Stale), "what was raised of it is over: {went:?}");
-    // The sender of another drone, whose HORUS started at another instant, is kept.
     let mut fleet = Fleet::default();
     for tenth in 0..300_u32 {
         let at = 100_000 * u64::from(tenth);
@@ -195,7 +189,6 @@ fn invented_drones_push_no_speaking_drone_out() {
     assert_eq!((fleet.iter().len(), fleet.dropped()), (MAX_DRONES, 10_001 - MAX_DRONES as u64));
     assert!(!has(&fleet, "1", at, Alarm::Stale));
     assert_eq!(take(&mut fleet, 2, 3, at + 200, &profile(10)).1, [Verdict::New; 2], "a new one finds room");
-    // Invented senders with the drone's own id do not displace it either.
     for invented in 0..50 {
         take(&mut fleet, 1, 100 + invented, at + 300, &profile(10));
     }
@@ -214,7 +207,6 @@ fn where_all_speak_no_further_one_is_taken_and_that_is_counted() {
     assert_eq!(take(&mut fleet, 9_999, 1, BEGIN + 30_000, &profile(10)).1, []);
     assert_eq!((fleet.refused(), fleet.dropped(), fleet.iter().len()), (1, 0, MAX_DRONES));
     assert_eq!(take(&mut fleet, 9_999, 1, BEGIN + 20_000 + SILENT_US, &profile(10)).1, [], "silent for no longer");
-    // The sender that has been silent longest is dropped.
     take(&mut fleet, 5, 1, BEGIN + 2 * SECOND, &profile(2_000));
     assert_eq!(take(&mut fleet, 9_999, 1, BEGIN + 2 * SECOND, &profile(10)).1, [Verdict::New; 2]);
     assert!(fleet.get(Who::System(0).first()).is_none() && fleet.get(Who::System(5).first()).is_some());

@@ -1,17 +1,14 @@
 //! Connects base stations through a broker: MQTT 5, by the `rumqttc-v5-next` crate (decision 19).
 //!
-//! # Design
+//! **A carrier like the others.** Objects and verdicts are published ([`published`]). The broker is not trusted: a
+//! subscriber judges, records and shows the objects as if they had come over a line.
 //!
-//! **A carrier like the others.** Objects and verdicts are published ([`published`]); a subscriber judges, records and
-//! shows the objects as if they had come over a line. The broker is not trusted.
+//! **Live, not stored.** The quality of service is 0, no message is retained, and no session outlives its connection. A
+//! stored message would be old when it arrives, and the next one comes a tenth of a second later. Messages that cannot
+//! be published are counted and reported; the publishing station's recording has them.
 //!
-//! **Live, not stored.** The quality of service is 0, no message is retained, and no session outlives its connection:
-//! the next message comes a tenth of a second later, and a stored one would arrive only when it is old. Messages that
-//! are not published because there is no connection, or because the broker is too slow, are counted and reported; the
-//! publishing station's recording has them.
-//!
-//! **Reconnection.** A connection that ends is made anew after [`RETRY`], and one without traffic for [`SILENCE`] is
-//! ended: the broker would have answered a ping every [`KEEP_ALIVE_S`].
+//! **Reconnection.** A connection that ends is made anew after [`RETRY`]. A connection without traffic for [`SILENCE`]
+//! is ended, because the broker should answer a ping every [`KEEP_ALIVE_S`].
 //!
 //! **TLS**, where requested, encrypts the connection and authenticates the broker ([`tls`](super::tls)).
 
@@ -41,11 +38,9 @@ pub const KEEP_ALIVE_S: u16 = 5;
 /// The time without traffic after which a connection is ended.
 pub const SILENCE: Duration = Duration::from_secs(12);
 
-/// The greatest number of messages that may wait to be sent to the broker: those of a thousand drones at 10 Hz in three
-/// tenths of a second.
+/// The greatest number of messages that may wait to be sent: those of a thousand drones at 10 Hz in 0.3 s.
 const WAITING: usize = 3_000;
 
-/// The length of the longest packet that is accepted, bytes: a message, its topic, and what a broker may add.
 const MAX_PACKET: u32 = MAX_MESSAGE as u32 + 1_024;
 
 /// A broker's address and login.
@@ -55,13 +50,13 @@ pub struct Broker {
     pub host: String,
     /// The port of the broker; by custom 1883, with TLS 8883.
     pub port: u16,
-    /// User and password, if the broker needs them. They are encrypted on their way only if the connection is, by TLS.
+    /// User and password, if the broker needs them. Only TLS encrypts them.
     pub login: Option<(String, String)>,
-    /// The settings of TLS, if it is to be used.
+    /// The settings of TLS, if it is used.
     pub tls: Option<Tls>,
 }
 
-/// The output does not show the password, so that it stays out of logs.
+/// The output hides the password, which must not get into logs.
 impl std::fmt::Debug for Broker {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{self}")
@@ -89,7 +84,6 @@ impl Broker {
         options
     }
 
-    /// Returns the error of the connection as text.
     fn words(&self, error: &ConnectionError) -> String {
         let tls = self.tls.as_ref().and_then(|tls| tls.words(error, &self.host));
         tls.unwrap_or_else(|| error.to_string())
@@ -106,10 +100,10 @@ pub struct Outlet {
 }
 
 impl Outlet {
-    /// Passes on the objects of a drone that arrived at `at_us`, µs since 1970, with the verdict on each object. Counts
-    /// them as lost if there is no connection, or too many messages wait. This never blocks.
+    /// Passes on the objects of a drone that arrived at `at_us`, µs since 1970, with the verdicts. Counts them as lost
+    /// if there is no connection or too many messages wait. Never blocks.
     pub fn offer(&self, drone: DroneId, at_us: u64, bundle: &Bundle<'_>, verdicts: &[Verdict]) {
-        // Data that came from a broker are not published again, because two brokers that feed each other would loop.
+        // Data from a broker are not published again. Otherwise two brokers that feed each other would form a loop.
         if matches!(drone.who, Who::Named(_)) {
             return;
         }
@@ -129,7 +123,7 @@ impl Outlet {
     }
 }
 
-/// The sending side of an [`Outlet`], which is not connected to the broker yet.
+/// The sending side of an [`Outlet`] that is not connected to the broker yet.
 pub struct Unconnected {
     broker: Broker,
     events: EventLoop,
@@ -151,8 +145,7 @@ pub fn outlet(broker: Broker, station: &str) -> (Outlet, Unconnected) {
 }
 
 impl Unconnected {
-    /// Connects to the broker, on a thread of its own, for as long as the station exists. Errors are reported through
-    /// `inlet`.
+    /// Connects to the broker, on a thread of its own, until the station ends. Errors are reported through `inlet`.
     ///
     /// # Errors
     ///
@@ -170,8 +163,8 @@ impl Unconnected {
     }
 }
 
-/// Receives the messages that all stations publish or, if `station` is given, only those of that station. It runs on a
-/// thread of its own for as long as the receiving station exists. `line` is the number of this line in recordings.
+/// Receives the messages of all stations or, if `station` is given, of that one, on a thread of its own until the
+/// receiving station ends. `line` is the number of this line in recordings.
 ///
 /// # Errors
 ///
@@ -181,13 +174,13 @@ pub fn subscribe(broker: Broker, station: Option<&str>, line: u16, clock: Clock,
     let filter = format!("{TOPICS}/{}/+", station.unwrap_or("+"));
     let to = inlet.clone();
     spawn(broker, events, inlet, move |event| match event {
-        // The subscription is sent once there is a connection. The client's queue has room for the subscription,
-        // because the queue was emptied when the connection before ended.
+        // The subscription is sent on each new connection. The client's queue has room for it, because it was emptied
+        // when the last connection ended.
         Happened::Connected => client.try_subscribe(filter.clone(), QoS::AtMostOnce).is_ok(),
         Happened::Lost => true,
         Happened::Came(published) => {
             let topic = std::str::from_utf8(&published.topic).ok();
-            // A retained message may be of any age, and does not state its age, so it is not accepted.
+            // A retained message does not state its age, so it is refused.
             match topic.and_then(Name::of_topic).filter(|_| !published.retain) {
                 Some(name) => {
                     let (from, bytes) = (name.as_str().to_owned(), published.payload.to_vec());
@@ -200,7 +193,6 @@ pub fn subscribe(broker: Broker, station: Option<&str>, line: u16, clock: Clock,
     })
 }
 
-/// A change of the connection to the broker, or a message from it.
 enum Happened<'a> {
     Connected,
     Lost,
@@ -211,7 +203,6 @@ fn is_granted(answer: &SubAck) -> bool {
     answer.return_codes.iter().all(|code| matches!(code, SubscribeReasonCode::Success(_)))
 }
 
-/// Keeps a connection to the broker until the station has ended or `each` returns false.
 fn spawn(
     broker: Broker,
     mut events: EventLoop,
@@ -241,7 +232,7 @@ fn spawn(
                     Ok(Err(error)) => broker.words(&error),
                     Err(_) => "it says nothing any more".into(),
                 };
-                // The messages that wait now will be old when there is a connection again, so they are dropped.
+                // The waiting messages are dropped, because they will be old when there is a connection again.
                 events.clean();
                 events.reset_session_state();
                 let told = inlet.offer(Event::Line { name: broker.to_string(), why: Some(why) });

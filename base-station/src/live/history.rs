@@ -1,12 +1,12 @@
 //! Keeps the last minutes of every drone, for a page that is opened later.
 //!
-//! A sample is stored every [`PERIOD_US`] and kept for [`KEPT_US`]: the drone's position and, over the time since the
-//! sample before, the greatest age of its data and the least number of agreeing receivers, so that a brief fault shows.
+//! Each sample has the drone's position. It also has the greatest age of the data and the least number of agreeing
+//! receivers since the last sample, so that a brief fault shows. Samples are stored every [`PERIOD_US`] and kept for
+//! [`KEPT_US`].
 //!
-//! **Bound.** There is room for 602 samples of at most [`SAMPLE_BYTES`] bytes for each drone, so 58 kB for a drone, 58
-//! MB for a thousand, and 237 MB for the greatest number of drones that are kept
-//! ([`MAX_DRONES`](crate::fleet::MAX_DRONES)). Positions are stored in 1e-7 degrees (1 cm), as GNSS receivers state
-//! them: they are only drawn. The numbers on the page come from elsewhere.
+//! **Bound.** Each drone has 602 samples of at most [`SAMPLE_BYTES`] bytes: 58 kB for a drone, 58 MB for a thousand,
+//! and 237 MB for the greatest number of drones that are kept ([`MAX_DRONES`](crate::fleet::MAX_DRONES)). Positions are
+//! in 1e-7 degrees (1 cm), since they are only drawn.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -21,7 +21,6 @@ pub const PERIOD_US: u64 = 1_000_000;
 /// The time for which samples are kept, µs.
 pub const KEPT_US: u64 = 600_000_000;
 
-/// The greatest number of samples of a drone, including the one that is being added.
 const SAMPLES: usize = (KEPT_US / PERIOD_US) as usize + 2;
 
 /// The greatest size of a sample, bytes.
@@ -29,10 +28,8 @@ pub const SAMPLE_BYTES: usize = 96;
 
 const _: () = assert!(size_of::<Sample>() <= SAMPLE_BYTES);
 
-/// The shortest interval at which all drones are examined, µs.
 const LOOK_US: u64 = 20_000;
 
-/// A latitude and a longitude, 1e-7 degrees.
 type Place = [i32; 2];
 
 /// The state of a drone at an instant.
@@ -40,16 +37,11 @@ type Place = [i32; 2];
 pub struct Sample {
     /// The instant of the sample, µs of the station's clock.
     pub at_us: u64,
-    /// The latitude and longitude of Reported-Position, if its position was valid and not stale.
     voted: Option<Place>,
-    /// The latitude and longitude of each receiver, if its position was valid and not old.
     gps: [Option<Place>; MAX_RECEIVERS],
-    /// The reported height, m, if it was valid and not stale; otherwise NaN.
+    /// The reported height, m; NaN if it was invalid or stale.
     height: f32,
-    /// The greatest age of Reported-Position since the sample before, s; NaN before there was a Reported-Position.
     age: f32,
-    /// The least number of agreeing receivers since the sample before; times when the position was stale or missing do
-    /// not count.
     agree: Option<u8>,
 }
 
@@ -72,14 +64,13 @@ impl Sample {
         }
     }
 
-    /// Returns the latitude and longitude that were reported, degrees, if they were valid and not stale.
+    /// Returns the reported latitude and longitude, degrees, if they were valid and not stale.
     #[must_use]
     pub fn voted(&self) -> Option<[f64; 2]> {
         self.voted.map(degrees)
     }
 
-    /// Returns the latitude and longitude of the first `receivers` receivers, degrees, where they were valid and not
-    /// old.
+    /// Returns the latitude and longitude of the first `receivers` receivers, degrees, if they were valid and not old.
     pub fn gps(&self, receivers: usize) -> impl Iterator<Item = Option<[f64; 2]>> {
         self.gps.into_iter().take(receivers).map(|place| place.map(degrees))
     }
@@ -90,22 +81,21 @@ impl Sample {
         Some(self.height).filter(|height| !height.is_nan())
     }
 
-    /// Returns the greatest age of the reported position since the sample before, s.
+    /// Returns the greatest age of the reported position since the last sample, s.
     #[must_use]
     pub fn age(&self) -> Option<f32> {
         Some(self.age).filter(|age| !age.is_nan())
     }
 
-    /// Returns the least number of agreeing receivers since the sample before. Times when the position was stale or
-    /// missing do not count.
+    /// Returns the least number of agreeing receivers since the last sample, without the times at which the position
+    /// was stale or missing.
     #[must_use]
     pub const fn agree(&self) -> Option<u8> {
         self.agree
     }
 }
 
-/// Converts degrees to 1e-7 degrees. An i32 holds 180 degrees in that unit; larger values and NaN do not occur in valid
-/// objects.
+/// Converts degrees to 1e-7 degrees. An i32 suffices, because valid objects have at most 180 degrees and no NaN.
 fn place(latitude: f64, longitude: f64) -> Place {
     [latitude, longitude].map(|degrees| (degrees * 1e7).round() as i32)
 }
@@ -114,25 +104,22 @@ fn degrees(place: Place) -> [f64; 2] {
     place.map(|part| f64::from(part) / 1e7)
 }
 
-/// The samples of one drone.
 #[derive(Clone, Debug)]
 struct Track {
     samples: VecDeque<Sample>,
-    /// The greatest age of Reported-Position since the last sample, s.
     age: f32,
     agree: Option<u8>,
 }
 
-/// The samples of all drones over the last minutes. See the [module](self).
+/// The last minutes of all drones.
 #[derive(Clone, Debug, Default)]
 pub struct History {
     tracks: BTreeMap<DroneId, Track>,
-    /// The instant at which all drones were last examined, µs.
     looked_us: Option<u64>,
 }
 
 impl History {
-    /// Examines every drone, and stores a sample of each drone whose sample is due.
+    /// Stores a sample of each drone whose sample is due.
     pub fn look(&mut self, now_us: u64, fleet: &Fleet) {
         if self.looked_us.is_some_and(|looked_us| now_us < looked_us + LOOK_US) {
             return;
@@ -185,8 +172,6 @@ mod tests {
         fleet.take(ID.who, Source::default(), u64::from(ms) * 1_000, &Bundle::datagram(sent.as_bytes()).unwrap());
     }
 
-    /// Returns the history of a drone from which data come every 100 ms, except from 5 s to 6.5 s. Its three receivers
-    /// agree, except at 3.1 s, when only two of them do.
     fn flown(seconds: u32) -> History {
         let (mut history, mut fleet) = (History::default(), Fleet::default());
         for ms in (0..=seconds * 1_000).step_by(20) {

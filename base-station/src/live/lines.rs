@@ -1,5 +1,4 @@
-//! Receives bytes over the lines of a real base station, which are sockets and serial ports. The station's own messages
-//! on MAVLink lines, if enabled, go through [`Mouths`](super::mouths::Mouths).
+//! Receives bytes over sockets and serial ports, over which [`Mouths`](super::mouths::Mouths) sends.
 
 use std::io::{self, Read};
 use std::net::{SocketAddr, UdpSocket};
@@ -11,17 +10,13 @@ use socket2::SockRef;
 use super::{Clock, Event, Inlet};
 use crate::intake::{Carried, Kind, MAX_DATAGRAM};
 
-/// The longest time that a read of a serial port blocks.
 const SERIAL_TIMEOUT: Duration = Duration::from_millis(5);
 
-/// The size of the system's buffer for bytes that arrive while this process does not run, bytes. It holds the messages
-/// of a thousand drones in a second.
+/// The size of the system's buffer for received bytes: that of the messages of a thousand drones in a second.
 const RECEIVE_BUFFER: usize = 8 << 20;
 
-/// The time after which a serial port that failed is opened again.
 const RETRY: Duration = Duration::from_secs(1);
 
-/// The longest interval at which a line checks whether the station still exists.
 const LOOK: Duration = Duration::from_millis(200);
 
 /// Receives datagrams on a UDP port and returns the port's address.
@@ -31,7 +26,7 @@ const LOOK: Duration = Duration::from_millis(200);
 /// Returns an error if the address cannot be bound.
 pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inlet) -> io::Result<SocketAddr> {
     let socket = UdpSocket::bind(address)?;
-    // If the system grants a smaller buffer, that is not an error.
+    // The error is ignored, because the system may grant a smaller receive buffer.
     let _ = SockRef::from(&socket).set_recv_buffer_size(RECEIVE_BUFFER);
     socket.set_read_timeout(Some(LOOK))?;
     let bound = socket.local_addr()?;
@@ -39,7 +34,8 @@ pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inle
         inlet.mouths.add_socket(line, socket.try_clone()?);
     }
     thread::spawn(move || {
-        // The buffer is one byte longer than the longest allowed datagram. A datagram that fills it is too long.
+        // The buffer is one byte longer than the longest allowed datagram. A datagram that fills the buffer is too
+        // long.
         let mut buffer = vec![0; MAX_DATAGRAM + 1];
         loop {
             let event = match socket.recv_from(&mut buffer) {
@@ -47,7 +43,7 @@ pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inle
                     let bytes = buffer[..length].to_vec();
                     Event::Carried(Carried { at_us: clock.now_us(), kind, line, from: from.to_string(), bytes })
                 }
-                // A timeout means that the line works. The loop then checks whether the station still exists.
+                // A read times out so that the loop can check whether the station still exists.
                 Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) => {
                     Event::Line { name: bound.to_string(), why: None }
                 }
@@ -64,8 +60,8 @@ pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inle
     Ok(bound)
 }
 
-/// Receives bytes on a serial port, and opens it again whenever it fails, because a radio may be unplugged and plugged
-/// in again.
+/// Receives bytes on a serial port. A port that fails is opened again, because a radio may be unplugged and plugged in
+/// again.
 pub fn serial(path: String, baud: u32, kind: Kind, line: u16, clock: Clock, inlet: Inlet) {
     thread::spawn(move || {
         let mut buffer = vec![0; 4_096];

@@ -10,10 +10,9 @@
 //! | one for each broker | passes data on to it, or receives from it ([`broker`]) |
 //! | page | serves the page, where the program has other things to do ([`server`]) |
 //!
-//! In a playback, one thread that reads the recording replaces the threads of the lines.
+//! In a playback, one thread reads the recording, and no line has a thread.
 //!
-//! Bounded queues connect the threads. When a queue is full, the newest item is dropped and counted, and the page shows
-//! the count.
+//! Bounded queues connect the threads. A full queue drops the newest item. The page shows how many items were dropped.
 
 pub mod broker;
 pub mod history;
@@ -46,26 +45,23 @@ pub use recording::Recording;
 /// The longest interval between updates of the alarms.
 pub const TICK: Duration = Duration::from_millis(20);
 
-/// The greatest number of arrivals that may wait for the station: those of a thousand drones at 10 Hz in six seconds.
+/// The greatest number of waiting arrivals: those of a thousand drones at 10 Hz in six seconds.
 const WAITING: usize = 65_536;
 
 /// The number of alarm changes that are kept for the page.
 pub const KEPT_CHANGES: usize = 100;
 
-/// How long the page still reports that data could not be published, µs.
 const UNPUBLISHED_US: u64 = 5_000_000;
 
-/// A clock of µs since 1970 that does not go back: the system's time at the start, plus the elapsed time.
+/// A clock of µs since 1970 that does not go back: the system's time at its start plus the elapsed time.
 #[derive(Clone, Debug)]
 pub struct Clock {
     unix_us: u64,
     passed: Passed,
 }
 
-/// The time since a clock began.
 #[derive(Clone, Debug)]
 enum Passed {
-    /// The elapsed real time.
     Since(Instant),
     /// The elapsed time that the caller sets, µs.
     Told(Arc<AtomicU64>),
@@ -78,8 +74,7 @@ impl Clock {
         Self { unix_us: unix_us(), passed: Passed::Since(Instant::now()) }
     }
 
-    /// Returns a clock whose elapsed time, µs, the caller sets, for data that follow another time than real time. The
-    /// clock stands still until the caller sets it again, and it must not be set back.
+    /// Returns a clock whose elapsed time, µs, the caller sets. The caller must not set it back.
     #[must_use]
     pub fn told(passed_us: Arc<AtomicU64>) -> Self {
         Self { unix_us: unix_us(), passed: Passed::Told(passed_us) }
@@ -96,7 +91,6 @@ impl Clock {
     }
 }
 
-/// Returns the system's time, µs since 1970.
 fn unix_us() -> u64 {
     let unix = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     u64::try_from(unix.as_micros()).unwrap_or_default()
@@ -111,14 +105,14 @@ pub enum Event {
     Line {
         /// The name of the line.
         name: String,
-        /// The error as text; `None` if the line works.
+        /// The error; `None` if the line works again.
         why: Option<String>,
     },
     /// A record of a recording that is played back.
     Played(Record),
-    /// A playback begins anew at this instant of its recording, µs: all state is dropped.
+    /// A playback begins anew at this instant of its recording, µs. All state is dropped.
     Restart(u64),
-    /// The station ends; no further events are accepted.
+    /// No more events come.
     End,
 }
 
@@ -145,14 +139,12 @@ impl Inlet {
         }
     }
 
-    /// Ends the station, once it has processed the waiting events.
+    /// Ends the station once it has processed the waiting events.
     pub fn close(&self) {
-        // If there is no station any more, there is nothing to end.
         let _ = self.to.send(Event::End);
     }
 
-    /// Passes an event of a playback on to the station, and waits until the station's queue has room. Returns whether
-    /// the station still exists.
+    /// Passes a playback's event on to the station once the queue has room. Returns whether the station still exists.
     #[must_use]
     pub fn push(&self, event: Event) -> bool {
         self.to.send(event).is_ok()
@@ -172,16 +164,15 @@ pub struct StationData {
     pub lines: Vec<(String, String)>,
     /// The files of the recording, if there is one.
     pub recording: Option<Made>,
-    /// The reason why nothing is recorded although it should be; `None` if there is none.
+    /// The reason why nothing is recorded although it should be.
     pub recorder: Option<Trouble>,
     /// The station's own messages, if enabled.
     pub voice: Option<Voice>,
-    /// The instant, µs, up to which all events are included in the state.
+    /// The instant, µs, up to which the state is complete.
     pub now_us: u64,
 }
 
 impl StationData {
-    /// Keeps the beginning or the end of an alarm.
     fn note(&mut self, drone: DroneId, change: Change) {
         if self.alarms.len() == KEPT_CHANGES {
             self.alarms.pop_front();
@@ -189,7 +180,6 @@ impl StationData {
         self.alarms.push_back((drone, change));
     }
 
-    /// Adds the present state of all drones to the history.
     fn look(&mut self) {
         self.history.look(self.now_us, self.intake.fleet());
     }
@@ -210,13 +200,13 @@ impl Station {
         self.known().voice = Some(voice);
     }
 
-    /// Returns the present state. The station waits while the returned guard exists.
+    /// Returns the present state. The station waits until the returned guard is dropped.
     pub fn known(&self) -> MutexGuard<'_, StationData> {
         // A poisoned lock is ignored: a thread that panicked while it held the lock has not changed the state.
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns a counter that increases with every arrival, and with every [`TICK`].
+    /// Returns a channel whose counter increases with every arrival and every [`TICK`].
     #[must_use]
     pub fn changes(&self) -> watch::Receiver<u64> {
         self.changes.clone()
@@ -247,8 +237,8 @@ impl Time {
     }
 }
 
-/// Starts a station. It ends when an inlet is closed or all inlets are gone. After that, the thread of the returned
-/// handle ends once everything is written. `told` gets each alarm that begins or ends.
+/// Starts a station. It ends when an inlet is closed or all inlets are gone; then it writes everything, and the
+/// returned thread ends. `told` gets each alarm that begins or ends.
 #[must_use]
 pub fn start(
     verifier: Option<Verifier>,
@@ -259,7 +249,7 @@ pub fn start(
     start_publishing(verifier, files, time, None, told)
 }
 
-/// Starts a station as [`start`] does, and passes judged data on to a broker if there is an `outlet`.
+/// Starts a station like [`start`], and passes judged data on to a broker if there is an `outlet`.
 #[must_use]
 pub fn start_publishing(
     verifier: Option<Verifier>,
@@ -285,7 +275,6 @@ pub fn start_publishing(
     (Inlet { to, dropped, mouths }, station, handle)
 }
 
-/// Makes the page report that data are not published, for as long as data remain unpublished.
 #[derive(Default)]
 struct Unpublished {
     count: u64,
@@ -322,8 +311,7 @@ fn run(
             return;
         }
         let mut known = station.known();
-        // Waiting events are processed together, so that the readers are notified once and not for each of a thousand
-        // drones.
+        // The readers are notified once for several events that wait.
         for event in event.into_iter().chain(from.try_iter().take(256)) {
             match event {
                 Event::Carried(carried) => {
@@ -348,8 +336,8 @@ fn run(
                 Event::Played(record) => {
                     export::judge(&mut known.intake, &record);
                     known.now_us = known.now_us.max(record.carried.at_us);
-                    // The history gets the recording's time, because the playback's own time is ahead of that during a
-                    // jump.
+                    // The history gets the time of the recorded data. During a jump, the playback's time is ahead of
+                    // it.
                     let StationData { history, intake, .. } = &mut *known;
                     history.look(record.carried.at_us, intake.fleet());
                 }

@@ -1,4 +1,4 @@
-//! Sends messages on the lines of a base station, by the socket or serial port that also receives.
+//! Sends messages over the sockets and serial ports on which a base station receives.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -9,7 +9,6 @@ use serialport::SerialPort;
 
 use crate::carrier::mavlink::voice::To;
 
-/// The sending side of one line.
 enum Mouth {
     Socket(UdpSocket),
     Port(Box<dyn SerialPort>),
@@ -26,23 +25,19 @@ impl std::fmt::Debug for Mouths {
 }
 
 impl Mouths {
-    /// Adds a line that is a socket.
     pub(super) fn add_socket(&self, line: u16, socket: UdpSocket) {
         self.with(|mouths| mouths.insert(line, Mouth::Socket(socket)));
     }
 
-    /// Adds a line that is a serial port, which was opened.
     pub(super) fn add_port(&self, line: u16, port: Box<dyn SerialPort>) {
         self.with(|mouths| mouths.insert(line, Mouth::Port(port)));
     }
 
-    /// Removes a line that no longer works.
     pub(super) fn remove(&self, line: u16) {
         self.with(|mouths| mouths.remove(&line));
     }
 
-    /// Sends a message. If the message is lost, that is no error, as on any carrier: the sender repeats it, or sends a
-    /// newer one.
+    /// Sends a message. Errors are ignored, because the sender repeats a lost message or sends a newer one.
     pub fn send(&self, to: To, bytes: &[u8]) {
         self.with(|mouths| match (to.line, to.address) {
             (Some(line), _) => {
@@ -74,8 +69,7 @@ impl Mouth {
     fn send(&mut self, to: To, bytes: &[u8]) {
         let _ = match (self, to.address) {
             (Self::Socket(socket), Some(address)) => socket.send_to(bytes, address),
-            // One write takes no longer than the port's timeout. So a radio that accepts no bytes does not delay the
-            // station for longer.
+            // The port's timeout bounds the time of a write, even if a radio accepts no bytes.
             (Self::Port(port), _) => port.write(bytes),
             (Self::Socket(_), None) => Ok(0),
         };

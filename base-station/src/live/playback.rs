@@ -9,13 +9,13 @@ use std::time::{Duration, Instant};
 use super::{Event, Inlet};
 use crate::recorder::{Reader, Record};
 
-/// The files of a recording, which are its parts, in their order.
+/// The files of a recording, its parts in their order.
 #[derive(Clone, Debug)]
 pub struct Recording {
     parts: Vec<PathBuf>,
 }
 
-/// A summary of a recording's contents.
+/// A summary of a recording.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
 pub struct Contents {
     /// The number of arrivals.
@@ -24,7 +24,7 @@ pub struct Contents {
     pub first_us: u64,
     /// The instant of the last arrival, µs since 1970.
     pub last_us: u64,
-    /// The parts that are damaged or cut off, as text that says at which position.
+    /// The damaged or truncated parts, with the position of the damage as text.
     pub torn: Vec<String>,
 }
 
@@ -44,8 +44,8 @@ impl Recording {
         self.parts.iter().map(|part| Ok(part.metadata()?.len())).sum()
     }
 
-    /// Passes each record of the recording to `each` until that returns false; `progress` gets the number of bytes that
-    /// were read. Returns the parts that are cut off.
+    /// Passes each record to `each` until that returns false; `progress` gets the number of bytes read. Returns the
+    /// parts that are cut off.
     ///
     /// # Errors
     ///
@@ -67,7 +67,7 @@ impl Recording {
         Ok(torn)
     }
 
-    /// Reads the whole recording and returns a summary of its contents.
+    /// Reads the whole recording and counts its records.
     ///
     /// # Errors
     ///
@@ -88,17 +88,14 @@ impl Recording {
     }
 }
 
-/// The instant in the recording, and the pace, of a playback.
 #[derive(Clone, Copy, Debug)]
 struct Pace {
-    /// The time within the recording at the instant `since`, µs.
+    /// The playback's position, at the instant `since`, in the recording, µs.
     at_us: u64,
     since: Instant,
-    /// The pace as a multiple of real time; 0 while the playback stands still.
+    /// The pace as a multiple of real time. 0 means that the playback stands still.
     speed: f64,
-    /// The instant in the recording to which a user has jumped, µs.
     jump_us: Option<u64>,
-    /// The number of changes of pace or instant that users have made.
     changes: u64,
 }
 
@@ -115,7 +112,7 @@ pub struct Player {
 pub const MAX_SPEED: f64 = 100.0;
 
 impl Player {
-    /// Returns a player for a recording with these contents, which begins at `from_us`.
+    /// Returns a player of a recording with these contents, which begins at `from_us`.
     #[must_use]
     pub fn new(contents: &Contents, from_us: u64, speed: f64) -> Self {
         let from_us = from_us.clamp(contents.first_us, contents.last_us);
@@ -125,7 +122,7 @@ impl Player {
         Self { first_us, last_us, pace: Mutex::new(pace), changed: Condvar::new() }
     }
 
-    /// Returns the present time within the recording, µs since 1970; at most its end.
+    /// Returns the present instant in the recording, µs since 1970, at most its end.
     #[must_use]
     pub fn now_us(&self) -> u64 {
         self.at(&self.pace())
@@ -137,20 +134,19 @@ impl Player {
         (self.first_us, self.last_us)
     }
 
-    /// Returns the pace as a multiple of real time; 0 while the playback stands still.
+    /// Returns the pace as a multiple of real time. 0 means that the playback stands still.
     #[must_use]
     pub fn speed(&self) -> f64 {
         self.pace().speed
     }
 
-    /// Returns the number of changes of pace or instant that users have made, which shows whether a change has taken
-    /// effect.
+    /// Returns the number of changes of pace or instant. By it a caller can tell whether its change has taken effect.
     #[must_use]
     pub fn changes(&self) -> u64 {
         self.pace().changes
     }
 
-    /// Sets the pace as a multiple of real time: 0 to [`MAX_SPEED`].
+    /// Sets the pace as a multiple of real time, 0 to [`MAX_SPEED`].
     pub fn set_speed(&self, speed: f64) {
         let mut pace = self.pace();
         let changes = pace.changes + 1;
@@ -171,12 +167,11 @@ impl Player {
     }
 
     fn at(&self, pace: &Pace) -> u64 {
-        // The product is exact to a µs even if a recording is played for a century at a hundredfold pace.
         let passed = pace.since.elapsed().as_secs_f64() * pace.speed * 1e6;
         pace.at_us.saturating_add(passed as u64).min(self.last_us)
     }
 
-    /// Waits until the time within the recording reaches `at_us`. Returns false if a jump ended the wait.
+    /// Waits until the playback reaches `at_us`. Returns false if a jump ended the wait.
     fn wait(&self, at_us: u64) -> bool {
         let mut pace = self.pace();
         loop {
@@ -201,8 +196,8 @@ impl Player {
     /// Returns an error if a file cannot be read.
     pub fn play(&self, recording: &Recording, inlet: &Inlet) -> io::Result<()> {
         loop {
-            // The records before the position to which the player jumps are judged too, but without waiting: the state
-            // at that position depends on them.
+            // The records before the target of a jump are judged without waiting. The state at the target depends on
+            // them.
             let target_us = self.pace().jump_us.take().unwrap_or(self.first_us);
             if !inlet.push(Event::Restart(self.first_us)) {
                 return Ok(());
@@ -215,7 +210,6 @@ impl Player {
                 there
             };
             recording.read(&mut hold, |_| {})?;
-            // At the end of the recording, and after a jump, the player waits for the next jump.
             if !self.wait(u64::MAX) {
                 continue;
             }
@@ -250,8 +244,6 @@ mod tests {
         Carried { at_us, kind: Kind::Datagrams, line: 0, from: "127.0.0.1:4000".into(), bytes }
     }
 
-    /// Records these cycles into a file. With `killed`, the recorder is not finished, so the file is like that of a
-    /// process that was killed.
     fn record(path: PathBuf, cycles: std::ops::Range<u32>, killed: bool) {
         let mut recorder = Recorder::new(Files::new(path));
         let mut intake = Intake::default();
@@ -275,7 +267,6 @@ mod tests {
         assert_eq!((contents.first_us, contents.last_us), (START, START + 19_900_000));
         assert!((195..=200).contains(&contents.records), "{} records", contents.records);
 
-        // The playback stands still at 15 s: all data until then are fed to the station, and none after.
         let player = Arc::new(Player::new(&contents, START + 15_000_000, 0.0));
         let (inlet, station, _) = live::start(None, None, Time::Playback(Arc::clone(&player)), |_, _| {});
         let feeding = Arc::clone(&player);

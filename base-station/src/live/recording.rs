@@ -10,7 +10,6 @@ use crate::intake::{Carried, Judged};
 use crate::recorder::{FLUSH_US, Files, Recorder, Sample, Trouble};
 use crate::{Change, DroneId};
 
-/// The greatest number of messages that may wait for the disk.
 const WAITING: usize = 65_536;
 
 enum What {
@@ -44,7 +43,7 @@ impl Recording {
         self.offer(at_us, What::Carried(carried, judged, samples));
     }
 
-    /// Records the state that an uplink has since `at_us`.
+    /// Records a new state of an uplink.
     pub fn uplink(&self, at_us: u64, told: UplinkChange) {
         self.offer(at_us, What::Uplink(at_us, told));
     }
@@ -54,7 +53,7 @@ impl Recording {
         self.offer(change.at_us, What::Alarm(drone, change));
     }
 
-    /// Returns the reason why nothing is recorded at present, if there is one.
+    /// Returns the reason why nothing is recorded at present, if any.
     #[must_use]
     pub fn trouble(&self) -> Option<Trouble> {
         self.trouble.lock().unwrap_or_else(PoisonError::into_inner).clone()
@@ -64,7 +63,7 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// Returns the recorder's error as text.
+    /// Returns the recorder's error.
     pub fn finish(self) -> Result<(), String> {
         drop(self.to);
         self.thread.join().unwrap_or_else(|_| Err("the recorder's thread died".into()))
@@ -83,7 +82,7 @@ impl Recording {
 
 fn write(from: &Receiver<What>, mut recorder: Recorder<Files>, told: &Mutex<Option<Trouble>>) -> Result<(), String> {
     let half = Duration::from_micros(FLUSH_US / 2);
-    // The recorder's time follows the time of the recorded data, and advances in real time while no data come.
+    // The recorder's time is that of the recorded data. While no data come, it advances in real time.
     let mut last = (0, Instant::now());
     loop {
         match from.recv_timeout(half) {

@@ -11,7 +11,7 @@
 //! | streams of states | [`MAX_WATCHERS`](super::page::MAX_WATCHERS) | a further one is refused with 503 |
 //!
 //! A connection holds its buffers and one state, whatever its reader does. So the memory of all connections is bounded,
-//! and a slow one delays no other.
+//! and a slow one does not delay the others.
 
 use std::io;
 use std::sync::Arc;
@@ -31,34 +31,33 @@ use tokio_io_timeout::TimeoutStream;
 pub struct Limits {
     /// The greatest number of connections that may be open at once.
     pub connections: usize,
-    /// The time within which the head of a request must arrive.
+    /// The time within which a request's head must arrive.
     pub head: Duration,
-    /// The time without accepted data after which a reader is dropped.
+    /// The time after which a reader that accepts no data is dropped.
     pub stall: Duration,
 }
 
-/// The limits that the [module](self) states. With this number of connections and all other files, the process stays
-/// below the 1024 files that systems allow it.
+/// With the limits of the [module's](self) table, the process stays below the usual limit of 1024 open files.
 impl Default for Limits {
     fn default() -> Self {
         Self { connections: 512, head: Duration::from_secs(5), stall: Duration::from_secs(10) }
     }
 }
 
-/// The number of bytes that a connection reads ahead, which is also the greatest length of a request's head.
+/// The number of bytes that a connection reads ahead, and the greatest length of a request's head.
 const BUFFER: usize = 16 << 10;
 
-/// The number of bytes that the system may hold for a reader that has not read them yet: a few states.
+/// The number of bytes that the system may hold for a slow reader: those of a few states.
 const SEND_BUFFER: usize = 64 << 10;
 
 /// How long no connection is accepted after an error that concerns all connections (too many open files).
 const REST: Duration = Duration::from_millis(50);
 
-/// Serves `router` to all clients, within the limits that this [module](self) states. This function does not return.
+/// Serves `router` to all clients, within the limits of this [module](self). This function does not return.
 ///
 /// # Errors
 ///
-/// Returns no error at present: an error of one connection ends only that connection.
+/// Returns no error at present. An error of a connection ends only that connection.
 pub async fn serve(listener: TcpListener, router: Router, limits: Limits) -> io::Result<()> {
     let places = Arc::new(Semaphore::new(limits.connections));
     let mut http = http1::Builder::new();
@@ -68,19 +67,18 @@ pub async fn serve(listener: TcpListener, router: Router, limits: Limits) -> io:
             sleep(REST).await;
             continue;
         };
-        // The limit is reached, so the new connection is dropped, which closes it. A later attempt succeeds once
-        // another connection has ended.
+        // The limit of connections is reached. Dropping the new connection closes it.
         let Ok(place) = Arc::clone(&places).try_acquire_owned() else { continue };
-        // If the system grants a smaller buffer, that is not an error.
+        // The error is ignored, because the system may grant a smaller send buffer.
         let _ = socket2::SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER);
-        // A state must be sent at once, even while the state before it is not acknowledged.
+        // A state must be sent at once, even if the last one is not acknowledged yet.
         let _ = stream.set_nodelay(true);
         let mut stream = TimeoutStream::new(stream);
         stream.set_write_timeout(Some(limits.stall));
         let connection =
             http.serve_connection(TokioIo::new(Box::pin(stream)), TowerToHyperService::new(router.clone()));
         tokio::spawn(async move {
-            // A reader that disconnects, or sends no valid request, is not an error of the page.
+            // A reader that disconnects or sends an invalid request is no error of the page.
             let _ = connection.await;
             drop(place);
         });

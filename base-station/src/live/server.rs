@@ -1,4 +1,4 @@
-//! Serves the page on a thread of its own, for a program that has other work.
+//! Serves the page on a thread of its own.
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
@@ -22,8 +22,8 @@ pub struct Server {
 }
 
 impl Server {
-    /// Serves the page of `station` at `address`; with port 0 the system chooses one. From now on an interrupt from the
-    /// keyboard does not end the process: [`interrupted`](Self::interrupted) reports it.
+    /// Serves the page of `station` at `address`; with port 0 the system chooses one. From then on Ctrl-C does not end
+    /// the process; [`interrupted`](Self::interrupted) reports it.
     ///
     /// # Errors
     ///
@@ -32,7 +32,7 @@ impl Server {
         Self::of(address, |address| page::router(station, None, address))
     }
 
-    /// Serves pages as [`start`](Self::start) does: those that `router` makes once the address is known.
+    /// Serves the pages that `router` makes once the address is known, as [`start`](Self::start) does.
     ///
     /// # Errors
     ///
@@ -57,7 +57,7 @@ impl Server {
                         told.store(true, Ordering::Relaxed);
                     }
                 };
-                // A graceful end would wait for the open event streams, which do not end.
+                // A graceful shutdown would wait for the event streams, which do not end.
                 tokio::select! {
                     _ = ended => {}
                     served = async { tokio::join!(served, interrupts).0 } => {
@@ -77,7 +77,7 @@ impl Server {
         self.address
     }
 
-    /// Returns whether the user has requested from the keyboard that the process ends.
+    /// Returns whether the user has pressed Ctrl-C.
     #[must_use]
     pub fn interrupted(&self) -> bool {
         self.interrupted.load(Ordering::Relaxed)
@@ -86,7 +86,6 @@ impl Server {
 
 impl Drop for Server {
     fn drop(&mut self) {
-        // The receiver of this message and the thread may have ended already, so errors are ignored.
         let _ = self.end.take().map(|end| end.send(()));
         let _ = self.thread.take().map(JoinHandle::join);
     }

@@ -1,12 +1,11 @@
 //! Encrypts connections to a broker by TLS, with `rustls` and `ring` (decision 19).
 //!
-//! The authority that signs the broker's certificate is always named explicitly, and no other is trusted: a fleet's own
-//! broker has a certificate that the fleet signed itself, and for a public broker the user gives the system's bundle of
-//! authorities. The broker's certificate must be for the name in the broker's address, and TLS must be of version 1.2
-//! or 1.3. Errors are reported in words that show what to correct.
+//! The user must name the authority that signs the broker's certificate; no other is trusted. A fleet's own broker has
+//! a certificate that the fleet signed. For a public broker the user names the system's bundle of authorities. The
+//! certificate must be for the name in the broker's address, and TLS must be of version 1.2 or 1.3. Errors say what to
+//! correct.
 //!
-//! If this crate is built without its feature `tls`, no [`Tls`] can exist, and [`Tls::new`] returns
-//! [`Unusable::NotBuilt`].
+//! Without the feature `tls`, no [`Tls`] can exist, and [`Tls::new`] returns [`Unusable::NotBuilt`].
 
 use std::error::Error;
 use std::fmt;
@@ -24,7 +23,7 @@ pub enum Unusable {
     NoCertificate,
     /// There is no readable private key. An encrypted key cannot be read.
     NoKey,
-    /// Certificate and key do not match, or are of an unknown kind; the text has the reason.
+    /// Certificate and key do not match, or are of an unknown kind. The text is the reason.
     Refused(String),
 }
 
@@ -60,7 +59,6 @@ mod with {
 
     use super::{Error, Transport, Unusable};
 
-    /// The text that comes before an alert's name in the error messages of `rustls`.
     const ALERT: &str = "received fatal alert: ";
 
     /// The trusted authorities, and this station's own certificate if it has one.
@@ -68,16 +66,16 @@ mod with {
     pub struct Tls(Arc<ClientConfig>);
 
     impl Tls {
-        /// Returns settings by which a broker is trusted if one of the `authorities` signed its certificate. `client`
-        /// is this station's certificate, followed by the intermediate ones, and its private key, for a broker that
-        /// requires them. All of these are PEM.
+        /// Returns settings that trust a broker whose certificate one of the `authorities` signed. `client` is this
+        /// station's certificate with the intermediate ones, and its private key, for a broker that requires them. All
+        /// are PEM.
         ///
         /// # Errors
         ///
-        /// Returns an error if the files contain no certificate or key, or one that cannot be used.
+        /// Returns an error if a file has no certificate or key, or one that cannot be used.
         pub fn new(authorities: &[u8], client: Option<(&[u8], &[u8])>) -> Result<Self, Unusable> {
             let mut roots = RootCertStore::empty();
-            // A system's bundle may contain a certificate that is too old to be read.
+            // A system's bundle may contain certificates that cannot be read.
             roots.add_parsable_certificates(CertificateDer::pem_slice_iter(authorities).flatten());
             if roots.is_empty() {
                 return Err(Unusable::NoAuthority);
@@ -101,24 +99,21 @@ mod with {
             Transport::tls_with_config(TlsConfiguration::Rustls(Arc::clone(&self.0)))
         }
 
-        /// Returns the text of a TLS error with the broker `host`, if `error` is one.
         pub(in crate::live) fn words(&self, error: &rumqttc::ConnectionError, host: &str) -> Option<String> {
             if let Some(error) = find(error) {
                 return Some(words(error, host));
             }
-            // An alert after the handshake, as for a missing certificate in TLS 1.3, is available only as text
-            // (rumqttc-v5-next 0.34).
+            // After the handshake, rumqttc-v5-next 0.34 has an alert only as text. TLS 1.3 reports a missing
+            // certificate so.
             let text = error.to_string();
             text.split_once(ALERT).map(|(_, name)| alert(name))
         }
     }
 
-    /// Returns the TLS error among the causes of an error.
     fn find<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a rustls::Error> {
         let mut next = Some(error);
         while let Some(error) = next {
-            // `io::Error::source` does not return the error inside an I/O error, so that error is taken out by
-            // `get_ref`.
+            // `source` of an I/O error skips the error inside, which only `get_ref` returns.
             let inner = error.downcast_ref::<io::Error>().and_then(io::Error::get_ref);
             let found = error.downcast_ref().or_else(|| inner.and_then(|inner| inner.downcast_ref()));
             if found.is_some() {
@@ -148,7 +143,6 @@ mod with {
         }
     }
 
-    /// Returns in words what the broker reports by the alert of this name (RFC 8446, section 6).
     fn alert(name: &str) -> String {
         match name {
             "CertificateRequired" => {
@@ -158,7 +152,6 @@ mod with {
             "UnknownCA" | "BadCertificate" | "CertificateUnknown" | "DecryptError" => {
                 format!("it does not believe this station's certificate: {name}")
             }
-            // TLS 1.2 has no alert that describes a missing certificate better.
             name => format!("it ends TLS with {name}"),
         }
     }
@@ -168,7 +161,7 @@ mod with {
 mod without {
     use super::{Transport, Unusable};
 
-    /// A type without values, which stands for the settings of TLS in a program without TLS.
+    /// A type without values, for a program without TLS.
     #[derive(Clone)]
     pub enum Tls {}
 

@@ -1,23 +1,19 @@
-//! Records every byte that a carrier brought, with its time and the verdict on each object, in an MCAP file.
+//! Records every byte that a carrier brought, with its time and the verdicts on its objects, in an MCAP file.
 //!
-//! # Design
+//! **Contents.** `/carried` has the bytes and the verdicts, which suffice for a playback. `/alarms` has the alarms that
+//! began or ended. `/drone/ID/…` has positions for maps, the state with agreement and attitude, and the link.
+//! `/uplinks` has the uplinks that this station sent, and their states. The schemas in the file, in ROS 1's language,
+//! let other tools such as Foxglove open it.
 //!
-//! **Contents.** `/carried` has the bytes and the verdicts, which suffice for a playback; `/alarms` has the alarms that
-//! began or ended; `/drone/ID/…` has positions for maps, the state with agreement and attitude, and the link;
-//! `/uplinks` has the uplinks that this station sent to drones, and their states. Schemas are in the file, in ROS 1's
-//! language, so that Foxglove and other tools can open it.
+//! **Crashes.** A chunk of the file is written whole, at least every [`FLUSH_US`], and forced to the disk. So a killed
+//! process or a power loss costs at most the last half second. [`Reader`] checks each chunk's CRC before it returns the
+//! chunk's data, leaves out damaged chunks, and ends where the file was cut.
 //!
-//! **Crashes.** A chunk of the file is written whole, at least every [`FLUSH_US`], and then forced to the disk. So a
-//! killed process, or a power loss, costs the last half second. Earlier data stay readable: [`Reader`] checks each
-//! chunk's CRC before it returns any of the chunk's data, and ends where the file was cut. If a chunk is damaged, only
-//! that chunk is lost.
+//! **A full disk** does not end the recorder. Lost data are counted and reported ([`Recorder::trouble`]). After
+//! [`RETRY_US`] the recorder tries again in another part, because nothing can follow a part that was cut off. The
+//! trouble is over once data are on the disk again.
 //!
-//! **A full disk** does not end the recorder: lost data are counted and reported ([`Recorder::trouble`]), and after
-//! [`RETRY_US`] the recorder tries again, in another part, so that nothing is appended to a part that was cut off. The
-//! trouble is over once data are on the disk again, not when a file could be made.
-//!
-//! **Parts.** After [`PART_BYTES`] a part of the recording is finished and another one begun, so that MCAP's index of a
-//! part takes bounded memory in a recording of any length.
+//! **Parts.** After [`PART_BYTES`] another part is begun, because MCAP's index of a part takes memory.
 
 mod reading;
 mod ros;
@@ -52,12 +48,12 @@ pub const RETRY_US: u64 = 1_000_000;
 /// The size at which a part of a recording is finished, bytes.
 pub const PART_BYTES: u64 = 512 << 20;
 
-/// The destination of a recording's parts.
+/// Makes the parts of a recording.
 pub trait Parts {
     /// The type of a part, to which its data are written.
     type Part: Write;
 
-    /// Makes the part of this number, from 0. An existing part is never overwritten.
+    /// Makes the part of this number, from 0, without overwriting an existing one.
     ///
     /// # Errors
     ///
@@ -80,7 +76,7 @@ pub struct Files {
     made: Made,
 }
 
-/// The names of the files that were made so far, for display.
+/// The names of the files that were made so far.
 #[derive(Clone, Debug, Default)]
 pub struct Made(Arc<Mutex<Vec<PathBuf>>>);
 
@@ -99,7 +95,7 @@ impl Files {
         Self { path, last: None, made: Made::default() }
     }
 
-    /// Returns the list of the files that are made over time. A name that an existing file has is skipped.
+    /// Returns the list of the files, which grows as they are made. Names of existing files are skipped.
     #[must_use]
     pub fn made(&self) -> Made {
         self.made.clone()
@@ -144,9 +140,9 @@ pub struct Trouble {
 /// Newly displayed data, in plain values for other tools.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sample {
-    /// A valid position, of Reported-Position or a receiver: degrees north, degrees east, m above the ellipsoid.
+    /// A valid position: degrees north, degrees east, m above the ellipsoid.
     Position(DroneId, Place, [f64; 3]),
-    /// HORUS's state, and the attitude of the drone.
+    /// HORUS's state, and the drone's attitude.
     State(DroneId, ReportedValues),
     /// The values of Link-Status.
     Link(DroneId, LinkValues),
@@ -175,7 +171,7 @@ impl Sample {
                     let position = valid.map(|values| [values.latitude, values.longitude, values.altitude]);
                     samples.extend(position.map(|position| Self::Position(*id, *place, position)));
                 }
-                // Port-Status and uplinks have no samples; the sender of an uplink reports its state.
+                // Port-Status and uplinks have no samples. The sender of an uplink reports its state.
                 Place::PortStatus | Place::Uplink => {}
             }
         }
@@ -183,12 +179,10 @@ impl Sample {
     }
 }
 
-/// A part that is being written.
 struct Open<W: Write> {
     writer: Writer<NoSeek<W>>,
     channels: HashMap<String, u16>,
     sequence: u32,
-    /// The number of message bytes that were written since the part was begun.
     bytes: u64,
     flushed_us: u64,
 }
@@ -205,7 +199,7 @@ pub struct Recorder<P: Parts> {
 }
 
 impl<P: Parts> Recorder<P> {
-    /// Returns a recorder; it makes no file before the first record.
+    /// Returns a recorder, which makes no file before the first record.
     #[must_use]
     pub const fn new(parts: P) -> Self {
         Self { parts, open: None, next_part: 0, trouble: None, tried_us: None, lost: 0, part_bytes: PART_BYTES }
@@ -227,7 +221,7 @@ impl<P: Parts> Recorder<P> {
         }
     }
 
-    /// Records the state of an uplink that this station sends, as it changed at `at_us`.
+    /// Records the state of an uplink of this station, which changed at `at_us`.
     pub fn uplink(&mut self, at_us: u64, told: &UplinkChange) {
         self.put(at_us, "/uplinks", ros::UPLINK, &ros::uplink(told));
     }
@@ -238,8 +232,7 @@ impl<P: Parts> Recorder<P> {
         self.put(change.at_us, "/alarms", ros::ALARM, &data);
     }
 
-    /// Writes the data that are not written yet, if they are due to be written; to be called at least every
-    /// [`FLUSH_US`].
+    /// Writes the waiting data if they are due; to be called at least every [`FLUSH_US`].
     pub fn tick(&mut self, now_us: u64) {
         let Some(open) = &mut self.open else { return };
         if now_us.saturating_sub(open.flushed_us) < FLUSH_US {
@@ -268,14 +261,14 @@ impl<P: Parts> Recorder<P> {
     ///
     /// # Errors
     ///
-    /// Returns the recorder's error as text. Data that were written to the disk before are readable anyway.
+    /// Returns the recorder's error. Data that are on the disk already can be read anyway.
     pub fn finish(mut self) -> Result<(), String> {
         let Some(mut open) = self.open.take() else { return Ok(()) };
         open.writer.finish().map_err(|error| error.to_string())?;
         self.parts.sync().map_err(|error| error.to_string())
     }
 
-    /// Returns the reason why nothing is recorded at present, if there is one.
+    /// Returns the reason why nothing is recorded at present, if any.
     #[must_use]
     pub const fn trouble(&self) -> Option<&Trouble> {
         self.trouble.as_ref()
@@ -298,7 +291,7 @@ impl<P: Parts> Recorder<P> {
         }
     }
 
-    /// Records a message. Returns whether it was recorded: for [`RETRY_US`] after a failure no message is recorded.
+    /// Records a message, unless a failure was less than [`RETRY_US`] ago. Returns whether it was recorded.
     fn try_put(&mut self, at_us: u64, topic: &str, schema: ros::Schema, data: &[u8]) -> Result<bool, String> {
         if self.open.is_none() {
             if self.tried_us.is_some_and(|tried| self.trouble.is_some() && at_us.saturating_sub(tried) < RETRY_US) {
@@ -326,7 +319,6 @@ impl<P: Parts> Recorder<P> {
         Ok(true)
     }
 
-    /// Begins the next part whose file name is free.
     fn begin(&mut self, at_us: u64) -> Result<Open<P::Part>, String> {
         let part = loop {
             match self.parts.make(self.next_part) {

@@ -1,17 +1,14 @@
 //! Reads a recording, whether it is whole or cut off.
 //!
-//! # Design
+//! The input may be damaged anywhere, so no length in it can be trusted. The `mcap` crate's reader (0.26) trusts
+//! several. It allocates the buffer of a record or a string by the claimed length, up to 4 GiB. It subtracts without a
+//! check if a record is longer than the rest of its chunk, or an attachment shorter than its CRC. So this module parses
+//! a file itself, by <https://mcap.dev/spec>: an opcode, a length and that number of bytes, in and outside of chunks.
+//! It reads only chunks, channels and messages.
 //!
-//! The input may be damaged anywhere, and no length in it can be trusted. The reader of the `mcap` crate (0.26) trusts
-//! several lengths. It allocates the buffer of a record, or of a string (up to 4 GiB), by the claimed length before it
-//! reads any of it, and it subtracts without a check if a record is longer than the rest of its chunk, or an attachment
-//! shorter than its CRC. So this module parses the frames of a file itself, by <https://mcap.dev/spec>: an opcode, a
-//! length and that number of bytes, in a chunk as outside of one. It reads only three kinds of records: chunks,
-//! channels and messages.
-//!
-//! **Memory.** One record outside of chunks is held, in a buffer that grows with the bytes that are really there: at
-//! most twice [`LONGEST`], and at most twice the file. **Time.** Each byte is read once and checked once, and reading
-//! ends at the first damage outside of a chunk.
+//! **Memory.** One record outside of chunks is held. Its buffer grows with the bytes that the file has: to at most
+//! twice [`LONGEST`], and at most twice the file. **Time.** Each byte is read and checked once, and reading ends at the
+//! first damage outside of a chunk.
 
 use std::collections::HashSet;
 use std::io::{self, Read};
@@ -23,17 +20,15 @@ use mcap::records::op;
 use super::ros::{self, Found, array, string, take};
 use crate::intake::Carried;
 
-/// The length that no chunk of a [`Recorder`](super::Recorder) exceeds, bytes; a longer record ends the reading. Half a
+/// The greatest length of a [`Recorder`](super::Recorder)'s chunk, bytes; a longer record ends the reading. Half a
 /// second of a thousand drones is 2 MB.
 pub(super) const LONGEST: u64 = 256 << 20;
 
-/// The size of a record's opcode and length, bytes.
 const HEAD: usize = 1 + 8;
 
-/// The size of a message's channel, sequence number and two times, bytes.
 const MESSAGE_HEAD: usize = 2 + 4 + 8 + 8;
 
-/// Bytes that arrived, and the verdicts on their objects when they were recorded.
+/// Bytes that arrived, with the recorded verdicts.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Record {
     /// The bytes that arrived.
@@ -42,11 +37,9 @@ pub struct Record {
     pub found: Vec<Found>,
 }
 
-/// The reason why reading ends.
 enum Stop {
-    /// The file cannot be read.
     Io(io::Error),
-    /// The file was cut or damaged; the text says where and how.
+    /// The file was cut or damaged. The text has the position and the reason.
     Torn(String),
 }
 
@@ -62,19 +55,15 @@ impl From<McapError> for Stop {
     }
 }
 
-/// Reads the arrivals of a recording, in order. It never holds more than one chunk.
+/// Reads the arrivals of a recording, in order, and holds at most one chunk.
 pub struct Reader<R> {
     from: R,
     begun: bool,
-    /// The last record outside of chunks, without its opcode and length.
     body: Vec<u8>,
-    /// The range of `body` that holds a chunk's remaining records.
     chunk: Range<usize>,
-    /// The numbers of the channels that have arrivals.
     channels: HashSet<u16>,
     read: u64,
     torn: Option<String>,
-    /// The damaged chunks, as text: where they are, and what is wrong.
     lost: Vec<String>,
     ended: bool,
 }
@@ -100,19 +89,16 @@ impl<R: Read> Reader<R> {
         self.read
     }
 
-    /// Returns a text that says where the file was cut or damaged, once the reader has reached that point. All records
-    /// before it were returned.
+    /// Returns where the file was cut or damaged, once the reader has reached that point.
     pub fn torn(&self) -> Option<&str> {
         self.torn.as_deref()
     }
 
-    /// Returns the damaged chunks found so far, which are left out, as text: where they are in the file, and what is
-    /// wrong.
+    /// Returns the damaged chunks found so far, which are left out: where they are in the file, and what is wrong.
     pub fn lost(&self) -> &[String] {
         &self.lost
     }
 
-    /// Returns the greatest number of bytes that the reader has held so far.
     #[cfg(test)]
     pub(super) const fn held(&self) -> usize {
         self.body.capacity()
@@ -122,7 +108,7 @@ impl<R: Read> Reader<R> {
     ///
     /// # Errors
     ///
-    /// Returns an error if the file cannot be read. A file that is cut off is no error.
+    /// Returns an error if the file cannot be read. A truncated file is no error.
     pub fn next_record(&mut self) -> io::Result<Option<Record>> {
         while !self.ended {
             match self.step() {
@@ -138,7 +124,6 @@ impl<R: Read> Reader<R> {
         Ok(None)
     }
 
-    /// Parses one more record, in the present chunk or outside of chunks.
     fn step(&mut self) -> Result<Option<Record>, Stop> {
         if !self.begun {
             self.begin()?;
@@ -170,7 +155,7 @@ impl<R: Read> Reader<R> {
         if opcode == op::CHUNK {
             match records(&self.body) {
                 Ok(records) => self.chunk = records,
-                // The length of this chunk tells where the next record is, so only this chunk is lost.
+                // The chunk's length tells where the next record is, so only this chunk is lost.
                 Err(Stop::Torn(why)) => {
                     self.lost.push(format!(
                         "{} bytes at {}: {why}",
@@ -185,7 +170,6 @@ impl<R: Read> Reader<R> {
         look(&mut self.channels, !self.lost.is_empty(), opcode, &self.body)
     }
 
-    /// Checks the bytes with which every file begins.
     fn begin(&mut self) -> Result<(), Stop> {
         if !self.fill(mcap::MAGIC.len() as u64)? {
             return Err(McapError::UnexpectedEof.into());
@@ -197,8 +181,7 @@ impl<R: Read> Reader<R> {
         Ok(())
     }
 
-    /// Reads `length` bytes into the buffer, in place of those that it holds. Returns whether the file had `length`
-    /// more bytes.
+    /// Replaces the buffer's contents by the next `length` bytes. Returns whether the file had that many.
     fn fill(&mut self, length: u64) -> io::Result<bool> {
         self.chunk = 0..0;
         self.body.clear();
@@ -208,13 +191,11 @@ impl<R: Read> Reader<R> {
     }
 }
 
-/// Returns the opcode and the length at the beginning of a record.
 fn head(mut bytes: &[u8]) -> Option<(u8, u64)> {
     let [opcode] = *take::<1>(&mut bytes)?;
     Some((opcode, u64::from_le_bytes(*take::<8>(&mut bytes)?)))
 }
 
-/// Returns the range of a chunk's records in its body, once they have been verified.
 fn records(body: &[u8]) -> Result<Range<usize>, Stop> {
     let (crc, compression, length, rest) = chunk_head(body).ok_or(McapError::UnexpectedEoc)?;
     if !compression.is_empty() {
@@ -233,19 +214,18 @@ fn records(body: &[u8]) -> Result<Range<usize>, Stop> {
     Ok(start..start + records.len())
 }
 
-/// Returns a chunk's CRC, its compression, the length of its records, and the bytes after these.
 fn chunk_head(body: &[u8]) -> Option<(u32, String, u64, &[u8])> {
     let mut rest = body;
-    // The times of the first and the last message, and the uncompressed length, are not needed.
+    // The times of the first and the last message and the uncompressed length are not used.
     take::<{ 8 + 8 + 8 }>(&mut rest)?;
     let crc = u32::from_le_bytes(*take::<4>(&mut rest)?);
     let compression = string(&mut rest)?;
     Some((crc, compression, u64::from_le_bytes(*take::<8>(&mut rest)?), rest))
 }
 
-/// Parses a record other than a chunk. If the record defines a channel of arrivals, the channel's number is added to
-/// `channels`. If the record is an arrival, it is returned. `is_lossy` means that an earlier chunk was lost, perhaps
-/// with the definitions of channels; then each message is tested for being an arrival.
+/// Parses a record other than a chunk, and returns it if it is an arrival. The number of a channel of arrivals is added
+/// to `channels`. `is_lossy` means that an earlier chunk was lost, perhaps with definitions of channels. Then each
+/// message may be an arrival.
 fn look(channels: &mut HashSet<u16>, is_lossy: bool, opcode: u8, body: &[u8]) -> Result<Option<Record>, Stop> {
     let malformed = |what: &str| Stop::Torn(format!("a {what} that is malformed"));
     match opcode {
@@ -267,10 +247,9 @@ fn look(channels: &mut HashSet<u16>, is_lossy: bool, opcode: u8, body: &[u8]) ->
     }
 }
 
-/// Returns the number and the topic of the channel that a record defines.
 fn channel(mut body: &[u8]) -> Option<(u16, &[u8])> {
     let id = u16::from_le_bytes(*take::<2>(&mut body)?);
-    // The number of the channel's schema is not needed.
+    // The number of the channel's schema is not used.
     take::<2>(&mut body)?;
     Some((id, array(&mut body)?))
 }

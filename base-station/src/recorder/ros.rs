@@ -1,5 +1,5 @@
-//! Encodes the messages of a recording in the serialisation of ROS 1, which every MCAP tool reads with the schema
-//! beside it: numbers are little-endian without padding, and strings and arrays follow their length as a u32.
+//! Encodes a recording's messages in the serialisation of ROS 1, which MCAP tools read with the schema in the file.
+//! Numbers are little-endian without padding. Strings and arrays follow their length, a u32.
 
 use profile::{LinkValues, ReportedValues};
 
@@ -8,14 +8,12 @@ use crate::drone::words;
 use crate::intake::{Carried, Judged, Kind};
 use crate::{Alarm, DroneId, Place, Verdict};
 
-/// The description of a kind of message: its name, and its fields as text in the language of ROS 1.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Schema {
     pub(super) name: &'static str,
     pub(super) text: &'static str,
 }
 
-/// The schema of bytes that arrived, with the verdict on each object in them.
 pub(super) const CARRIED: Schema = Schema {
     name: "horus_msgs/Carried",
     text: "# Bytes as they arrived at the base station, and what was found of each object in them.
@@ -35,7 +33,6 @@ string[] verdicts   # new, duplicate, older, out-of-sequence, vacant, or why it 
 ",
 };
 
-/// The schema of an alarm that began or ended.
 pub(super) const ALARM: Schema = Schema {
     name: "horus_msgs/Alarm",
     text: "# An alarm came or went.
@@ -46,7 +43,6 @@ string words
 ",
 };
 
-/// The schema of a position for maps, which ROS defines.
 pub(super) const FIX: Schema = Schema {
     name: "sensor_msgs/NavSatFix",
     text: "std_msgs/Header header
@@ -68,7 +64,6 @@ uint16 service
 ",
 };
 
-/// The schema of HORUS's state.
 pub(super) const STATE: Schema = Schema {
     name: "horus_msgs/State",
     text: "# What HORUS says of itself in Reported-Position. What is not known is NaN.
@@ -87,7 +82,6 @@ float32[3] acceleration     # m/s2, front, right, down, gravity removed
 ",
 };
 
-/// The schema of the state of the link from HORUS to the DPR.
 pub(super) const LINK: Schema = Schema {
     name: "horus_msgs/Link",
     text: "# Link-Status, as the DPR sealed it.
@@ -103,7 +97,6 @@ float32 sample_age_ms       # of Reported-Position when the image was made
 ",
 };
 
-/// The schema of the state of an uplink.
 pub(super) const UPLINK: Schema = Schema {
     name: "horus_msgs/Uplink",
     text: "# An uplink object that this station sends to a drone's DPR, and what is known of it now.
@@ -117,8 +110,7 @@ string why                  # it was refused
 };
 
 fn put(out: &mut Vec<u8>, bytes: &[u8]) {
-    // No array comes near 4 GiB. If a length did not fit into a u32, the array would be cut off at the greatest length,
-    // and the message would still be readable.
+    // No array comes near 4 GiB. An array that did would be cut off, and the message would still be readable.
     let length = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
     out.extend(length.to_le_bytes());
     out.extend(bytes.iter().take(length as usize));
@@ -199,19 +191,19 @@ pub(super) fn fix(at_us: u64, [latitude, longitude, altitude]: [f64; 3]) -> Vec<
     out.extend(u32::try_from(seconds).unwrap_or(u32::MAX).to_le_bytes());
     out.extend(u32::try_from(rest_us * 1_000).unwrap_or_default().to_le_bytes());
     put(&mut out, b"wgs84");
-    // The value 0 says that the satellite system of the fix is unknown.
+    // 0 means that the satellite system of the fix is unknown.
     out.push(0);
     out.extend(0_u16.to_le_bytes());
     for value in [latitude, longitude, altitude] {
         out.extend(value.to_le_bytes());
     }
     out.extend([0; 9 * 8]);
-    // The value 0 says that the covariance is unknown.
+    // 0 means that the covariance is unknown.
     out.push(0);
     out
 }
 
-/// An object in a recording, and the verdict on it when it was recorded.
+/// An object in a recording, with the recorded verdict.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
     /// The id of the drone as text.
@@ -222,7 +214,7 @@ pub struct Found {
     pub verdict: String,
 }
 
-/// Decodes a [`CARRIED`] message; `None` if `data` is no such message.
+/// Decodes a [`CARRIED`] message; `None` if `data` are no such message.
 pub(super) fn read_carried(data: &[u8]) -> Option<(Carried, Vec<Found>)> {
     let mut rest = data;
     let at_us = u64::from_le_bytes(*take::<8>(&mut rest)?);
@@ -242,14 +234,12 @@ pub(super) fn read_carried(data: &[u8]) -> Option<(Carried, Vec<Found>)> {
     Some((Carried { at_us, kind: Kind::of(kind)?, line, from, bytes }, found))
 }
 
-/// Takes the next `N` bytes from the front of `rest`; `None` if there are fewer.
 pub(super) fn take<'a, const N: usize>(rest: &mut &'a [u8]) -> Option<&'a [u8; N]> {
     let (taken, after) = rest.split_first_chunk()?;
     *rest = after;
     Some(taken)
 }
 
-/// Takes a length, and that number of bytes after it, from the front of `rest`.
 pub(super) fn array<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     let length = u32::from_le_bytes(*take::<4>(rest)?);
     let (taken, after) = rest.split_at_checked(usize::try_from(length).ok()?)?;
@@ -257,7 +247,6 @@ pub(super) fn array<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     Some(taken)
 }
 
-/// Takes a length, and text of that length after it, from the front of `rest`.
 pub(super) fn string(rest: &mut &[u8]) -> Option<String> {
     String::from_utf8(array(rest)?.to_vec()).ok()
 }
@@ -268,7 +257,6 @@ fn strings(rest: &mut &[u8]) -> Option<Vec<String>> {
     (0..count).map(|_| string(rest)).collect()
 }
 
-/// Evaluates the text of a recorded verdict.
 impl Found {
     /// Returns whether the object was shown.
     #[must_use]
@@ -315,8 +303,6 @@ mod tests {
         }
     }
 
-    /// Returns the length of a message of this schema, bytes, if its strings and arrays of variable length total `text`
-    /// bytes.
     fn length(schema: Schema, text: usize) -> usize {
         let kinds = schema.text.lines().filter(|line| !line.starts_with('#')).filter_map(|line| line.split(' ').next());
         let size = |kind| match kind {
@@ -349,8 +335,6 @@ mod tests {
 
     #[test]
     fn a_fix_has_the_length_that_its_schema_gives() {
-        // The length consists of the header (4 + 8 + (4 + 5)), the status (1 + 2), three and nine numbers, and one
-        // byte.
         assert_eq!(fix(1_500_000, [1.0, 2.0, 3.0]).len(), 21 + 3 + 12 * 8 + 1);
         assert_eq!(fix(1_500_000, [1.0, 2.0, 3.0])[4..12], [1, 0, 0, 0, 0x00, 0x65, 0xCD, 0x1D]);
     }

@@ -8,7 +8,6 @@ use crate::intake::{Intake, Kind};
 
 const START: u64 = 1_790_000_000_000_000;
 
-/// The parts of a recording in memory, in place of a disk of limited size.
 #[derive(Clone, Default)]
 struct Disk {
     parts: Rc<RefCell<Vec<Vec<u8>>>>,
@@ -58,7 +57,7 @@ fn profile(timestamp: u32) -> Profile<1> {
     Profile::seal(&reported, &[GpsValues { status, latitude, longitude, ..GpsValues::absent(timestamp) }])
 }
 
-/// Returns the arrival of this number, at 10 Hz. Some arrivals are a duplicate, a damaged message or a foreign one.
+/// Returns the arrival of this number, at 10 Hz. Some arrivals are duplicates, damaged or foreign.
 fn arrival(cycle: u32) -> Carried {
     let mut bytes = profile(70_000 + 100 * (cycle - u32::from(cycle % 7 == 1))).as_bytes().to_vec();
     match cycle % 11 {
@@ -70,7 +69,6 @@ fn arrival(cycle: u32) -> Carried {
     Carried { at_us: START + 100_000 * u64::from(cycle), kind: Kind::Datagrams, line: 0, from, bytes }
 }
 
-/// Records these arrivals and returns each with the verdicts on its objects.
 fn record(recorder: &mut Recorder<Disk>, cycles: std::ops::Range<u32>) -> Vec<(Carried, Vec<Judged>)> {
     let mut intake = Intake::default();
     let recorded = cycles.map(|cycle| {
@@ -148,8 +146,7 @@ fn a_file_cut_anywhere_keeps_all_but_the_last_half_second() {
     let mut recorder = Recorder::new(disk.clone());
     let mut recorded = vec![];
     let mut intake = Intake::default();
-    // The file's length after each arrival is the length of the file that a process leaves if it is killed at that
-    // time.
+    // A process that is killed after an arrival leaves a file of the length at that instant.
     let mut left = vec![];
     for cycle in 0..60 {
         let carried = arrival(cycle);
@@ -165,7 +162,7 @@ fn a_file_cut_anywhere_keeps_all_but_the_last_half_second() {
         assert!(records.len() + 5 > cycle, "{} of {cycle}", records.len());
         assert!(records.iter().zip(&recorded).all(|(read, recorded)| is_same(read, recorded)));
     }
-    // A power loss may leave any part of the data that were being written at that time.
+    // A power loss may leave any part of the data that were being written.
     let mut before = 0;
     for length in 0..file.len() {
         let (records, _) = read(&file[..length]);
@@ -204,7 +201,6 @@ fn a_flipped_bit_costs_its_chunk_alone_and_is_told() {
     assert!(starts.len() > 10, "{}", starts.len());
     for start in &starts {
         let mut damaged = file.clone();
-        // The bit that flips is in the middle of the chunk's records.
         damaged[start + 200] ^= 0x10;
         let mut reader = Reader::new(&damaged[..]);
         let mut records = vec![];
@@ -218,7 +214,6 @@ fn a_flipped_bit_costs_its_chunk_alone_and_is_told() {
     }
 }
 
-/// Returns the offsets of the chunks in a file.
 fn chunks(file: &[u8]) -> Vec<usize> {
     let (mut at, mut found) = (mcap::MAGIC.len(), vec![]);
     while let Some(head) = file.get(at..at + 9).filter(|_| at + 8 < file.len()) {
@@ -238,7 +233,6 @@ fn a_disk_that_stays_full_is_told_without_a_pause() {
     record(&mut recorder, 0..100);
     let since = recorder.trouble().unwrap().since_us;
     for second in 1..20 {
-        // Here the system makes each file and accepts the data in memory, but no data reach the disk.
         record(&mut recorder, 100 * second..100 * second + 7);
         assert_eq!(recorder.trouble().map(|trouble| trouble.since_us), Some(since), "{second}");
     }
@@ -256,7 +250,6 @@ fn a_full_disk_is_told_and_ends_nothing() {
     let (before, _) = read(&disk.parts.borrow()[0]);
     assert!(!before.is_empty());
 
-    // When there is room again, the recorder continues in another part.
     *disk.free.borrow_mut() = None;
     let recorded = record(&mut recorder, 200..300);
     assert_eq!((recorder.trouble(), recorder.lost()), (None, lost));
@@ -299,12 +292,10 @@ fn files_are_never_overwritten() {
     assert_eq!(found, [true, true, false]);
 }
 
-/// Returns the first bytes of a record: its opcode, and the length that it claims.
 fn head(opcode: u8, length: u64) -> Vec<u8> {
     [&[opcode][..], &length.to_le_bytes()].concat()
 }
 
-/// Returns a recording without its end, and the length of its readable part.
 fn unfinished() -> (Vec<u8>, usize) {
     let disk = Disk::default();
     let mut recorder = Recorder::new(disk.clone());
@@ -316,15 +307,12 @@ fn unfinished() -> (Vec<u8>, usize) {
     (file, records.len())
 }
 
-/// Reads a whole file. Returns the number of arrivals, the reason why reading ended, and the numbers of bytes held and
-/// read.
 fn read_through(from: impl io::Read) -> (usize, String, usize, u64) {
     let mut reader = Reader::new(from);
     let mut count = 0;
     while reader.next_record().unwrap().is_some() {
         count += 1;
     }
-    // An invalid chunk is left out, and the reason is reported.
     let told = reader.lost().iter().map(String::as_str).chain(reader.torn()).collect::<Vec<_>>().join("; ");
     (count, told, reader.held(), reader.bytes_read())
 }
@@ -356,7 +344,6 @@ fn what_is_claimed_within_a_chunk_is_not_believed_either() {
     use mcap::records::op;
     let (file, records) = unfinished();
     let string = |length: u32, text: &[u8]| [&length.to_le_bytes()[..], text].concat();
-    // The chunk has no CRC, so everything in it is accepted as intact.
     let chunk = |compression: Vec<u8>, claimed: u64, inside: &[u8]| {
         let body = [&[0; 24][..], &[0; 4], &compression, &claimed.to_le_bytes(), inside].concat();
         [&file[..], &head(op::CHUNK, body.len() as u64), &body, &head(op::MESSAGE, 0)].concat()
@@ -368,7 +355,6 @@ fn what_is_claimed_within_a_chunk_is_not_believed_either() {
     let cases = [
         (whole(&head(op::MESSAGE, 1 << 40)), inside),
         (whole(&head(op::MESSAGE, u64::MAX)), inside),
-        // The claimed length reaches to the end of the bytes after the chunk.
         (whole(&head(op::MESSAGE, 9)), inside),
         (whole(&[op::MESSAGE, 1, 0]), inside),
         (whole(&channel), "a channel that is malformed"),

@@ -3,18 +3,17 @@
 
 use profile::{GpsStatus, GpsValues, HorusState, LinkStatus, LinkValues, Profile, ReportedStatus, ReportedValues};
 
-/// Reports that this test is not run because something is `missing`, and `how` to get it. If the environment has `CI`,
-/// the test fails, because nobody would notice there that it was not run.
+/// Prints that a test is not run because something is `missing`, and `how` to get it.
 ///
 /// # Panics
 ///
-/// Panics if the environment has `CI`.
+/// Panics if the environment has `CI`, where nobody would notice that the test was not run.
 pub(crate) fn not_run(missing: &str, how: &str) {
     assert!(std::env::var_os("CI").is_none(), "not run: {missing} ({how})");
     eprintln!("not run: {missing} ({how})");
 }
 
-/// Returns the DPR's image of three receivers at this time of HORUS's clock, ms: Link-Status, then the profile.
+/// Returns the DPR's image of three receivers at this time of HORUS's clock, ms.
 pub(crate) fn image(timestamp: u32) -> Vec<u8> {
     let status = ReportedStatus::new()
         .with_position_valid(true)
@@ -36,7 +35,6 @@ pub(crate) fn image(timestamp: u32) -> Vec<u8> {
 pub(crate) struct Drawn(pub(crate) u64);
 
 impl Drawn {
-    /// Returns the next number.
     pub(crate) fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut x = self.0;
@@ -45,7 +43,6 @@ impl Drawn {
         x ^ (x >> 31)
     }
 
-    /// Returns a number below `end`.
     pub(crate) fn below(&mut self, end: u64) -> u64 {
         self.next() % end
     }

@@ -1,5 +1,4 @@
-//! Checks, for each parser of a carrier's bytes, what must hold for any input, and makes the initial inputs. The fuzz
-//! targets and the ordinary tests share both.
+//! What must hold for any input of each parser of a carrier's bytes. The fuzz targets and the ordinary tests check it.
 #![allow(dead_code, reason = "a fuzz target uses one of them")]
 
 use base_station::carrier::mavlink::{Forwarder, Key, Rates, Received, Receiver, Signer, Verifier};
@@ -10,16 +9,12 @@ use base_station::recorder::{Parts, Reader, Recorder};
 use base_station::{Bundle, Fleet, Verdict, export};
 use profile::{GpsValues, LinkStatus, LinkValues, Profile, ReportedStatus, ReportedValues};
 
-/// An instant in 2026, µs since 1970.
 const NOW: u64 = 1_790_000_000_000_000;
 
-/// The length of the longest payload in a frame of a stream, bytes.
 const LONGEST: usize = 396;
 
-/// The name of a fuzz target, and the function that checks its parser with an input.
 pub(crate) type Body = (&'static str, fn(&[u8]));
 
-/// The checks of all parsers.
 pub(crate) const ALL: [Body; 5] = [
     ("mavlink", mavlink),
     ("datagram", datagram),
@@ -32,7 +27,6 @@ fn key() -> Key {
     Key::new([7; 32])
 }
 
-/// Cuts `bytes` into pieces; the bytes themselves determine the lengths of the pieces.
 fn pieces(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     let mut rest = bytes;
     std::iter::from_fn(move || {
@@ -43,10 +37,8 @@ fn pieces(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     })
 }
 
-/// Checks the parser of MAVLink, in datagrams and in a stream, with a key and without.
 pub(crate) fn mavlink(bytes: &[u8]) {
-    // The zeros complete any bytes that only look like the beginning of a message, so that the parser goes on behind
-    // these.
+    // The zeros complete bytes that only look like the beginning of a message.
     let ended = [bytes, &[0; 600]].concat();
     let whole = Receiver::default().datagram(NOW, &ended);
     let mut receiver = Receiver::default();
@@ -78,18 +70,15 @@ fn judged(kind: Kind, from: &str, bytes: &[u8]) -> Vec<Judged> {
     let judged = intake.take_each(&carried, |_, _| true, all);
     assert_eq!(intake.fleet().iter().len() > 0, judged.iter().any(|judged| judged.verdict.is_intact()));
     assert!(brought.is_empty() || brought.iter().copied().eq(judged.iter().map(|judged| judged.verdict)));
-    // The same input again shows nothing new.
     assert!(intake.take(&carried).iter().all(|judged| judged.verdict != Verdict::New));
     judged
 }
 
-/// Checks the parser of datagrams, which are profiles and images without framing.
 pub(crate) fn datagram(bytes: &[u8]) {
     let found = judged(Kind::Datagrams, "127.0.0.1:4000", bytes);
     assert_eq!(found.len(), Bundle::datagram(bytes).map_or(0, |bundle| bundle.objects().count()));
 }
 
-/// Checks the parser of frames that end with a zero byte.
 pub(crate) fn framed(bytes: &[u8]) {
     let mut deframer = Deframer::new(LONGEST);
     for frame in bytes.iter().filter_map(|byte| deframer.push(*byte)).flatten() {
@@ -108,7 +97,6 @@ pub(crate) fn framed(bytes: &[u8]) {
     });
 }
 
-/// Checks the parsers of a broker's messages and of topics.
 pub(crate) fn message(bytes: &[u8]) {
     judged(Kind::Published, "north/7", bytes);
     if let Some(read) = Published::read(bytes)
@@ -122,7 +110,6 @@ pub(crate) fn message(bytes: &[u8]) {
     }
 }
 
-/// Checks the parser of recordings, which may be whole, cut off or invented.
 pub(crate) fn recording(bytes: &[u8]) {
     let mut reader = Reader::new(bytes);
     let mut intake = Intake::default();
@@ -145,7 +132,6 @@ fn image(time: u32) -> Vec<u8> {
     [link.as_bytes(), Profile::<3>::seal(&reported, &[GpsValues::absent(time); 3]).as_bytes()].concat()
 }
 
-/// One part of a recording, in memory.
 #[derive(Clone, Default)]
 struct Memory(std::sync::Arc<std::sync::Mutex<Vec<u8>>>);
 
@@ -172,7 +158,6 @@ impl Parts for Memory {
     }
 }
 
-/// Returns the file that the recorder writes in a second.
 fn recorded() -> Vec<u8> {
     let memory = Memory::default();
     let mut recorder = Recorder::new(memory.clone());
@@ -189,7 +174,6 @@ fn recorded() -> Vec<u8> {
     memory.0.lock().expect("one thread").clone()
 }
 
-/// Returns the initial inputs: the name of the parser, the name of the input, and its bytes.
 pub(crate) fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     let image = image(70_000);
     let bundle = Bundle::datagram(&image).expect("an image of three receivers");
@@ -203,7 +187,6 @@ pub(crate) fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         std::iter::from_fn(|| forwarder.poll(1_000_000, NOW)).flatten().collect::<Vec<u8>>()
     };
     let (plain, signed) = (sent(None, 1_000_000), sent(Some(Signer::new(key(), 3)), 0));
-    // The first message is cut off in its signature and followed by whole ones.
     let cut = [&signed[..118], &signed[..]].concat();
     let verdicts = Fleet::default().take(base_station::Who::System(7), base_station::Source::default(), NOW, &bundle).1;
     let whole = published::message(NOW, &bundle, &verdicts);

@@ -1,5 +1,5 @@
-//! Tests every parser of a carrier's bytes on its fuzz corpus, and on inputs that differ a little from those of the
-//! corpus. `cargo xtask fuzz` tests many more such inputs.
+//! Tests every parser of a carrier's bytes on its fuzz corpus, and on slightly changed inputs. `cargo xtask fuzz` tests
+//! many more.
 
 mod bodies;
 use crate::common;
@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 
 use common::Drawn;
 
-/// The number of changed inputs for each parser.
 const CHANGED: usize = 3_000;
 
 fn folder(name: &str) -> PathBuf {
@@ -21,13 +20,11 @@ fn names(folder: &Path) -> BTreeSet<String> {
     entries.map(|entry| entry.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned()).collect()
 }
 
-/// Returns the corpus of a parser, in the order of the file names.
 fn corpus(parser: &str) -> Vec<Vec<u8>> {
     let folder = folder("corpus").join(parser);
     names(&folder).iter().map(|name| std::fs::read(folder.join(name)).unwrap()).collect()
 }
 
-/// Applies a few changes to an input: bits, bytes, cuts, repetitions, and pieces of another one.
 fn changed(drawn: &mut Drawn, input: &[u8], other: &[u8]) -> Vec<u8> {
     let mut bytes = input.to_vec();
     for _ in 0..=drawn.below(4) {

@@ -1,7 +1,6 @@
-//! Tests this crate against pymavlink, the library of MAVProxy and of most scripts. Each of the two reads what the
-//! other sends, plain and signed, in datagrams, in a stream and over sockets, among other messages and truncated ones.
-//! The program that uses pymavlink is `peer.py`. A recording of its messages is replayed without it in
-//! `carrier::mavlink`.
+//! Tests this crate against pymavlink, the library of MAVProxy and of most scripts. Each reads what the other sends,
+//! plain and signed, in datagrams, in a stream and over sockets, among other messages and truncated ones. `peer.py` is
+//! the program that uses pymavlink.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -25,13 +24,10 @@ use serde_json::{Value, json};
 
 const SECOND: u64 = 1_000_000;
 
-/// An instant in 2026, µs since 1970.
 const NOW: u64 = 1_790_000_000 * SECOND;
 
-/// The secret key as hexadecimal digits: the bytes 0, 1, … 31.
 const KEY: &str = "000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f";
 
-/// pymavlink in a separate process.
 struct Peer {
     child: Child,
     to: ChildStdin,
@@ -39,7 +35,6 @@ struct Peer {
 }
 
 impl Peer {
-    /// Starts pymavlink with the Python that has it; if there is none, prints a message and returns `None`.
     fn start() -> Option<Self> {
         let here = Path::new(env!("CARGO_MANIFEST_DIR"));
         let own = here.join("../target/pymavlink/bin/python").into_os_string();
@@ -77,7 +72,7 @@ impl Peer {
         self.answer()
     }
 
-    /// Returns the messages that pymavlink finds in each piece of one stream. If `signed` is set, it accepts only those
+    /// Returns the messages that pymavlink finds in each piece of one stream. With `signed`, it accepts only those
     /// signed with the key.
     fn parse(&mut self, signed: bool, pieces: &[Vec<u8>]) -> Vec<Vec<Value>> {
         let pieces: Vec<String> = pieces.iter().map(|piece| hex(piece)).collect();
@@ -93,7 +88,7 @@ impl Peer {
 
 impl Drop for Peer {
     fn drop(&mut self) {
-        // The process ends by itself when its input does; a failed test does not wait for that.
+        // A failed test does not wait until the process ends by itself.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -116,7 +111,6 @@ fn forwarder(signed: bool, standard_us: u64) -> Forwarder {
     if signed { forwarder.signed(Signer::new(key(), 5)) } else { forwarder }
 }
 
-/// Returns the messages that a forwarder sends in `cycles` cycles, one by one.
 fn sent(forwarder: &mut Forwarder, cycles: u32) -> Vec<Vec<u8>> {
     let mut sent = vec![];
     for cycle in 0..cycles {
@@ -127,7 +121,6 @@ fn sent(forwarder: &mut Forwarder, cycles: u32) -> Vec<Vec<u8>> {
     sent
 }
 
-/// Returns the type and the payload of a TUNNEL that pymavlink read.
 fn payload(message: &Value) -> (u16, Vec<u8>) {
     let fields = &message["fields"];
     let length = fields["payload_length"].as_u64().unwrap() as usize;
@@ -140,7 +133,6 @@ fn payload(message: &Value) -> (u16, Vec<u8>) {
     (u16::try_from(fields["payload_type"].as_u64().unwrap()).unwrap(), all[..length].to_vec())
 }
 
-/// Returns the objects of an image as they are in messages: payload type and bytes.
 fn expected(image: &[u8]) -> Vec<(u16, Vec<u8>)> {
     let gps =
         |first: u8, from: usize, to: usize| (tunnel::payload_type(Place::Gps(first)).unwrap(), image[from..to].into());
@@ -175,7 +167,8 @@ fn pymavlink_reads_what_is_sent_here_plain_and_signed() {
         }
         assert_eq!(standard.len(), 60);
     }
-    // If pymavlink requires signatures, it refuses unsigned messages, those signed with another key, and repeated ones.
+    // If signatures are required, pymavlink must refuse unsigned messages, those signed with another key, and repeated
+    // ones.
     let refused = |peer: &mut Peer, frames: &[Vec<u8>]| peer.parse(true, frames).iter().flatten().count();
     assert_eq!(refused(&mut peer, &sent(&mut forwarder(false, 0), 3)), 0);
     let other = Signer::new(Key::new([7; 32]), 5);
@@ -210,7 +203,6 @@ fn every_object_that_pymavlink_sends_is_received_plain_and_signed() {
         };
         let all: Vec<Vec<u8>> = objects.iter().map(|(_, bytes)| bytes.clone()).collect();
 
-        // Each message is sent as a datagram, in order, and then once more, cut off.
         let mut receiver = Receiver::new(verifier());
         let mut received = vec![];
         for (nth, (ours, frame)) in frames.iter().enumerate() {
@@ -224,7 +216,6 @@ fn every_object_that_pymavlink_sends_is_received_plain_and_signed() {
         let other = receiver.counts().foreign + receiver.counts().malformed;
         assert_eq!(other, objects.len() as u64 * 7, "MAVLink 1 is not looked at");
 
-        // The messages are sent as a stream in pieces of any length, and some of its bytes are damaged.
         let mut drawn = Drawn(1);
         let mut line = vec![];
         for (nth, (_, frame)) in frames.iter().enumerate() {
@@ -246,7 +237,6 @@ fn every_object_that_pymavlink_sends_is_received_plain_and_signed() {
         }
         assert!(unpack(&received) == all, "{} of {}", received.len(), all.len());
 
-        // A receiver with another key accepts none of these messages.
         if signed {
             let mut receiver = Receiver::new(Some(Verifier::new(Key::new([7; 32]))));
             assert!(frames.iter().all(|(_, frame)| receiver.datagram(NOW, frame).is_empty()));
@@ -263,7 +253,6 @@ fn every_object_pymavlink_reads_from_a_damaged_stream_is_read_here_too() {
     let mut line = vec![];
     for frame in &frames {
         match drawn.below(6) {
-            // The damage is a flipped bit, a message that is cut off, foreign bytes, or a lost message.
             0 => {
                 let mut frame = frame.clone();
                 let bit = drawn.below(frame.len() as u64 * 8) as usize;
@@ -288,8 +277,8 @@ fn every_object_pymavlink_reads_from_a_damaged_stream_is_read_here_too() {
     let read = peer.parse(false, &[line]);
     let there: Vec<Vec<u8>> =
         read.iter().flatten().filter(|message| message["name"] == "TUNNEL").map(|message| payload(message).1).collect();
-    // After damage, pymavlink takes the damaged bytes for a message and continues after it. So it loses the messages
-    // that begin within those bytes.
+    // After damage, pymavlink takes the damaged bytes for a message. It loses the messages that begin within those
+    // bytes.
     let mut rest = here.iter();
     assert!(there.iter().all(|object| rest.any(|other| other == object)), "in order, each is among those read here");
     assert!(there.len() > 100 && here.len() >= there.len(), "{} there, {} here", there.len(), here.len());
@@ -298,7 +287,6 @@ fn every_object_pymavlink_reads_from_a_damaged_stream_is_read_here_too() {
 #[test]
 fn pymavlink_and_a_station_hear_each_other_over_udp() {
     let Some(mut peer) = Peer::start() else { return };
-    // First this crate sends to pymavlink, as to any ground station.
     let port = peer.ask(&json!({ "do": "listen" })).as_u64().unwrap();
     let frames = sent(&mut forwarder(false, SECOND), 5);
     peer.request(&json!({ "do": "hear", "count": frames.len() }));
@@ -311,7 +299,6 @@ fn pymavlink_and_a_station_hear_each_other_over_udp() {
     let expected_of = |cycles: u32| (0..cycles).flat_map(|cycle| expected(&image(70_000 + 10 * cycle)));
     assert_eq!(tunnels.map(payload).collect::<Vec<_>>(), expected_of(5).collect::<Vec<_>>());
 
-    // Then pymavlink sends to a running station.
     let clock = Clock::begin();
     let (inlet, station, ended) = live::start(None, None, Time::Clock(clock.clone()), |_, _| {});
     let bound = lines::udp("127.0.0.1:0".parse().unwrap(), Kind::MavlinkDatagrams, 0, clock, inlet.clone()).unwrap();
@@ -322,8 +309,7 @@ fn pymavlink_and_a_station_hear_each_other_over_udp() {
         let drone = known.intake.fleet().iter().next();
         drone.map(|(id, drone)| (id.to_string(), drone.timestamp(), drone.counts().new))
     };
-    // Reported-Position of the last cycle comes before the GPS objects of that cycle. The test waits until all have
-    // come, each once.
+    // Reported-Position comes before the GPS objects of its cycle, so the test waits until all have come.
     let began = Instant::now();
     while shown() != Some(("42".into(), Some(70_040), 5 * 5)) {
         assert!(began.elapsed() < Duration::from_secs(20), "arrived is {:?}", shown());
@@ -346,7 +332,7 @@ fn an_autopilot_sends_to_a_station_once_it_receives_its_heartbeat() {
         expected(&image(70_000)).into_iter().map(|(kind, from)| json!({ "type": kind, "bytes": hex(&from) })).collect();
     let is_active = |seconds: f64| json!({ "do": "is_active", "seconds": seconds, "objects": objects });
 
-    // A station that only listens is unknown to pymavlink, so pymavlink sends nothing to it.
+    // pymavlink does not know a station that only listens, so it sends nothing to that station.
     assert_eq!(peer.ask(&is_active(1.5)), Value::Null);
     assert_eq!(station.known().intake.fleet().iter().len(), 0);
 

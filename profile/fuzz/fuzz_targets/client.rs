@@ -1,5 +1,5 @@
-//! Plays the same tape to the flight controller's client in Rust and in C, whose outputs must be equal. See
-//! `tests/support/tape.rs` for the tape, and `tests/support/invariants.rs` for further assertions.
+//! Plays one tape (`tests/support/tape.rs`) to the flight controller's clients in Rust and in C. Their outputs must be
+//! equal. `tests/support/invariants.rs` has further assertions.
 #![no_main]
 
 use std::ffi::c_void;
@@ -25,7 +25,6 @@ extern "C" fn gather(context: *mut c_void, text: *const u8, count: usize) {
     said.extend_from_slice(text);
 }
 
-/// The output of the C client.
 fn c(tape: &[u8]) -> String {
     let mut said = Vec::<u8>::new();
     // SAFETY: the tape outlives the call, which reads `count` bytes of it and calls `gather` with the vector.

@@ -8,10 +8,8 @@ use crate::{
     criticality::{Writer, WritesUplink},
 };
 
-/// The payload of the answer: the uplink of the base station and that of the flight controller, each as it was written.
-/// An uplink that is missing, damaged or older than [`COMMAND_AGE_MS`](super::COMMAND_AGE_MS) is replaced by zeros.
-///
-/// Any 128 bytes can be read as an answer; [`Answer::uplink`] checks whether an uplink in it is valid.
+/// The payload of the answer: the base station's uplink and the flight controller's, each as it was written. Zeros
+/// replace an uplink that is missing, damaged or older than [`COMMAND_AGE_MS`](super::COMMAND_AGE_MS).
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Answer {
@@ -25,7 +23,7 @@ impl Answer {
     /// The answer without an uplink: zeros.
     pub const EMPTY: Self = bytemuck::zeroed();
 
-    /// The answer in `bytes`. This function does not check the uplinks in it.
+    /// Reads `bytes` as an answer, without checking the uplinks.
     ///
     /// # Errors
     ///
@@ -44,7 +42,7 @@ impl Answer {
         Uplink::verify::<W>(if W::INDEX == 0 { base_station.as_bytes() } else { flight_controller.as_bytes() })
     }
 
-    /// Puts an uplink of role `W` in its place, or [`Uplink::EMPTY`] if there is no uplink to hand on to the hold.
+    /// Sets the uplink of role `W`, or [`Uplink::EMPTY`] if there is none for the hold.
     pub fn set_uplink<W: WritesUplink>(&mut self, _writer: Writer<W>, uplink: Uplink) {
         let [base_station, flight_controller] = &mut self.uplinks;
         *(if W::INDEX == 0 { base_station } else { flight_controller }) = uplink;

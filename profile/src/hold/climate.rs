@@ -1,4 +1,4 @@
-//! This project's own hold: climate and vibration of a payload. It is an example, which another maker replaces.
+//! This project's own hold: climate and vibration of a payload. It is an example that other makers replace.
 use core::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
@@ -15,8 +15,7 @@ use crate::{
 /// A command to the hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum HoldCommand {
-    /// Changes the set-point of the temperature, °C. The hold refuses a set-point that is outside its own limits or is
-    /// not a number.
+    /// Changes the set-point of the temperature, °C. The hold refuses NaN and a set-point outside its own limits.
     SetPoint(f32),
     /// Locks the hold.
     Lock,
@@ -50,7 +49,7 @@ impl Words for HoldCommand {
 bit_set! {
     /// Status of Hold-Status.
     HoldStatusBits, used 0x01FF;
-    /// Bit 0: the values are valid. Even then a value that is not known is NaN.
+    /// Bit 0: the values are valid. A value that is not known is still NaN.
     values_valid, with_values_valid = 0;
     /// Bit 1: the values are within the hold's limits.
     within_limits, with_within_limits = 1;
@@ -82,7 +81,7 @@ impl HoldStatusBits {
 /// The contents of Hold-Status in plain numbers. A value that is not known is NaN ([`ABSENT_F32`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HoldValues {
-    /// The timestamp, ms since the hold's start, wraps; one [period](super::PERIOD_MS) more in each object.
+    /// The timestamp, ms since the hold's start, wraps. It is one [period](super::PERIOD_MS) later in each object.
     pub timestamp: u32,
     /// The state of the hold.
     pub status: HoldStatusBits,
@@ -94,9 +93,9 @@ pub struct HoldValues {
     pub set_point: f32,
     /// The root mean square of the vibration along x, y, z over the last second, m/s².
     pub vibration: [f32; 3],
-    /// The greatest shock since the start, or since it was cleared, m/s².
+    /// The greatest shock since the hold's start or the last [`HoldCommand::ClearShock`], m/s².
     pub greatest_shock: f32,
-    /// The supply, V.
+    /// The supply voltage, V.
     pub supply: f32,
     /// The output of the temperature control, -1 (cooling) to 1 (heating).
     pub output: f32,
@@ -127,8 +126,6 @@ impl HoldValues {
 }
 
 /// A Hold-Status object: 64 bytes. The last four are the frame CRC of the other 60.
-///
-/// Any 64 bytes can be read as Hold-Status; [`HoldStatus::verify`] checks whether they are a valid one.
 ///
 /// | bytes | | bytes | |
 /// |---|---|---|---|
@@ -209,7 +206,7 @@ impl HoldStatus {
         findings.check(object.identifier() == Identifier::HOLD_STATUS, Rejection::Identifier).judge(object)
     }
 
-    /// This Hold-Status as an object in the layout that all makers share.
+    /// This Hold-Status in the layout that all makers share.
     #[must_use]
     pub const fn as_object(&self) -> &HoldObject {
         bytemuck::must_cast_ref(self)

@@ -2,27 +2,25 @@
 //!
 //! # Numbers
 //!
-//! A command's sequence number is *new* if it is 1 to 32767 ahead of the writer's last acknowledged number, so that
-//! numbers may wrap; the first after the hold's start is compared with 0. A command with a new number is executed,
-//! refused, or found unknown or too old, and is acknowledged in each case: from then on neither its number nor one
-//! behind it is new. So a command is executed once at most, in the order of the numbers, whatever is lost, repeated,
-//! delayed or exchanged on the way. A writer's next number must follow the [acknowledged](super::Acknowledged) one.
+//! A command's sequence number is *new* if it is 1 to 32767 ahead of the last number that the hold acknowledged to the
+//! writer; 0 stands for that number at the hold's start. The hold acknowledges each command with a new number, whether
+//! it executed or refused the command, or found it unknown or too old. After that, neither the number nor one behind it
+//! is new. So a command is executed once at most and in order, whatever is lost, repeated, delayed or exchanged on the
+//! way. A writer's next number must follow the [acknowledged](super::Acknowledged) one.
 //!
 //! # Age
 //!
-//! The bytes of an answer do not show how old an uplink is: its timestamp is on the writer's clock. The DPR hands on
-//! only uplinks that it stored at most [1 s](super::COMMAND_AGE_MS) ago. The hold does not rely on the DPR alone. It
-//! judges the progress of each writer's timestamps on its own clock:
+//! The bytes of an answer do not show how old an uplink is, because its timestamp is on the writer's clock. The DPR
+//! hands on only uplinks that it stored at most [1 s](super::COMMAND_AGE_MS) ago. The hold also judges the progress of
+//! each writer's timestamps on its own clock:
 //!
-//! - A timestamp that is later than the one before it (by less than 2³¹ ms) is *fresh*: the writer has written since.
-//! - The first timestamp after the hold's start does not prove that its uplink is new. Nor does one that is earlier
-//!   than the one before it: the writer has restarted, or an old uplink was sent again. A new command with such a
-//!   timestamp waits, and is executed when it comes with a later timestamp.
-//! - A timestamp that has been the same for more than 1 s is too old, whether it was fresh or not, and so is a new
-//!   command that comes with it.
+//! - A timestamp that is later than the writer's last one (by less than 2³¹ ms) is *fresh*.
+//! - The first timestamp after the hold's start, or one that is earlier than the writer's last, may belong to an old
+//!   uplink. A new command that comes with it waits for a later timestamp.
+//! - A timestamp that has been the same for more than 1 s is too old, and so is a new command that comes with it.
 //!
-//! The hold cannot judge how long an uplink took to reach the DPR if it is its writer's first for a while. The writer's
-//! own radio link must prevent that delay.
+//! The hold cannot tell how long the first uplink after a pause took to reach the DPR. The writer's own radio link must
+//! bound that delay.
 use bytemuck::{Pod, Zeroable};
 
 use super::{Acknowledged, Answer, COMMAND_AGE_MS, Outcome};
@@ -37,14 +35,13 @@ pub const COMMAND_SIZE: usize = size_of::<WireCommand>();
 
 /// The commands that a maker's hold accepts, as they are encoded on the wire.
 pub trait Words: Sized {
-    /// The command's word, which is not 0, and its value; the value is 0.0 if the command needs none.
+    /// The command's word, which is not 0, and its value; 0.0 if the command needs no value.
     fn encode(&self) -> (u16, f32);
 
     /// The command with this word and this value; `None` if the word is unknown.
     fn decode(word: u16, value: f32) -> Option<Self>;
 }
 
-/// A command on the wire.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct WireCommand {
@@ -62,7 +59,6 @@ impl WireCommand {
         Self { number: U16Le::new(number), word: U16Le::new(word), value: F32Le::new(value), reserved: U32Le::new(0) }
     }
 
-    /// The command at the beginning of `payload`.
     fn of(payload: &[u8; Uplink::PAYLOAD]) -> Self {
         let (command, _) = payload.split_at(COMMAND_SIZE);
         *bytemuck::from_bytes(command)
@@ -73,7 +69,7 @@ impl WireCommand {
     }
 }
 
-/// The result of a command that the hold was given to execute.
+/// What a hold did with a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Executed {
     /// The command was carried out.
@@ -82,17 +78,14 @@ pub enum Executed {
     Refused,
 }
 
-/// A writer's timestamp, with the time on the hold's clock at which the timestamp first came.
+/// A writer's timestamp, with the instant at which the hold first received it.
 #[derive(Clone, Copy, Debug)]
 struct Seen {
     timestamp: u32,
-    /// The time on the hold's clock at which this timestamp first came, ms.
     since_ms: u64,
-    /// Whether this timestamp was later than the writer's timestamp before it.
     is_later: bool,
 }
 
-/// The age of an uplink, as far as the hold can judge it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Age {
     Fresh,
@@ -100,7 +93,6 @@ enum Age {
     TooOld,
 }
 
-/// The state that the hold keeps about one writer of commands.
 #[derive(Clone, Copy, Debug, Default)]
 struct Memory {
     acknowledged: Acknowledged,
@@ -108,7 +100,6 @@ struct Memory {
 }
 
 impl Memory {
-    /// The age of an uplink with `timestamp` that came at `now_ms`.
     fn age(&mut self, timestamp: u32, now_ms: u64) -> Age {
         let seen = match self.seen {
             Some(seen) if seen.timestamp == timestamp => seen,
@@ -127,7 +118,7 @@ impl Memory {
         }
     }
 
-    /// Executes and acknowledges the command in `uplink`, if it has a new number and its age is not unknown.
+    /// Executes and acknowledges the command in `uplink` if its number is new. A command of unknown age waits.
     fn take<C: Words>(&mut self, uplink: &Uplink, now_ms: u64, execute: impl FnOnce(C) -> Executed) {
         let age = self.age(uplink.timestamp(), now_ms);
         let command = WireCommand::of(&uplink.values().payload);
@@ -148,20 +139,16 @@ impl Memory {
     }
 }
 
-/// Whether `number` is 1 to 32767 ahead of `than`.
 pub(super) const fn is_newer(number: u16, than: u16) -> bool {
     let ahead = number.wrapping_sub(than);
     ahead != 0 && ahead <= u16::MAX / 2
 }
 
-/// The rule by which a hold executes each command once at most, with the state that it needs.
+/// The rule by which a hold executes each command once at most, with its state.
 ///
-/// A command's sequence number is *new* if it is 1 to 32767 ahead of the writer's acknowledged number, which is 0 at
-/// the hold's start. A command with a new number is executed, refused, or found unknown or too old, and is acknowledged
-/// as such; afterwards neither this number nor one behind it is new. The age of a command is judged by the progress of
-/// its writer's timestamps on the hold's clock (docs/design.md#commands-to-the-hold). A later timestamp is fresh; one
-/// that has been the same for more than [`COMMAND_AGE_MS`] is too old. With the first timestamp, or an earlier one, the
-/// age is unknown, so the command waits for a later timestamp.
+/// See docs/design.md#commands-to-the-hold for the rule: a command's number must be new and its writer's timestamp
+/// fresh. A command that comes with the first timestamp after the hold's start, or with an earlier one, waits for a
+/// later timestamp. One that comes with a timestamp older than [`COMMAND_AGE_MS`] is acknowledged as too old.
 ///
 /// ```
 /// use profile::criticality::{BaseStation, Writer};
@@ -202,15 +189,14 @@ pub struct Commands {
 }
 
 impl Commands {
-    /// The state of a hold after its supply has come on: no command was acknowledged.
+    /// The state of a hold after power-on: no command was acknowledged.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// The state of a hold that has kept its acknowledgements through a reset; they are in the order of
-    /// [`WritesUplink::INDEX`]. A hold that has lost them may execute a command again if it executed the command before
-    /// the reset and the acknowledgement never reached the writer.
+    /// The state of a hold that has kept its acknowledgements through a reset, in the order of [`WritesUplink::INDEX`].
+    /// A hold that lost them could execute a command twice: once before the reset and once after it.
     #[must_use]
     pub const fn resume(acknowledged: [Acknowledged; 2]) -> Self {
         let [base_station, flight_controller] = acknowledged;
@@ -220,12 +206,13 @@ impl Commands {
         }
     }
 
-    /// Executes each command in `answer` that is new and of known age, that of the base station first. `now_ms` is the
-    /// time since the hold's start. `execute` gets the writer and the command, and enforces the hold's limits.
+    /// Executes each new command in `answer`, the base station's first, if its uplink is fresh. `now_ms` is the time
+    /// since the hold's start. `execute` gets the writer and the command, and enforces the hold's limits.
     ///
-    /// The hold calls this for each answer that came. A missing or damaged uplink in the answer changes nothing.
+    /// The hold calls this for each answer. A missing or damaged uplink changes nothing.
     pub fn take<C: Words>(&mut self, answer: &Answer, now_ms: u64, mut execute: impl FnMut(Function, C) -> Executed) {
-        // Both uplinks are verified before a command is executed, so that the work does not depend on the command.
+        // Both uplinks are verified before either command is executed, so that the work does not depend on the
+        // commands.
         let uplinks = (answer.uplink::<BaseStation>(), answer.uplink::<FlightController>());
         if let Ok(uplink) = uplinks.0 {
             self.base_station.take(uplink, now_ms, |command| execute(Function::BaseStation, command));

@@ -4,10 +4,9 @@ use crate::{PortStatusBits, Rejection};
 
 /// The DPR's state about the hold's frames.
 ///
-/// A frame is accepted if it is an intact [object of a hold](HoldObject::verify), and if its timestamp differs from
-/// that of the last accepted object: so a hold that hangs and repeats its object does not appear alive. If no further
-/// object is accepted within [`EXPIRY_MS`], the last one is no longer shown; its place in the [map](crate::map) is then
-/// 0x00 throughout, as at the DPR's start.
+/// A frame is accepted if it is an intact [object of a hold](HoldObject::verify) with another timestamp than the last
+/// accepted object. So a hold that hangs and repeats its object does not seem alive. The last object is shown for
+/// [`EXPIRY_MS`]; then its bytes in the [map](crate::map) are 0x00, as at the DPR's start.
 #[derive(Clone, Debug, Default)]
 pub struct Intake {
     /// The timestamp of the last accepted object, and the instant at which its frame ended, µs.
@@ -26,7 +25,7 @@ impl Intake {
         Self::default()
     }
 
-    /// Judges the payload of a frame that ended at `now_us`, on a clock that does not wrap.
+    /// Judges the payload of a frame that ended at `now_us`, µs on a clock that does not wrap.
     ///
     /// # Errors
     ///
@@ -54,7 +53,7 @@ impl Intake {
         self.accepted.is_some_and(|(_, since_us)| is_within_expiry(since_us, now_us))
     }
 
-    /// Returns `status` with the bits of Port-Status that describe the hold set to the state at `now_us`.
+    /// Sets the bits of Port-Status that describe the hold to the state at `now_us`.
     #[must_use]
     pub fn port_status(&self, status: PortStatusBits, now_us: u64) -> PortStatusBits {
         status
@@ -111,7 +110,7 @@ mod tests {
         }
         assert!(!intake.is_shown(300_000));
         assert_eq!(bits(&intake, 300_000), (true, false, 1, 3));
-        // A hold that has restarted counts from 0 again, and its object is accepted: the order is not checked.
+        // A hold that has restarted counts from 0 again, so an earlier timestamp is accepted.
         assert!(intake.receive(object(0).as_bytes(), 400_000).is_ok());
         assert!(intake.is_shown(400_000));
         assert_eq!(bits(&intake, 400_000), (true, true, 2, 3));

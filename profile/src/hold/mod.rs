@@ -1,21 +1,20 @@
 //! The active hold: the second, non-critical function on the same DPR (paper, sections 1 and 2.1; Table 1).
 //!
-//! # Design
+//! A payload unit with its own microcontroller sends one object, [Hold-Status](HoldStatus), in each
+//! [period](PERIOD_MS). It gets at most one [`Answer`]: the [uplinks](crate::Uplink) in which base station and flight
+//! controller command it. The DPR puts Hold-Status into the [map](crate::map), behind both uplinks. HORUS's function
+//! does not depend on the hold (docs/design.md#active-hold).
 //!
-//! A payload unit with a microcontroller of its own sends one object, [Hold-Status](HoldStatus), in each
-//! [period](PERIOD_MS), and gets at most one [`Answer`]: both [uplinks](crate::Uplink), in which base station and
-//! flight controller command it. The DPR puts Hold-Status into the [map](crate::map), behind both uplinks. HORUS's
-//! function shares nothing with the hold and does not depend on it (docs/design.md#active-hold).
-//!
-//! **The exchange.** The hold's frame is one [`HoldObject`], the answer is one [`Answer`], both NFC-F at 424 kbit/s. A
-//! frame or an answer that fails is lost and is not repeated; the next period brings the next one.
+//! **The exchange.** The hold's frame is one [`HoldObject`], the answer one [`Answer`], both NFC-F at 424 kbit/s. A
+//! lost frame or answer is not repeated.
 //!
 //! | frame | payload, bytes | air time, ms |
 //! |---|---|---|
 //! | {Hold-Status} | 64 | 1.416 |
 //! | {uplink of the base station, uplink of the flight controller} | 128 | 2.624 |
 //!
-//! **Commands.** A command is the first [12 bytes](COMMAND_SIZE) of an uplink's payload; the writer may use the rest.
+//! **Commands.** A command is the first [12 bytes](COMMAND_SIZE) of an uplink's payload. The hold ignores the rest of
+//! the payload.
 //!
 //! | bytes of the payload | |
 //! |---|---|
@@ -24,11 +23,11 @@
 //! | 4..8 | f32 value |
 //! | 8..12 | zero |
 //!
-//! [`Commands`] is the hold's rule by which it executes each command at most once. [`Sender`] is for the writer of
-//! commands: it numbers them, repeats them until they are acknowledged, and reports which are lost.
+//! [`Commands`] is the hold's rule for executing each command at most once. [`Sender`] numbers a writer's commands,
+//! repeats them until they are acknowledged, and reports which are lost.
 //!
-//! **Makers.** [`HoldStatus`] and [`HoldCommand`] are this project's example, in one file. The rest of this module is
-//! the same for every maker: docs/profiles.md shows how another maker replaces that file.
+//! **Makers.** [`HoldStatus`] and [`HoldCommand`] are this project's example, in one file. docs/profiles.md shows how
+//! another maker replaces that file; the rest of this module is for every maker.
 
 mod answer;
 mod climate;
@@ -46,10 +45,10 @@ pub use sender::{Sender, Sent};
 
 use crate::air;
 
-/// The time between two frames of the hold, ms: every timestamp exceeds the timestamp before it by this.
+/// The time between two frames of the hold, ms, by which their timestamps differ.
 pub const PERIOD_MS: u32 = 100;
 
-/// The time after the end of the hold's frame within which the answer begins, µs. Then the hold stops waiting for it.
+/// The longest time from the end of the hold's frame to the start of the answer, µs. After it the hold stops waiting.
 pub const ANSWER_WINDOW_US: u32 = 3_000;
 
 /// The time after which the DPR no longer shows a hold's object if no newer one came, ms: three periods.
@@ -64,7 +63,7 @@ pub const FRAME_NS: u64 = air::air_time_ns(64);
 /// The air time of the answer, ns.
 pub const ANSWER_NS: u64 = air::air_time_ns(128);
 
-/// The longest time that one exchange takes, ns: the frame, the window, and an answer that begins at the window's end.
+/// The longest time that one exchange takes, ns: the frame, [`ANSWER_WINDOW_US`] and the answer.
 #[expect(clippy::as_conversions, reason = "it widens, and u64::from is not const")]
 pub const EXCHANGE_NS: u64 = FRAME_NS + 1_000 * ANSWER_WINDOW_US as u64 + ANSWER_NS;
 
@@ -72,6 +71,6 @@ pub const EXCHANGE_NS: u64 = FRAME_NS + 1_000 * ANSWER_WINDOW_US as u64 + ANSWER
 const _: () = {
     assert!(HoldObject::SIZE == 64 && Answer::SIZE == 128);
     assert!(Answer::SIZE <= air::MAX_PAYLOAD);
-    // The remaining nine tenths of a period are for the hold's own work and for a clock that deviates.
+    // The hold needs the remaining nine tenths of a period for its own work and for a deviating clock.
     assert!(EXCHANGE_NS <= 1_000_000 * PERIOD_MS as u64 / 10);
 };

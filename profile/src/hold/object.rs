@@ -1,4 +1,4 @@
-//! The object that a hold sends, in the layout that the DPR and the writers of commands read.
+//! The object that a hold sends, in the layout that is the same for every maker.
 use core::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
@@ -10,7 +10,7 @@ use crate::{
     wire::{CrcBe, U16Le, U32Le},
 };
 
-/// The outcome of a command to the hold.
+/// What became of a command to the hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Outcome {
     /// No command has come since the hold's start.
@@ -21,7 +21,8 @@ pub enum Outcome {
     Refused,
     /// The command's word is unknown, or its reserved bytes are not zero.
     Unknown,
-    /// The command's uplink had the same timestamp for more than [`COMMAND_AGE_MS`](super::COMMAND_AGE_MS).
+    /// The uplink that carries the command had the same timestamp for more than
+    /// [`COMMAND_AGE_MS`](super::COMMAND_AGE_MS).
     TooOld,
 }
 
@@ -64,7 +65,7 @@ impl Acknowledged {
         Self { number, code: outcome.code() }
     }
 
-    /// The sequence number of the acknowledged command; 0 while there was none.
+    /// The sequence number of the acknowledged command; 0 if there was none.
     #[must_use]
     pub const fn number(self) -> u16 {
         self.number
@@ -76,14 +77,13 @@ impl Acknowledged {
         Outcome::from_code(self.code)
     }
 
-    /// The code of the outcome on the wire, reserved or not.
+    /// The code of the outcome on the wire; it may be reserved.
     #[must_use]
     pub const fn code(self) -> u16 {
         self.code
     }
 }
 
-/// An [`Acknowledged`] on the wire.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct WireAcknowledged {
@@ -104,7 +104,7 @@ impl WireAcknowledged {
 /// The contents of a hold's object. Its maker defines what `status`, `values` and `more` mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HoldObjectValues {
-    /// The timestamp, ms since the hold's start, wraps; one [period](super::PERIOD_MS) more in each object.
+    /// The timestamp, ms since the hold's start, wraps. It is one [period](super::PERIOD_MS) later in each object.
     pub timestamp: u32,
     /// The status word, which the maker defines.
     pub status: UplinkStatus,
@@ -118,8 +118,7 @@ pub struct HoldObjectValues {
 
 /// The object of a hold of any maker: 64 bytes. The last four are the frame CRC of the other 60.
 ///
-/// Any 64 bytes can be read as this object; [`HoldObject::verify`] checks whether they are a valid one. The DPR and the
-/// [`Sender`](super::Sender) of commands read only the parts that are the same for every maker:
+/// The DPR and the [`Sender`](super::Sender) of commands read only the fields that are the same for every maker:
 ///
 /// | bytes | |
 /// |---|---|
@@ -165,7 +164,7 @@ impl HoldObject {
     ///
     /// # Panics
     ///
-    /// Panics if the [identifier](Identifier::is_active_load) is not one of the active load.
+    /// Panics if `identifier` is not one [of the active load](Identifier::is_active_load).
     #[must_use]
     pub fn seal<W: MayWrite<object::Hold>>(
         _writer: Writer<W>,

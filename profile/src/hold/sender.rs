@@ -1,4 +1,4 @@
-//! The end of a writer of commands to the hold: it numbers commands and repeats them until they are acknowledged.
+//! The writer's end of the commands to the hold: it numbers commands and repeats them until they are acknowledged.
 use core::marker::PhantomData;
 
 use super::{
@@ -13,29 +13,26 @@ pub enum Sent {
     /// No command was sent.
     #[default]
     Nothing,
-    /// The command with this number is put in every uplink, and is not acknowledged yet.
+    /// The command with this number is sent in every uplink until the hold acknowledges it.
     Waiting(u16),
-    /// The hold has acknowledged the command with this number; this is final.
+    /// The hold has acknowledged the command with this number, with this outcome.
     Answered(u16, Outcome),
-    /// The command with this number is no longer sent, and was not acknowledged: it was executed once or not at all. If
-    /// its acknowledgement still comes, the state becomes [`Answered`](Self::Answered).
+    /// The command with this number is no longer sent. It was executed once or not at all. A late acknowledgement
+    /// changes the state to [`Answered`](Self::Answered).
     Lost(u16),
 }
 
 /// The commands of role `W` to the hold, one at a time.
 ///
-/// Each object of the hold that was read is passed to [`Sender::observe`], and [`Sender::fill`] puts the command into
-/// the payload of every uplink that is written, each with a later timestamp. The hold executes a command once, however
-/// often it comes; it may need a second uplink to detect that the first was not an old one. The caller decides how long
-/// the command is repeated, and ends that with [`Sender::give_up`].
+/// Pass each object of the hold that was read to [`Sender::observe`]. Before each uplink is sealed, [`Sender::fill`]
+/// puts the command into its payload; each uplink needs a later timestamp. The hold may need two uplinks to see that
+/// the first was not an old one, and executes the command once. [`Sender::give_up`] ends the repetition.
 #[derive(Clone, Debug)]
 pub struct Sender<W> {
     sent: Sent,
-    /// The bytes of the command that is waiting.
     command: [u8; COMMAND_SIZE],
     /// The timestamp of the last object of the hold, and the number that it acknowledged.
     hold: Option<(u32, u16)>,
-    /// The number of the last command that was sent.
     number: Option<u16>,
     writer: PhantomData<W>,
 }
@@ -47,8 +44,8 @@ impl<W: WritesUplink> Sender<W> {
         Self { sent: Sent::Nothing, command: [0; COMMAND_SIZE], hold: None, number: None, writer: PhantomData }
     }
 
-    /// Takes the acknowledgement from an object of the hold. A waiting command becomes lost if the hold has restarted,
-    /// or has acknowledged a later command.
+    /// Reads the acknowledgement in an object of the hold. A waiting command is lost if the hold has restarted, or has
+    /// acknowledged a later command.
     pub fn observe(&mut self, object: &HoldObject) {
         let acknowledged = object.acknowledged::<W>();
         let behind = self.hold.map_or(0, |(before, _)| before.wrapping_sub(object.timestamp()));
@@ -64,8 +61,8 @@ impl<W: WritesUplink> Sender<W> {
         };
     }
 
-    /// Sends `command` from now on, and returns its number. Returns `None`, and sends nothing, while another command is
-    /// waiting, or before an object of the hold was read, since the number must follow the acknowledged one.
+    /// Sends `command` from now on and returns its number. Returns `None`, and sends nothing, while another command is
+    /// waiting or before an object of the hold was read: the number must follow the acknowledged one.
     pub fn send<C: Words>(&mut self, command: &C) -> Option<u16> {
         let (_, acknowledged) = self.hold.filter(|_| !matches!(self.sent, Sent::Waiting(_)))?;
         let last = self.number.filter(|number| is_newer(*number, acknowledged)).unwrap_or(acknowledged);
@@ -76,14 +73,14 @@ impl<W: WritesUplink> Sender<W> {
         Some(number)
     }
 
-    /// Stops sending the command that is waiting: it is lost.
+    /// Stops sending the waiting command, which is then lost.
     pub const fn give_up(&mut self) {
         if let Sent::Waiting(number) = self.sent {
             self.sent = Sent::Lost(number);
         }
     }
 
-    /// Puts the waiting command, or zeros without one, at the beginning of an uplink's payload. The rest is unchanged.
+    /// Puts the waiting command, or zeros if there is none, at the beginning of an uplink's payload.
     pub fn fill(&self, payload: &mut [u8; Uplink::PAYLOAD]) {
         let (place, _) = payload.split_at_mut(COMMAND_SIZE);
         let waiting = matches!(self.sent, Sent::Waiting(_));

@@ -1,7 +1,7 @@
 //! The request by which a flight controller selects what it reads next.
 //!
 //! SSI is SPI mode 0, most significant bit first, with the flight controller as controller. There is one transaction in
-//! each control cycle, full duplex. While the DPR sends the window of the last request, it accepts a request for the
+//! each control cycle, full duplex: while the DPR sends the window of the last request, it receives the request for the
 //! next transaction:
 //!
 //! | bytes | request (8) |
@@ -10,22 +10,21 @@
 //! | 2..4 | u16 length, bytes |
 //! | 4..8 | [frame CRC](crate::crc) over 0..4 |
 //!
-//! Eight bytes 0x00 are an empty request, and so are eight bytes 0xFF, which is what the DPR reads from an undriven
-//! MOSI line. After a transaction without a request the next one reads the whole map, from its start: a request holds
-//! for one transaction.
+//! Eight bytes 0x00 are an empty request. So are eight bytes 0xFF, which the DPR reads from an undriven MOSI line. A
+//! request holds for one transaction: after an empty one, the next transaction reads the whole map from its start.
 //!
 //! After the request the flight controller may write one [object](crate::uplink::Written) of 64 bytes, an uplink or a
 //! command. [`port_status`](crate::port_status) defines how the DPR judges what was written.
 //!
-//! Neither empty request can be mistaken for a request of a window. The CRC of four bytes 0x00 is not 0. Eight bytes
-//! 0xFF do have a valid CRC (the initial value 0xFFFFFFFF XORed with four bytes 0xFF is 0, of which the final XOR makes
-//! four bytes 0xFF), but would request 65535 bytes from offset 65535, and no map is that long. Bytes 0xFF have a valid
-//! CRC at no other length.
+//! Neither form of the empty request can be mistaken for a request of a window. The CRC of four bytes 0x00 is not 0.
+//! Eight bytes 0xFF have a valid CRC (0xFFFFFFFF XOR four bytes 0xFF is 0, of which the final XOR makes four bytes
+//! 0xFF), but ask for 65535 bytes from offset 65535, and no map is that long. Bytes 0xFF have a valid CRC at no other
+//! length.
 //!
 //! # Timing
 //!
-//! These are the bounds that a flight controller must keep on the wire. They hold at the DPR's pins, behind the
-//! isolator. The numbers are constants in [`timing`].
+//! A flight controller must keep these bounds at the DPR's pins, behind the isolator. [`timing`] has the numbers as
+//! constants.
 //!
 //! | what | bound | source |
 //! |---|---|---|
@@ -36,20 +35,20 @@
 //! | MOSI valid before and after the SCK edge | ≥ 59 ns, ≥ 20 ns | same |
 //! | CSN rises to CSN falls | ≥ 10 µs | this project: see below |
 //!
-//! `docs/hardware.md` lists which of these bounds were checked against the document again, and what they mean for
+//! `docs/hardware.md` says which of these bounds were checked against the document again, and what they mean for
 //! isolators.
 //!
-//! The DPR needs up to 10 µs after a transaction to take the request and to pass the next buffer to its SPI peripheral.
-//! A transaction that begins earlier is not an error: it reads 0xFF throughout, which no CRC accepts, and its request
-//! is lost. (The peripheral by itself needs CSN high for 0.3 µs.) A flight controller that makes one transaction in
-//! each control cycle keeps this bound with a wide margin.
+//! The DPR needs up to 10 µs after a transaction to accept the request and to pass the next buffer to its SPI
+//! peripheral, which by itself needs CSN high for 0.3 µs. A transaction that begins earlier reads 0xFF throughout,
+//! which no CRC accepts, and its request is lost. One transaction in each control cycle keeps this bound with a wide
+//! margin.
 //!
-//! An isolator delays SCK on its way in and MISO on its way out, and MISO must arrive before the flight controller
-//! samples it, half a period after the edge that shifted it out. So half a period is at least two passes of the
-//! isolator, the 19 ns, and the set-up time of the flight controller's input: [`timing::max_clock_hz`]. For optical
-//! isolators that is well below 8 MHz.
+//! An isolator delays SCK on its way in and MISO on its way out. MISO must arrive before the flight controller samples
+//! it, half a period after the edge that shifted it out. So half a period is at least two passes of the isolator, the
+//! 19 ns, and the set-up time of the flight controller's input: [`timing::max_clock_hz`]. For optical isolators that
+//! frequency is well below 8 MHz.
 //!
-//! [`client`] is the flight controller's end: it determines the bytes that are sent, and evaluates the answer.
+//! [`client`] is the flight controller's end of this protocol.
 use core::ops::Range;
 
 use crate::{Rejection, crc, rejection::Findings};
@@ -59,31 +58,31 @@ pub mod client;
 /// The size of a request, bytes.
 pub const REQUEST_SIZE: usize = 8;
 
-/// Bounds of the wire: see the [module's](self) section "Timing" for their meaning and their sources.
+/// Bounds of the wire. The [module's](self) section "Timing" has their sources.
 pub mod timing {
-    /// Highest SCK frequency, Hz.
+    /// The highest SCK frequency, Hz.
     pub const MAX_CLOCK_HZ: u32 = 8_000_000;
-    /// Shortest time from CSN falling to the first SCK edge, ns.
+    /// The shortest time from CSN falling to the first SCK edge, ns.
     pub const CSN_SETUP_NS: u32 = 1_000;
-    /// Shortest time from the last SCK edge to CSN rising, ns.
+    /// The shortest time from the last SCK edge to CSN rising, ns.
     pub const CSN_HOLD_NS: u32 = 2_000;
-    /// Shortest time from CSN rising to CSN falling after which a transaction is answered, ns.
+    /// The shortest time for which CSN must be high so that the next transaction is answered, ns.
     pub const GAP_NS: u32 = 10_000;
-    /// Shortest time from CSN rising at the end of one transaction to CSN rising at the end of the next, so that the
-    /// transaction after both is answered, ns. It is the time of a transaction of 96 bytes at [`MAX_CLOCK_HZ`] with the
-    /// gap before it: a flight controller that reads Link-Status and Reported-Position, or more, keeps it in any case.
+    /// The shortest time from the end of one transaction to the end of the next so that the one after both is answered,
+    /// ns. It is the time of a transaction of 96 bytes at [`MAX_CLOCK_HZ`] with the gap before it, so a flight
+    /// controller that reads at least 96 bytes always keeps it.
     pub const SPACING_NS: u32 = GAP_NS + CSN_SETUP_NS + 96 * 8 * (1_000_000_000 / MAX_CLOCK_HZ) + CSN_HOLD_NS;
-    /// Longest time from the SCK edge that shifts a bit out to that bit on MISO, ns.
+    /// The longest time from the SCK edge that shifts a bit out to that bit on MISO, ns.
     pub const MISO_VALID_NS: u32 = 19;
-    /// Shortest time for which MOSI must be valid before the SCK edge that samples it, ns.
+    /// The shortest time for which MOSI must be valid before the SCK edge that samples it, ns.
     pub const MOSI_SETUP_NS: u32 = 59;
-    /// Shortest time for which MOSI must be valid after the SCK edge that samples it, ns.
+    /// The shortest time for which MOSI must be valid after the SCK edge that samples it, ns.
     pub const MOSI_HOLD_NS: u32 = 20;
 
-    /// The highest SCK frequency, Hz, through an isolator that delays each signal by at most `isolator_ns`, for a
-    /// flight controller whose MISO input needs `setup_ns` before the sampling edge; at most [`MAX_CLOCK_HZ`].
+    /// The highest SCK frequency, Hz, at most [`MAX_CLOCK_HZ`], through an isolator that delays each signal by up to
+    /// `isolator_ns`. The flight controller's MISO input needs `setup_ns` before the sampling edge.
     ///
-    /// SCK is assumed to be high and low for the same time.
+    /// SCK is assumed to be high and low for equal times.
     ///
     /// ```
     /// use profile::ssi::timing::{MAX_CLOCK_HZ, max_clock_hz};
@@ -117,7 +116,7 @@ impl Request {
         offset..offset + usize::from(self.length)
     }
 
-    /// Whether the window holds at least one byte and lies in a map of `map_len` bytes.
+    /// Whether the window has at least one byte and lies in a map of `map_len` bytes.
     #[must_use]
     #[expect(clippy::as_conversions, reason = "both widen, and usize::from is not const")]
     pub const fn is_inside(self, map_len: usize) -> bool {
@@ -128,13 +127,13 @@ impl Request {
 /// The meaning of an accepted request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Parsed {
-    /// The request is empty: the next transaction reads the whole map, from its start.
+    /// The request is empty, so the next transaction reads the whole map.
     Nothing,
     /// The request is for this window, which lies in the map.
     Window(Request),
 }
 
-/// Parses the request in `bytes`, for a DPR with a map of `map_len` bytes.
+/// Parses the request in `bytes`, for a map of `map_len` bytes.
 ///
 /// # Errors
 ///
@@ -163,7 +162,7 @@ pub fn parse(bytes: &[u8; REQUEST_SIZE], map_len: usize) -> Result<Parsed, Rejec
         .judge(if nothing { Parsed::Nothing } else { Parsed::Window(request) })
 }
 
-/// Encodes `request` with its CRC, as it is sent on the wire.
+/// Encodes `request` with its CRC.
 #[must_use]
 pub fn encode(request: Request) -> [u8; REQUEST_SIZE] {
     let [o0, o1] = request.offset.to_le_bytes();

@@ -1,10 +1,9 @@
-//! The C client, which the machine's C compiler compiles at test time.
+//! Compiles the C client with the machine's C compiler at test time.
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
-/// Every warning that is relevant for this code, as an error.
 pub(crate) const WARNINGS: &[&str] = &[
     "-std=c11",
     "-Wall",
@@ -28,7 +27,6 @@ pub(crate) fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("c")
 }
 
-/// Returns the path of the folder for the output of the test `name`.
 pub(crate) fn scratch(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("clients");
     std::fs::create_dir_all(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
@@ -45,12 +43,11 @@ pub(crate) fn compile(arguments: &[&str]) {
     assert!(output.status.success(), "{compiler} {} failed:\n{text}", arguments.join(" "));
 }
 
-/// A build of the C program that plays a tape to the C client.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Build {
-    /// The build with the options of a flight controller's firmware.
+    /// The program has the options of a flight controller's firmware.
     Optimised,
-    /// The build with AddressSanitizer and UndefinedBehaviorSanitizer, whose first finding ends the program.
+    /// The program has AddressSanitizer and UndefinedBehaviorSanitizer, whose first finding ends it.
     Sanitised,
 }
 
@@ -72,7 +69,6 @@ impl Build {
         })
     }
 
-    /// Returns what the C client writes for `tape`.
     pub(crate) fn play(self, tape: &[u8]) -> String {
         let mut child = Command::new(self.program())
             .stdin(Stdio::piped())

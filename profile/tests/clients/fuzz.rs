@@ -1,5 +1,5 @@
-//! Runs both clients over transactions that are mutated at random, from a seed: the C client under the sanitizers, with
-//! the Rust client as its oracle.
+//! Plays random transactions, drawn from a seed, to both clients. The C client runs under the sanitizers and must write
+//! what the Rust client writes.
 use std::collections::BTreeMap;
 
 use profile::criticality::{ActiveLoad, BaseStation, Dpr, Writer};
@@ -16,7 +16,7 @@ use super::support::tape::{NO_FRESH, Tape, play};
 use super::support::{invariants, reference, seeds};
 use super::{assert_same, recordings};
 
-/// The random generator xorshift64*, which suffices for choices and gives the same numbers on every machine.
+/// The random generator xorshift64*, which gives the same numbers on every machine.
 struct Random(u64);
 
 impl Random {
@@ -32,7 +32,6 @@ impl Random {
     }
 }
 
-/// A tape of random transactions that is being written, and the state from which the next transaction is drawn.
 struct Drawn {
     random: Random,
     tape: Tape,
@@ -42,7 +41,6 @@ struct Drawn {
     image: u32,
     hold_timestamp: u32,
     acknowledged: u16,
-    /// The last requested window, if any; half of the transactions read it.
     asked: Option<(usize, usize)>,
 }
 
@@ -205,7 +203,6 @@ impl Drawn {
         self.tape.transaction(self.now_us, fresh_us, &miso);
     }
 
-    /// Returns a map of sealed objects with random values.
     fn map<const N: usize>(&mut self) -> Vec<u8> {
         let plausible = seeds::reported_values(self.timestamp);
         let status = ReportedStatus::from_bits(if self.once_in(8) { self.bits() } else { plausible.status.bits() });
@@ -242,8 +239,8 @@ impl Drawn {
         [link.as_bytes().as_slice(), profile.as_bytes(), area.as_bytes(), &hold].concat()
     }
 
-    /// Returns the bytes in the hold's place of the map: mostly an object that follows the last one, with a number near
-    /// the last acknowledged one.
+    /// Returns the hold's bytes in the map: mostly an object that follows the last one, with a number near the last
+    /// acknowledged one.
     fn hold(&mut self) -> Vec<u8> {
         self.hold_timestamp = match self.random.below(40) {
             0 => self.number(),
@@ -278,8 +275,7 @@ impl Drawn {
             1 => bytes.fill(0xFF),
             2 => bytes[46..].fill(5),
             3 => {
-                // The object stays intact, but becomes another maker's, or has a reserved outcome or a bit without a
-                // meaning.
+                // The object gets another identifier, outcome or undefined bit, and a right CRC afterwards.
                 let at = self.pick(&[4, 5, 7, 50]);
                 bytes[at] ^= 1 << self.random.below(8);
                 reference::repair_frame_crc(&mut bytes);
@@ -309,8 +305,7 @@ impl Drawn {
             }
             5 => miso.resize(miso.len() + self.random.below(40), 0xFF),
             6 if miso.len() >= 96 => {
-                // The object keeps a right frame CRC, but becomes another object, or its position gets a wrong position
-                // CRC.
+                // The object keeps a right frame CRC, but gets another identifier or a wrong position CRC.
                 let at = self.pick(&[36, 40, 50, 57, 4, 5]);
                 miso[at] ^= 1 << self.random.below(8);
                 let object = if at < 32 { 0..32 } else { 32..96 };
@@ -327,7 +322,6 @@ fn drawn(seed: u64, transactions: usize) -> Vec<u8> {
     drawn.tape.0
 }
 
-/// The number of tapes, and the number of transactions in each of them.
 const TAPES: u64 = 50;
 const TRANSACTIONS: usize = 4_000;
 
@@ -341,7 +335,7 @@ fn two_hundred_thousand_random_transactions_are_the_same_to_both_clients() {
             invariants::report(&told);
             seen[usize::from(told.report.verdict as u8)] += 1;
         });
-        // Counts how often Hold-Status was absent, old or valid, and which states the last command had.
+        // Counts how often Hold-Status was absent, old or valid, and in which states the last command was.
         for line in said.lines().filter(|line| line.starts_with("hold ") && line.contains(" age=")) {
             let (shown, sent) = (&line[..6], line.split_once(" sent ").expect("a report").1);
             *holds.entry(shown.to_owned()).or_default() += 1;

@@ -13,7 +13,6 @@ fn guide() -> String {
     fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// Returns the guide's code blocks in `language`, in order.
 fn blocks(language: &str) -> Vec<String> {
     let guide = guide();
     let begins = format!("```{language}\n");
@@ -33,7 +32,7 @@ fn each_block_of_c_in_the_guide_compiles_without_a_warning() {
     }
 }
 
-/// Compiles C++ code for an autopilot with additional `options`, against declarations of what the code uses.
+/// Compiles C++ code for an autopilot, against declarations of what the code uses.
 fn compile_for_autopilot(source: &Path, options: &[&str]) {
     let stubs = folder().join("tests/autopilots.hpp");
     let include = format!("-I{}", folder().display());
@@ -56,7 +55,7 @@ fn the_module_for_px4_compiles_against_what_it_uses_of_each_release() {
     let module = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/px4/src/drivers/horus_dpr/HorusDpr.cpp");
     let text = fs::read_to_string(&module).expect("the module");
     for (release, own_message) in [("115", false), ("116", false), ("118", true)] {
-        // The headers that the code includes are empty: one file declares everything that it uses.
+        // These headers are empty, because one file declares everything that the code uses.
         let headers = scratch(&format!("px4-{release}"));
         let _ = fs::remove_dir_all(&headers);
         for line in text.lines().filter_map(|line| line.strip_prefix("#include <")) {

@@ -1,8 +1,7 @@
 //! Compares the flight controller's client in Rust and in C: the same transactions must give the same reports, byte for
-//! byte.
-//! The folder `profile/c/tests/recorded` holds the recordings: `NAME.tape` has the transactions, `NAME.txt` what a
-//! client writes for them. After a change of the wire format, of the client or of `recordings.rs`, `RECORD=1 cargo test
-//! -p profile --test clients` writes the recordings anew; read the differences before you commit them.
+//! byte. In `profile/c/tests/recorded`, `NAME.tape` has the transactions and `NAME.txt` what a client writes for them.
+//! After a change of the wire format, of the client or of `recordings.rs`, `RECORD=1 cargo test -p profile --test
+//! clients` writes these files anew; read the differences before you commit them.
 use std::fs;
 
 mod c;
@@ -44,7 +43,6 @@ fn both_clients_reproduce_the_recordings() {
     assert_eq!(found, names, "there is nothing else in {}", recorded.display());
 }
 
-/// Fails at the first line in which the texts `left` and `right` differ.
 fn assert_same(what: &str, left: &str, right: &str) {
     for (number, (left, right)) in left.lines().zip(right.lines()).enumerate() {
         assert_eq!(left, right, "{what}: line {}", number + 1);

@@ -1,5 +1,4 @@
-//! Makes the recorded transactions: a DPR that follows the design, and a flight controller that reads it, with one
-//! fault after another.
+//! Makes the recorded transactions: a flight controller reads a simulated DPR, with one fault after another.
 use profile::criticality::{ActiveLoad, BaseStation, Dpr as DprRole, FlightController, Writer};
 use profile::hold::{Acknowledged, Outcome};
 use profile::image::Image;
@@ -16,13 +15,10 @@ use profile::{
 use super::support::seeds;
 use super::support::tape::{NO_FRESH, Tape};
 
-/// The time from HORUS's sample to the publication of the image with that sample, µs.
 const LATENCY_US: u64 = 5_300;
 const CYCLE_US: u64 = 10_000;
-/// The instant of HORUS's first sample, µs.
 const START_US: u64 = 1_000_000;
 
-/// What happens in a transaction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Event {
     Good,
@@ -34,7 +30,7 @@ pub(crate) enum Event {
     Line(u8),
     /// The flight controller clocks only this number of bytes.
     Cut(usize),
-    /// This number of bytes at the beginning is from the image before.
+    /// This number of bytes at the beginning is from the previous image.
     Torn(usize),
     /// The bytes of MISO are shifted by one bit, as after an extra clock edge.
     Slipped,
@@ -48,10 +44,8 @@ pub(crate) struct World<const N: usize> {
     client: Client,
     horus: Horus,
     fresh_is_wired: bool,
-    /// The window that the DPR shows in the next transaction.
     window: Option<Request>,
     port: PortArea,
-    /// The object that the DPR shows in the hold's place, if it shows one.
     hold: Option<HoldStatus>,
     age_100us: u16,
     now_us: u64,
@@ -81,12 +75,10 @@ impl<const N: usize> World<N> {
         self.client.config().layout
     }
 
-    /// Returns the map that the DPR published with cycle number `n`.
     fn map(&self, n: u32) -> Vec<u8> {
         let sent = (self.horus)(n);
         let mut image = Image::<N>::EMPTY;
         if let Some(reported) = sent {
-            // Every receiver value differs from Reported-Position's.
             let same = seeds::gps_values(reported.timestamp);
             let gps = GpsValues {
                 latitude: same.latitude + 1.0,
@@ -119,7 +111,6 @@ impl<const N: usize> World<N> {
         map
     }
 
-    /// Makes one transaction, in the flight controller's present cycle.
     fn read(&mut self, event: Event) {
         let mut mosi = [0; MAX_MAP];
         let bytes = self.client.begin(&mut mosi).expect("room");
@@ -165,11 +156,9 @@ impl<const N: usize> World<N> {
     fn ask(&mut self, offset: usize, length: usize) {
         let window = Request { offset: offset.try_into().expect("small"), length: length.try_into().expect("small") };
         self.tape.ask(window.offset, window.length);
-        // The recording includes requests that the client refuses.
         let _ = self.client.ask(window);
     }
 
-    /// Writes an uplink that contains the command which is being sent to the hold.
     fn command(&mut self, timestamp: u32) {
         self.tape.commanding(timestamp, 0x00C0, &[0x3C; 52]);
         let values = UplinkValues { timestamp, ..UplinkValues::default() };
@@ -224,12 +213,11 @@ fn port(fresh: bool) -> PortArea {
     area
 }
 
-/// Returns the values of a HORUS that restarts in cycle 20.
 fn restarting(n: u32) -> Option<ReportedValues> {
     Some(good(if n < 20 { 50_000 + 10 * n } else { 10 * (n - 20) }))
 }
 
-/// Returns HORUS's values: from cycle 8 on, one way after the other in which a position can be invalid.
+/// Returns HORUS's values. From cycle 8 on, the position is invalid, each time in another way.
 fn invalid(n: u32) -> Option<ReportedValues> {
     let all = good(10 * n);
     let status = all.status;
@@ -255,7 +243,6 @@ fn invalid(n: u32) -> Option<ReportedValues> {
         27 => ReportedValues { altitude: -1_000.000_000_000_000_2, ..all },
         28 => ReportedValues { altitude: f64::NAN, ..all },
         29 => ReportedValues { status: status.with_state(HorusState::EmergencyFired), latitude: 1e300, ..all },
-        // After the emergency measure HORUS has no position; its status is still shown.
         30..33 => {
             ReportedValues { status: status.with_position_valid(false).with_state(HorusState::EmergencyFired), ..all }
         }
@@ -308,7 +295,7 @@ fn busy_while_asking() -> Tape {
     let mut world = started::<3>(|world| world.port = port(false));
     world.ask(96, 60);
     world.write(Uplink::seal(Writer::<BaseStation>::claim(), &UplinkValues::default()).as_bytes());
-    // The busy DPR loses the request, which the client sends again; later a busy DPR keeps the requested window.
+    // A busy DPR loses the request, which the client must send again. Later a busy DPR must keep the requested window.
     for event in [Event::Busy, Event::Busy, Event::Good, Event::Busy, Event::Busy, Event::Good, Event::Good] {
         world.read(event);
         world.tape.view();
@@ -336,7 +323,7 @@ fn writing() -> Tape {
     world.read(Event::Busy);
     world.write(sealed.as_bytes());
     world.good(2);
-    // The client does not write an object that the DPR would refuse.
+    // The client must refuse an object that the DPR would refuse.
     let mut damaged = *command.as_bytes();
     damaged[20] ^= 1;
     world.write(&damaged);
@@ -368,15 +355,12 @@ fn writing() -> Tape {
 
 fn stale() -> Tape {
     let mut world = started::<3>(|_| {});
-    // The DPR reports the age of an old sample, of one older than the limit, and an unknown age.
     for age_100us in [900, 940, 1_000, u16::MAX, 53] {
         world.age_100us = age_100us;
         world.good(3);
     }
-    // The DPR is busy until the client's position is too old.
     (0..32).for_each(|_| world.read(Event::Busy));
     world.good(12);
-    // HORUS stops, and the DPR still shows its last sample.
     world.horus = |_| Some(good(700));
     world.good(30);
     world.tape
@@ -400,7 +384,6 @@ fn clocks() -> Tape {
     world.good(3);
     world.now_us += 300_000;
     world.good(12);
-    // The flight controller's clock is set back, and later set forward again.
     world.now_us -= 400_000;
     world.good(2);
     world.now_us += 400_000;
@@ -408,13 +391,13 @@ fn clocks() -> Tape {
     world.tape
 }
 
-/// Any intact object in a requested window keeps the DPR from counting as silent; other bytes there do not.
+/// Records that an intact object in a requested window shows that the DPR is not silent, and that other bytes do not.
 fn windows_and_silence() -> Tape {
     let mut world = started::<3>(|world| world.port = port(true));
     let layout = Layout::for_receivers(3).expect("a profile");
     let mut places: Vec<_> = (0..=3).filter_map(|index| layout.in_image(index)).collect();
     places.extend([layout.port_status(), layout.uplink::<BaseStation>(), layout.uplink::<FlightController>()]);
-    // The first of these windows has Link-Status without Reported-Position, the second has bytes that are no object.
+    // The first window has Link-Status without Reported-Position. The second has no whole object.
     places.extend([0..32, 33..95]);
     for place in places {
         for _ in 0..10 {
@@ -427,12 +410,10 @@ fn windows_and_silence() -> Tape {
     world.tape
 }
 
-/// Records ages and silences that are exactly at their limit, and one microsecond above it.
 fn limits() -> Tape {
     let mut world = World::<3>::new(|config| (config.age_limit_us, config.silence_us) = (17_400, 12_000));
     world.good(10);
     for more_us in [0, 1] {
-        // The sample is 9.4 ms old when it is first read.
         world.read(Event::Good);
         world.now_us += more_us;
         world.read(Event::Busy);
@@ -441,12 +422,11 @@ fn limits() -> Tape {
         world.now_us += 4_000 - more_us;
         world.good(4);
     }
-    // The same image is read twice at the same instant, and then another image at that instant.
     let (map, next) = (world.map(30), world.map(31));
     for shown in [&map, &map, &next] {
         world.tape.transaction(world.now_us, NO_FRESH, &shown[..96]);
     }
-    // The line FRESH is broken: its last edge was long ago.
+    // The line FRESH is broken, so its last edge was long ago.
     for n in 32..40 {
         world.now_us += CYCLE_US;
         let map = world.map(n);
@@ -455,8 +435,7 @@ fn limits() -> Tape {
     world.tape
 }
 
-/// Records intact objects in the place of another object, and positions with a wrong position CRC under a right frame
-/// CRC.
+/// Records intact objects at another object's offset, and positions with a wrong position CRC under a right frame CRC.
 fn misplaced() -> Tape {
     let mut world = World::<3>::new(|config| config.read_bytes = 468);
     world.port = port(true);
@@ -497,7 +476,6 @@ fn edges() -> Tape {
     world.tape
 }
 
-/// Records a hold whose object is shown, hangs, expires and restarts, and the commands of a flight controller to it.
 fn hold() -> Tape {
     let mut world = World::<3>::new(|config| {
         config.layout = config.layout.with_hold();
@@ -526,7 +504,6 @@ fn hold() -> Tape {
     world.tape.view();
     world.good(2);
     world.command(6);
-    // Sends every command word, with every way in which a command is answered or lost.
     for (n, (outcome, timestamp)) in
         (0..).zip([(Outcome::Done, 1_200), (Outcome::Unknown, 1_300), (Outcome::TooOld, 1_400)])
     {
@@ -550,7 +527,6 @@ fn hold() -> Tape {
     world.tape.send(3, 0.0);
     world.hold = object(0, 0, Outcome::Nothing);
     world.good(1);
-    // The hold's object stays the same until it is old. Then the DPR shows none, another maker's, and one of HORUS's.
     world.now_us += 290_000;
     world.good(4);
     world.hold = None;
@@ -566,7 +542,6 @@ fn hold() -> Tape {
         world.tape.transaction(world.now_us, NO_FRESH, &map);
         world.tape.view();
     }
-    // The hold's place alone is requested as a window, as any other place can be; then the clock is set back.
     world.hold = object(300, 0, Outcome::Nothing);
     world.ask(468, 64);
     world.good(2);
@@ -576,7 +551,6 @@ fn hold() -> Tape {
     world.tape
 }
 
-/// Returns every recording with its name.
 pub(crate) fn all() -> Vec<(&'static str, Tape)> {
     use Event::{Busy, Cut, Flip, Good, Line, Slipped, Torn};
     let whole = {

@@ -1,6 +1,6 @@
-//! The invariants of every parser for every input. Each fuzz target checks one of them, and so does the replay of its
-//! corpus. A CRC-32 stops nearly every mutation at once, so each invariant is checked twice: for the input as it is,
-//! and for the input with correct identifiers and CRCs, which the parser must accept.
+//! The invariants that hold for every input of every parser. Each fuzz target and the replay of its corpus check one of
+//! them. A CRC-32 rejects nearly every mutated input, so each input is checked as it is and with right identifiers and
+//! CRCs, which the parser must accept.
 use profile::{
     Command, CommandObject, GpsObject, GpsStatus, HoldCommand, HoldObject, HoldStatus, HoldStatusBits, Identifier,
     LinkStatus, LinkStatusBits, Object, PortStatus, PortStatusBits, Profile, Rejection, ReportedPosition,
@@ -19,10 +19,9 @@ use profile::{
 use super::reference;
 use super::tape::{self, TransactionData};
 
-/// Checks the invariant of a parser for an input; panics if it does not hold.
+/// Panics if a parser's invariant does not hold for an input.
 pub(crate) type Invariant = fn(&[u8]);
 
-/// The name of each parser, which is that of its fuzz target, and its invariant.
 pub(crate) const ALL: [(&str, Invariant); 12] = [
     ("client", client),
     ("reported_position", reported_position),
@@ -38,7 +37,6 @@ pub(crate) const ALL: [(&str, Invariant); 12] = [
     ("hold", hold),
 ];
 
-/// Checks the invariants of a report of the flight controller's client.
 pub(crate) fn report(told: &TransactionData<'_>) {
     let TransactionData { began_us: _, config, report } = told;
     if let Some(position) = &report.position {
@@ -157,7 +155,6 @@ pub(crate) fn written(input: &[u8]) {
             repaired[4..6].copy_from_slice(&identifier.to_le_bytes());
             reference::repair_frame_crc(&mut repaired);
             assert!(judge_written(&repaired) || identifier == 0x4301, "put right, an uplink is accepted");
-            // Two commands exist; in the object of each all reserved bytes are zero.
             for word in [*b"CLRC", *b"TEST"] {
                 repaired[8..12].copy_from_slice(&word);
                 repaired[12..60].fill(0);
@@ -211,7 +208,7 @@ fn judge_link_status(bytes: &[u8]) -> bool {
     true
 }
 
-/// Checks that an accepted object's values, sealed again, give its bytes; only status bits without a meaning are lost.
+/// Checks that an accepted object's values, sealed again, give the object's bytes except undefined status bits.
 fn seals_the_same(again: &[u8], bytes: &[u8], used: u16) {
     let mut expected = bytes.to_vec();
     expected[6] &= used.to_le_bytes()[0];
@@ -262,12 +259,10 @@ fn air_frame_of<const N: usize>(input: &[u8]) {
     let place = air::place::<N>(input).expect("a frame of this length exists");
     assert_eq!((place.first(), place.count(), place.length()), (first, count, length));
 
-    // The payload consists of whole objects, in order, and nothing else.
     let objects: Vec<_> = air::objects::<N>(input).expect("as above").collect();
     assert!(objects.iter().map(|(index, _)| *index).eq(first..first + count));
     assert_eq!(objects.iter().flat_map(|(_, bytes)| *bytes).copied().collect::<Vec<_>>(), input);
 
-    // An accepted object is in the image unchanged; the place of a rejected one stays zero.
     let mut image = Image::<N>::EMPTY;
     for (index, bytes) in &objects {
         let judged = Object::verify(*index, bytes);
@@ -282,7 +277,7 @@ fn air_frame_of<const N: usize>(input: &[u8]) {
         }
     }
 
-    // With correct CRCs every object is accepted, and the profile in the image splits into the same frame again.
+    // With right CRCs every object is accepted, and the profile in the image splits into the same frame again.
     let mut payload = input.to_vec();
     for index in first..first + count {
         let object = reference::places(N)[index].clone();
@@ -361,7 +356,6 @@ fn judge_written(bytes: &[u8]) -> bool {
             assert_eq!(CommandObject::verify(bytes), Ok(object));
             assert_eq!((object.as_bytes().as_slice(), object.command()), (bytes, Some(command)));
             let sealed = CommandObject::seal(Writer::<FlightController>::claim(), object.timestamp(), command);
-            // The status of the object is lost when it is sealed again.
             seals_the_same(sealed.as_bytes(), bytes, 0);
             assert_eq!(Command::from_word(object.values().word), Some(command));
             return true;
@@ -404,7 +398,7 @@ pub(crate) fn hold(input: &[u8]) {
     let mut commands = Commands::new();
     let mut now_ms = 0;
     // A step has 129 bytes: the time since the step before and an answer. If the lowest bit of the time is set, the
-    // answer's uplinks get correct identifiers and CRCs.
+    // answer's uplinks get right identifiers and CRCs.
     for step in input.as_chunks::<{ 1 + Answer::SIZE }>().0 {
         now_ms += u64::from(step[0] >> 1) * 16;
         let mut bytes = step[1..].to_vec();
@@ -439,7 +433,6 @@ fn judge_hold_object(bytes: &[u8]) -> bool {
     true
 }
 
-/// Checks that the bytes of an answer determine what the hold executes and acknowledges.
 fn judge_answer(commands: &mut Commands, bytes: &[u8], now_ms: u64) {
     let before = commands.acknowledged();
     let mut executed = [false; 2];

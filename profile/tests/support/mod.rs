@@ -1,5 +1,4 @@
-//! Code shared by the tests and the fuzz targets: an independent reference, the invariants of every parser, and the
-//! initial seeds of fuzzing.
+//! Code that the tests and the fuzz targets share.
 #![allow(dead_code, reason = "each test and each fuzz target uses its part of this")]
 
 pub(crate) mod invariants;

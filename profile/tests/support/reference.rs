@@ -1,11 +1,11 @@
 //! The wire format written a second time, as plainly as possible: offsets are numbers, CRCs are computed bit by bit.
-//! Only the result type is the crate's own.
+//! Only the type of the results is the crate's own.
 use profile::Rejection;
 
 pub(crate) const FRAME: u32 = 0xF192_2815;
 pub(crate) const POSITION: u32 = 0x3AFF_2FAD;
 
-/// The CRC register after `bytes`, from 0xFFFFFFFF, before the final XOR: one polynomial division, bit by bit.
+/// The CRC register after `bytes`, from 0xFFFFFFFF, before the final XOR.
 pub(crate) fn register(polynomial: u32, bytes: &[u8]) -> u32 {
     let mut register = 0xFFFF_FFFF_u32;
     for byte in bytes {
@@ -25,7 +25,7 @@ fn seals(polynomial: u32, bytes: &[u8], at: usize) -> bool {
     bytes[at..at + 4] == crc(polynomial, &bytes[..at]).to_be_bytes()
 }
 
-/// The reason why `bytes` are not an object of `size` bytes with that `identifier`, or `None` if they are.
+/// The reason why `bytes` are not an object of this size and identifier; `None` if they are.
 pub(crate) fn object(bytes: &[u8], size: usize, identifier: u16) -> Option<Rejection> {
     if bytes.len() != size {
         Some(Rejection::Length)
@@ -40,14 +40,13 @@ pub(crate) fn object(bytes: &[u8], size: usize, identifier: u16) -> Option<Rejec
     }
 }
 
-/// The reason why `bytes` are not object number `index` of a profile, or `None` if they are.
+/// The reason why `bytes` are not object number `index` of a profile; `None` if they are.
 pub(crate) fn object_of_profile(bytes: &[u8], index: usize) -> Option<Rejection> {
     let size = if index == 0 { 64 } else { 60 };
     object(bytes, size, 0x4800 + u16::try_from(index).unwrap())
 }
 
-/// Puts the identifier of a profile's object number `index` and right CRCs into `bytes`, which must have that object's
-/// size.
+/// Puts the identifier of a profile's object number `index` and right CRCs into `bytes`.
 pub(crate) fn repair(bytes: &mut [u8], index: usize) {
     let identifier = 0x4800 + u16::try_from(index).unwrap();
     bytes[4..6].copy_from_slice(&identifier.to_le_bytes());
@@ -58,14 +57,13 @@ pub(crate) fn repair(bytes: &mut [u8], index: usize) {
     repair_frame_crc(bytes);
 }
 
-/// Puts the right frame CRC into the last four of `bytes`.
 pub(crate) fn repair_frame_crc(bytes: &mut [u8]) {
     let at = bytes.len() - 4;
     let frame = crc(FRAME, &bytes[..at]);
     bytes[at..].copy_from_slice(&frame.to_be_bytes());
 }
 
-/// Returns `bytes` with the bits `bits` inverted; bit 0 is the first on the air: the most significant bit of byte 0.
+/// Returns `bytes` with these bits inverted. Bit 0 is the first on the air: the most significant bit of byte 0.
 pub(crate) fn flipped(bytes: &[u8], bits: impl IntoIterator<Item = usize>) -> Vec<u8> {
     let mut damaged = bytes.to_vec();
     for bit in bits {
@@ -74,7 +72,6 @@ pub(crate) fn flipped(bytes: &[u8], bits: impl IntoIterator<Item = usize>) -> Ve
     damaged
 }
 
-/// The byte range of each object in a profile of `n` receivers.
 pub(crate) fn places(n: usize) -> Vec<std::ops::Range<usize>> {
     let gps = (1..=n).map(|receiver| 4 + 60 * receiver..64 + 60 * receiver);
     std::iter::once(0..64).chain(gps).collect()

@@ -1,5 +1,5 @@
-//! The seeds of the committed corpus: for each parser, valid inputs and inputs that are nearly valid. The command
-//! `cargo run -p profile --example corpus` writes them.
+//! The seeds of the committed corpus: for each parser, valid inputs and inputs that are nearly valid. `cargo run -p
+//! profile --example corpus` writes them.
 use profile::{
     ABSENT_F32, Command, CommandObject, FixType, GpsObject, GpsStatus, GpsValues, HoldObject, HoldStatus,
     HoldStatusBits, HoldValues, HorusState, Identifier, Layout, LinkStatus, LinkStatusBits, LinkValues, PortStatus,
@@ -15,7 +15,6 @@ use profile::{
 use super::reference::{self, flipped};
 use super::tape::{NO_FRESH, Tape};
 
-/// A receiver's values with every field in use.
 pub(crate) fn gps_values(timestamp: u32) -> GpsValues {
     GpsValues {
         timestamp,
@@ -36,7 +35,6 @@ pub(crate) fn gps_values(timestamp: u32) -> GpsValues {
     }
 }
 
-/// A reported position with every field in use.
 pub(crate) fn reported_values(timestamp: u32) -> ReportedValues {
     let gps = gps_values(timestamp);
     ReportedValues {
@@ -58,7 +56,6 @@ pub(crate) fn reported_values(timestamp: u32) -> ReportedValues {
     }
 }
 
-/// A profile whose receivers have different values.
 pub(crate) fn profile<const N: usize>(timestamp: u32) -> Profile<N> {
     let mut metres = 0.0;
     let gps = [(); N].map(|()| {
@@ -68,7 +65,6 @@ pub(crate) fn profile<const N: usize>(timestamp: u32) -> Profile<N> {
     Profile::seal(&reported_values(timestamp), &gps)
 }
 
-/// Link-Status with every field in use.
 pub(crate) fn link_values() -> LinkValues {
     LinkValues {
         timestamp: 5_000,
@@ -82,7 +78,6 @@ pub(crate) fn link_values() -> LinkValues {
     }
 }
 
-/// Port-Status with every field in use.
 pub(crate) fn port_values() -> PortValues {
     let mut values = PortValues {
         timestamp: 6_000,
@@ -106,7 +101,6 @@ pub(crate) fn port_values() -> PortValues {
     values
 }
 
-/// Hold-Status with every field in use.
 pub(crate) fn hold_values(timestamp: u32) -> HoldValues {
     HoldValues {
         timestamp,
@@ -123,14 +117,12 @@ pub(crate) fn hold_values(timestamp: u32) -> HoldValues {
     }
 }
 
-/// An uplink with every field in use.
 pub(crate) fn uplink_values(timestamp: u32) -> UplinkValues {
     let mut payload = [0; Uplink::PAYLOAD];
     (1..).zip(&mut payload).for_each(|(number, byte)| *byte = number);
     UplinkValues { timestamp, status: UplinkStatus::from_bits(0xF00F), payload }
 }
 
-/// Port-Status and both uplinks with every field in use.
 pub(crate) fn port_area() -> PortArea {
     let mut area = PortArea::EMPTY;
     area.set_status(Writer::<Dpr>::claim(), PortStatus::seal(Writer::<Dpr>::claim(), &port_values()));
@@ -143,7 +135,7 @@ pub(crate) fn port_area() -> PortArea {
 
 type Seeds = Vec<(String, Vec<u8>)>;
 
-/// The seeds of every fuzz target: the target's name, then the name and the bytes of each seed.
+/// The seeds of each fuzz target, with its name; each seed has a name and bytes.
 pub(crate) fn all() -> Vec<(&'static str, Seeds)> {
     vec![
         ("reported_position", reported_position()),
@@ -161,7 +153,6 @@ pub(crate) fn all() -> Vec<(&'static str, Seeds)> {
     ]
 }
 
-/// Tapes for the flight controller's client, which starts, requests windows, and writes objects.
 fn tapes() -> Seeds {
     let layout = Layout::for_receivers(3).unwrap();
     let image = |n: u32| {
@@ -221,7 +212,6 @@ fn around(name: &str, valid: &[u8]) -> Seeds {
     ]
 }
 
-/// An input of `size` bytes after a scrub with 0x00 or 0xFF, and the empty input.
 fn scrubbed(size: usize) -> Seeds {
     vec![("empty".into(), vec![]), ("scrubbed-00".into(), vec![0x00; size]), ("scrubbed-ff".into(), vec![0xFF; size])]
 }
@@ -266,7 +256,6 @@ fn profiles() -> Seeds {
     for (n, bytes) in every_profile() {
         seeds.push((format!("gps{n}"), bytes.clone()));
         seeds.push((format!("gps{n}-one-byte-short"), bytes[..bytes.len() - 1].to_vec()));
-        // The burst damages the last 16 bits of Reported-Position and the first 16 bits of GPS1.
         seeds.push((format!("gps{n}-burst-across-objects"), flipped(&bytes, 8 * 64 - 16..8 * 64 + 16)));
     }
     seeds.push(("gps3-gps1-and-gps2-exchanged".into(), exchanged(profile::<3>(70).as_bytes())));
@@ -282,7 +271,6 @@ fn every_profile() -> [(usize, Vec<u8>); 4] {
     ]
 }
 
-/// A profile with GPS1 in the place of GPS2 and GPS2 in the place of GPS1.
 fn exchanged(profile: &[u8]) -> Vec<u8> {
     let (reported, gps) = profile.split_at(64);
     [reported, &gps[60..120], &gps[..60], &gps[120..]].concat()
@@ -376,7 +364,6 @@ fn maps() -> Seeds {
     seeds.push(("gps3".into(), map.as_bytes().to_vec()));
     seeds.push(("gps3-image-only".into(), Map::new(image, PortArea::EMPTY).as_bytes().to_vec()));
     seeds.push(("gps1".into(), Map::new(Image::<1>::EMPTY, port).as_bytes().to_vec()));
-    // Each uplink is in the place of the other.
     let (before, uplinks) = map.as_bytes().split_at(276 + 64);
     seeds.push(("gps3-uplinks-exchanged".into(), [before, &uplinks[64..], &uplinks[..64]].concat()));
     seeds.push(("gps3-one-byte-short".into(), map.as_bytes()[..467].to_vec()));
@@ -391,7 +378,6 @@ fn hold() -> Seeds {
     seeds.push(("at-start".into(), start.as_bytes().to_vec()));
     let theirs = HoldObject::seal(writer, Identifier(0x41FF), &start.as_object().values());
     seeds.push(("of-another-maker".into(), theirs.as_bytes().to_vec()));
-    // The answers first have no command, then each word, an unknown word, a repeated command, and one that is too late.
     let step = |time: u8, timestamp: u32, number: u8, word: u8| {
         let mut values = UplinkValues { timestamp, ..UplinkValues::default() };
         values.payload[..8].copy_from_slice(&[number, 0, word, 0, 0, 0, 0x90, 0x40]);

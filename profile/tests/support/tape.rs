@@ -1,8 +1,8 @@
-//! Tapes: a flight controller's actions and the DPR's answers, to be played to the client in Rust and in C.
+//! Tapes: a flight controller's actions and the DPR's answers, which a test plays to the client in Rust and in C.
 //!
-//! A tape is a row of steps; all numbers are little-endian. The client's output has one line for each step except the
-//! view, which has more; `profile/c/tests/tape.c` writes the same lines for the C client. Any bytes are a tape: it ends
-//! where a step is incomplete.
+//! A tape is a row of steps; all numbers are little-endian. The client writes one line for each step, and more for a
+//! view; `profile/c/tests/tape.c` writes the same lines for the C client. Any bytes are a tape, which ends at an
+//! incomplete step.
 //!
 //! | first byte, modulo 10 | step | what follows it |
 //! |---|---|---|
@@ -17,7 +17,7 @@
 //! | 8 | gives that command up | |
 //! | 9 | seals an uplink with that command and writes it | u32 timestamp, u16 status, 52 bytes |
 //!
-//! A client with a hold writes one line more after each transaction, and one more in each view.
+//! A client with a hold writes one line more after each transaction and in each view.
 use std::fmt::Write as _;
 
 use profile::criticality::{BaseStation, FlightController, Writer};
@@ -30,16 +30,14 @@ use profile::{
     Rejection, ReportedValues, Uplink, UplinkStatus, UplinkValues, Violation,
 };
 
-/// The greatest number of MISO bytes in a step.
 const MAX_MISO: usize = 1024;
 
-/// The bit of the number of receivers, in a configuration's step, that stands for a hold.
+/// The bit in the number of receivers that stands for a hold.
 const WITH_HOLD: u8 = 0x80;
 
-/// The instant of FRESH where that line is not wired: an instant in the future, which the client ignores.
+/// The instant of FRESH if that line is not wired. It is in the future, so the client ignores it.
 pub(crate) const NO_FRESH: u64 = u64::MAX;
 
-/// A tape that is being written.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tape(pub(crate) Vec<u8>);
 
@@ -94,7 +92,6 @@ impl Tape {
     }
 }
 
-/// The rest of a tape, from which steps are read.
 struct Rest<'a>(&'a [u8]);
 
 impl<'a> Rest<'a> {
@@ -123,7 +120,7 @@ fn code<T>(result: Result<T, Rejection>) -> u8 {
     }
 }
 
-/// The number in C of the content of an object's place, and the object if it is intact.
+/// The number in C for what is shown of an object, and the object if it is intact.
 fn shown<T>(shown: Option<Shown<T>>) -> (u8, Option<T>) {
     match shown {
         None => (code::<()>(Err(Rejection::Length)), None),
@@ -140,7 +137,6 @@ fn hex(bytes: &[u8]) -> String {
     })
 }
 
-/// The line of the output with a sample's values, to the last bit.
 fn sample(timestamp: u32, status: u16, position: [f64; 3], attitude: [f32; 3], acceleration: [f32; 3]) -> String {
     let mut text = format!(" t={timestamp} s={status:04x}");
     position.iter().for_each(|value| write!(text, " {:016x}", value.to_bits()).expect("written"));
@@ -254,21 +250,19 @@ fn view(view: &View<'_>, has_hold: bool) -> String {
     text
 }
 
-/// The part of the flight controller's client that concerns the hold.
 #[derive(Default)]
 struct Hold {
     track: HoldTrack,
     sender: Sender<FlightController>,
 }
 
-/// The data of a transaction, for the checks of a test.
 pub(crate) struct TransactionData<'a> {
     pub(crate) began_us: u64,
     pub(crate) config: Config,
     pub(crate) report: &'a Report,
 }
 
-/// Plays a tape to the Rust client and returns its output, line by line; `told` is called with each transaction.
+/// Plays a tape to the Rust client and returns its output. `told` is called with each transaction.
 pub(crate) fn play(tape: &[u8], mut told: impl FnMut(TransactionData<'_>)) -> String {
     let mut rest = Rest(tape);
     let mut client = Client::new(Config::new(Layout::for_receivers(3).expect("three receivers"))).expect("a client");

@@ -1,5 +1,4 @@
-//! Measures the objects: which fields they have, at the offsets that `profile` uses. Writes them as C structures of
-//! bytes; `cargo xtask layout` writes them in other forms.
+//! Measures the objects' fields, at the offsets that `profile` uses, and writes them as C structures of bytes.
 
 use std::fmt::Write as _;
 
@@ -13,7 +12,6 @@ use profile::{
     ReportedValues, Uplink, UplinkStatus, UplinkValues, Violation, Violations, crc,
 };
 
-/// The number of bytes that a command reserves, between its word and its CRC.
 pub(super) const COMMAND_RESERVED: usize = CommandObject::SIZE - 12 - 4;
 
 /// Values whose bytes occur nowhere else in an object.
@@ -22,30 +20,22 @@ const U32: u32 = 0xA1B2_C3D4;
 const F32: f32 = f32::from_bits(0x41A1_B2C3);
 const F64: f64 = f64::from_bits(0x4031_A2B3_C4D5_E6F7);
 
-/// The content of a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     U16,
     U32,
     F32,
     F64,
-    /// The object's identifier, a u16.
     Identifier,
-    /// Three F32, one along each axis.
     Axes,
-    /// A u16 for each kind of access violation.
     Counts,
-    /// The acknowledgements of both writers' commands, each a number and an outcome, u16.
     Acknowledged,
-    /// A status word, a u16, by the prefix of its bits in C.
+    /// A status word, with the prefix of its bits in C.
     Status(&'static str),
-    /// A command's word, a u32.
     Word,
-    /// Bytes that the writer may use freely.
     Bytes,
-    /// Bytes that are zero.
     Zero,
-    /// A CRC, by its name; the bytes that it covers begin at `from` and end before it.
+    /// A CRC of this name, over the bytes from the field `from` up to the CRC.
     Crc {
         name: &'static str,
         from: usize,
@@ -53,7 +43,6 @@ pub(crate) enum Kind {
 }
 
 impl Kind {
-    /// The type, as a comment in C has it.
     const fn c(self) -> &'static str {
         match self {
             Self::U16 | Self::Identifier | Self::Status(_) => "u16",
@@ -68,7 +57,6 @@ impl Kind {
     }
 }
 
-/// A number on the wire.
 trait Number {
     const KIND: Kind;
 }
@@ -93,7 +81,6 @@ fn kind_of<T: Number>(_: T) -> Kind {
     T::KIND
 }
 
-/// A field that was found: its name, its bytes, its content, its unit if it has one, its meaning.
 pub(crate) struct Field {
     pub(crate) name: &'static str,
     pub(crate) place: std::ops::Range<usize>,
@@ -103,7 +90,6 @@ pub(crate) struct Field {
 }
 
 impl Field {
-    /// The comment about it in C.
     fn comment(&self) -> String {
         let what = match self.kind {
             Kind::Status(prefix) if !prefix.is_empty() => format!("HORUS_DPR_{prefix}_..."),
@@ -115,13 +101,12 @@ impl Field {
     }
 }
 
-/// An object, with those of its fields that have been found.
+/// An object, with the fields found so far.
 pub(crate) struct Object {
     pub(crate) name: &'static str,
     pub(crate) title: &'static str,
-    /// The identifiers that it can have.
     pub(crate) identifiers: &'static [Identifier],
-    /// Their names in C.
+    /// The identifiers' names in C.
     names: &'static str,
     pub(crate) size: usize,
     pub(crate) fields: Vec<Field>,
@@ -137,7 +122,7 @@ impl Object {
         Self { name, title, identifiers, names, size, fields: vec![] }
     }
 
-    /// Adds the field in which `sealed` holds `value`. The bytes of `value` must occur in `sealed` only once.
+    /// Adds the field in which `sealed` holds `value`. The bytes of `value` must occur only once.
     fn field(
         mut self,
         name: &'static str,
@@ -155,7 +140,8 @@ impl Object {
         Ok(self)
     }
 
-    /// Adds the field that has the identifier `value`, and the status word whose bits have this prefix in C.
+    /// Adds the fields of the identifier and the status word. The names of the status word's bits begin with `prefix`
+    /// in C.
     fn head(self, value: Identifier, prefix: &'static str, status: u16, sealed: &[u8]) -> Result<Self> {
         self.field("identifier", Kind::Identifier, ("", ""), &value.0.to_le_bytes(), sealed)?.field(
             "status",
@@ -166,14 +152,12 @@ impl Object {
         )
     }
 
-    /// Adds a field whose value cannot be set: it follows the fields before it.
     fn rest(mut self, name: &'static str, kind: Kind, what: &'static str, bytes: usize) -> Self {
         let start = self.fields.iter().map(|field| field.place.end).max().unwrap_or(0);
         self.fields.push(Field { name, place: start..start + bytes, kind, unit: "", what });
         self
     }
 
-    /// Adds the field of a CRC. The bytes that it covers begin with a field, and end where the CRC begins.
     fn crc(
         self,
         name: &'static str,
@@ -195,7 +179,7 @@ impl Object {
         Ok(object)
     }
 
-    /// Returns the object with its fields in their order, which fill it without a gap.
+    /// Sorts the fields, and fails unless they fill the object without a gap.
     fn whole(mut self) -> Result<Self> {
         self.fields.sort_by_key(|field| field.place.start);
         let mut end = 0;
@@ -207,7 +191,6 @@ impl Object {
         Ok(self)
     }
 
-    /// Returns the C structure of the object with assertions about its layout.
     fn structure(&self) -> String {
         let member = |field: &Field| format!("uint8_t {}[{}];", field.name, field.place.len());
         let width = self.fields.iter().map(|field| member(field).len()).max().unwrap_or(0);
@@ -227,7 +210,6 @@ impl Object {
     }
 }
 
-/// Returns all objects.
 pub(crate) fn all() -> Result<Vec<Object>> {
     [link_status()?, reported()?, gps()?, port_status()?, uplink()?, command()?, hold_status()?]
         .into_iter()
@@ -235,7 +217,6 @@ pub(crate) fn all() -> Result<Vec<Object>> {
         .collect()
 }
 
-/// Returns the request of a window, which has no identifier.
 pub(crate) fn request() -> Result<Object> {
     let request = Request { offset: U16, length: !U16 };
     let bytes = ssi::encode(request);
@@ -247,12 +228,11 @@ pub(crate) fn request() -> Result<Object> {
         .whole()
 }
 
-/// Returns the C structures of all objects.
 pub(super) fn structs() -> Result<String> {
     Ok(all()?.iter().map(Object::structure).collect())
 }
 
-/// Adds the fields of a value type. Each is found by sealing an object in which only that field is set.
+/// Adds the fields of a value type. Each is found in an object in which only that field is set.
 macro_rules! fields {
     ($object:ident, $blank:expr, $seal:expr; $($name:ident: $value:expr, $unit:literal, $what:literal;)*) => {
         $object$(.field(
@@ -303,7 +283,7 @@ fn reported() -> Result<Object> {
     let blank = ReportedValues::absent(0);
     let all = ReportedStatus::from_bits(u16::MAX);
     let status = ReportedPosition::seal(&ReportedValues { status: all, ..blank });
-    // Both CRCs of an object in which latitude and longitude are unknown could cover other rows of fields as well.
+    // Latitude and longitude are set: unknown ones could make the CRCs seem to cover other fields.
     let sealed = ReportedPosition::seal(&ReportedValues { latitude: F64, longitude: -F64, ..blank });
     let axes = [F32, -F32, F32 + 1.0];
     let accelerated = ReportedPosition::seal(&ReportedValues { acceleration: axes, ..blank });

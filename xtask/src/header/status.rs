@@ -12,33 +12,31 @@ use profile::{
 
 use super::defines;
 
-/// A bit of a status word: name, mask, meaning.
+/// The bit's name, mask and meaning.
 type Bit = (&'static str, u16, &'static str);
 
-/// The reading of a code of several bits.
+/// How a code of several bits is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Code {
-    /// A number.
     Number,
-    /// A value of the enumeration of this name.
+    /// The code is a value of the enumeration of this name.
     Enumeration(&'static str),
-    /// An age in steps.
+    /// The code is an age in steps.
     Age,
 }
 
 /// A code of several bits in a status word: name, mask, meaning, reading.
 type Codes = (&'static str, u16, &'static str, Code);
 
-/// A bit, or the bits of a code, in a status word.
 pub(crate) struct Bits {
     pub(crate) name: &'static str,
     pub(crate) mask: u16,
     pub(crate) what: &'static str,
-    /// The reading of a code; `None` for a bit.
+    /// How the code is read; `None` for a bit.
     pub(crate) code: Option<Code>,
 }
 
-/// A status word. Its bits are in their order and fill `used`.
+/// A status word, whose bits are in order and fill `used`.
 pub(crate) struct Word {
     pub(crate) prefix: &'static str,
     pub(crate) title: &'static str,
@@ -46,16 +44,14 @@ pub(crate) struct Word {
     pub(crate) bits: Vec<Bits>,
 }
 
-/// An enumeration: the name, the number and the meaning of each value.
 pub(crate) struct Enumeration {
     pub(crate) name: &'static str,
     pub(crate) title: &'static str,
-    /// The beginning of each value's name in C, behind HORUS_DPR_.
+    /// The beginning of each value's name in C, after HORUS_DPR_.
     prefix: &'static str,
     pub(crate) values: Vec<(&'static str, u8, &'static str)>,
 }
 
-/// Returns the definitions of all status words and of their codes.
 pub(super) fn definitions() -> Result<String> {
     let mut text = String::new();
     for word in words()? {
@@ -67,7 +63,6 @@ pub(super) fn definitions() -> Result<String> {
     Ok(codes().iter().fold(text, |text, codes| text + &codes.definition()))
 }
 
-/// Returns all status words.
 pub(crate) fn words() -> Result<Vec<Word>> {
     let reported = ReportedStatus::new();
     let gps = GpsStatus::new();
@@ -181,7 +176,6 @@ pub(crate) fn words() -> Result<Vec<Word>> {
     ])
 }
 
-/// Returns the definitions of the bits that hold a solution's age.
 fn ages() -> Result<String> {
     let code = |age_ms| GpsStatus::new().with_solution_age_ms(age_ms).bits() >> 10;
     ensure!(code(Some(u32::from(GpsStatus::AGE_STEP_MS))) == 1, "the age of a solution has another step");
@@ -209,7 +203,6 @@ fn word(prefix: &'static str, title: &'static str, used: u16, flags: &[Bit], cod
 }
 
 impl Word {
-    /// Returns the C definitions of its bits.
     fn definitions(&self) -> String {
         let Self { prefix, title, used, bits } = self;
         let name = |bits: &Bits, end: &str| format!("HORUS_DPR_{prefix}_{}{end}", bits.name);
@@ -237,7 +230,6 @@ impl Word {
 }
 
 impl Enumeration {
-    /// Returns the C enumeration.
     pub(super) fn definition(&self) -> String {
         let Self { name, title, prefix, values } = self;
         let width = values.iter().map(|(value, ..)| value.len()).max().unwrap_or(0) + prefix.len() + 16;
@@ -252,7 +244,6 @@ impl Enumeration {
     }
 }
 
-/// Returns the enumerations of the codes in status words.
 pub(crate) fn codes() -> [Enumeration; 4] {
     use {FixType as F, HorusState as S, ResetReason as R};
     let states = [
@@ -330,7 +321,6 @@ fn enumeration(
     Enumeration { name, title, prefix, values: values.to_vec() }
 }
 
-/// Returns the client's verdicts.
 pub(crate) fn verdicts() -> Enumeration {
     let none = ("NONE", 0, "no transaction has ended: nobody filled the report");
     let verdicts = Verdict::ALL.map(|verdict| {
@@ -352,7 +342,6 @@ pub(crate) fn verdicts() -> Enumeration {
     enumeration("verdict", "What a transaction brought.", "", &[&[none][..], &verdicts].concat())
 }
 
-/// Returns the reader's cases of Hold-Status.
 pub(crate) fn hold_shown() -> Enumeration {
     let cases = HoldShown::ALL.map(|shown| {
         let (name, what) = match shown {
@@ -365,7 +354,6 @@ pub(crate) fn hold_shown() -> Enumeration {
     enumeration("hold_shown", "Whether there is a Hold-Status.", "HOLD_", &cases)
 }
 
-/// Returns the commands to the hold: name, word, effect.
 pub(crate) fn hold_words() -> [(&'static str, u16, &'static str); 4] {
     let commands = [HoldCommand::SetPoint(0.0), HoldCommand::Lock, HoldCommand::Unlock, HoldCommand::ClearShock];
     commands.map(|command| {
@@ -379,7 +367,6 @@ pub(crate) fn hold_words() -> [(&'static str, u16, &'static str); 4] {
     })
 }
 
-/// Returns the name and the effect of a command to the DPR.
 pub(crate) fn command(command: Command) -> (&'static str, &'static str) {
     match command {
         Command::ClearCounters => ("CLEAR_COUNTERS", "sets Port-Status's counters to 0"),
@@ -388,7 +375,6 @@ pub(crate) fn command(command: Command) -> (&'static str, &'static str) {
     }
 }
 
-/// Returns the name and the meaning of a kind of access violation.
 pub(crate) fn violation(kind: Violation) -> (&'static str, &'static str) {
     match kind {
         Violation::RequestDamaged => ("REQUEST_DAMAGED", "a request whose CRC is wrong"),

@@ -9,7 +9,6 @@ use super::{identifiers, objects, places};
 use crate::header::objects::{Field, Kind, Object};
 use crate::header::status::{self, Bits, Code, Enumeration, Word};
 
-/// Returns the whole description.
 pub(super) fn description() -> Result<String> {
     let objects: Vec<_> = objects()?.iter().map(object).collect();
     let words: Vec<_> = status::words()?.iter().map(word).collect();

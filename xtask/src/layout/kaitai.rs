@@ -40,7 +40,6 @@ const ACKNOWLEDGEMENT: &str = "  acknowledgement:
         enum: outcome
 ";
 
-/// Returns the whole description.
 pub(super) fn description() -> Result<String> {
     let mut text = HEAD.to_owned();
     let [first, ..] = Layout::ALL;
@@ -113,7 +112,7 @@ fn structure(object: &Object, words: &[Word]) -> String {
                 None => format!("(status & 0x{mask:04x}) != 0"),
                 Some(_) => format!("(status & 0x{mask:04x}) >> {shift}"),
             };
-            // Port-Status has a field and a bit of one name.
+            // The prefix is needed because Port-Status has a field and a bit of one name.
             let _ = writeln!(text, "      status_{}:\n        value: {value}", name.to_lowercase());
             if let Some(Code::Enumeration(name)) = code {
                 let _ = writeln!(text, "        enum: {name}");

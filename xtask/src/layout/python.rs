@@ -1,4 +1,4 @@
-//! Writes the module of the Python package that has the objects, their bits and their codes.
+//! Writes the Python package's module of the objects, their bits and their codes.
 
 use std::fmt::Write as _;
 
@@ -27,7 +27,6 @@ from ._base import Crc, Field, MapLayout, Object, Place, Word
 
 "#;
 
-/// Returns the whole module.
 pub(super) fn module() -> Result<String> {
     let mut text = HEAD.to_owned();
     text += &constants();
@@ -185,7 +184,6 @@ fn status_word(word: &Word) -> String {
     text
 }
 
-/// Returns the numpy type of a field, how many of it there are, and the type in Python.
 fn types(field: &Field) -> (&'static str, usize, String) {
     let bytes = field.place.len();
     match field.kind {

@@ -1,27 +1,21 @@
 //! The panel, with which a user injects faults into the running flight and sees both boards' logs.
 //!
-//! # Design
+//! The panel is at a separate address, and affects the base station only through the faults. It passes them to the
+//! bench between two steps of the run ([`Observer::faults`](bench::sim::Observer::faults)), as tests do. The judge is
+//! told of them too.
 //!
-//! The panel is on the bench's side of the radio, at a separate address. It affects the base station only through the
-//! faults: the bench gets them as in tests, between two pieces of the run
-//! ([`Observer::faults`](bench::sim::Observer::faults)), and the judge gets them like every other fault.
+//! **Duration.** A fault lasts for a number of seconds of flight, or until the user ends it. It is a chain of episodes
+//! of [`LINK_NS`], each of which begins before the last one ends. So each episode has an end, from which the judge
+//! checks the link's recovery. A supply that is switched off has one fixed end instead, because two such episodes would
+//! not join without a gap.
 //!
-//! **Duration.** A fault lasts for a number of seconds of flight, or until the user ends it. In both cases it is a
-//! chain of episodes of [`LINK_NS`], each of which begins before the one before it ends. So the judge always has an end
-//! and checks the link's recovery from it; the report counts each episode. A recovery is complete within one episode. A
-//! supply that is switched off has a fixed end instead, because two such episodes would not join without a gap.
+//! **Hangs.** A firmware starts its watchdog a few microseconds after its own start; a board that hung before that
+//! would hang for ever. So the hang of a board that has just been restarted from the panel, or hangs already, is
+//! delayed until its watchdog certainly runs. A board without a supply is not made to hang.
 //!
-//! **Hangs.** A firmware starts its watchdog a few microseconds after its own start. A board that hung before that
-//! would hang for ever. So if a board has just been restarted from the panel, or hangs already, its next hang is
-//! delayed until the watchdog certainly runs. A board without a supply is not made to hang.
-//!
-//! **Access.** The panel is a server on this machine, to which any page in a browser on this machine can send requests.
-//! So a change is refused unless the browser names the panel's own page as its origin (`Origin`, or `Sec-Fetch-Site` if
-//! there is none), and requests to another name of this machine are refused altogether ([`page::guarded`]).
-//!
-//! | left out | why |
-//! |---|---|
-//! | further faults of `--faults` | a user would not find one of them among forty buttons |
+//! **Access.** Any page in a browser on this machine can send requests to the panel. So a change is refused unless the
+//! browser names the panel's own page as its origin (`Origin`, or `Sec-Fetch-Site` if there is none), and requests to
+//! another name of this machine are refused altogether ([`page::guarded`]).
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -41,50 +35,38 @@ use bench::faults::{AirFaults, Board, Fault, Faults, PowerFault, ReceiverFault, 
 use bench::sim::AHEAD_NS;
 use serde_json::{Value, json};
 
-/// The length of one episode in the chain that makes a fault last, virtual ns.
 const LINK_NS: u64 = 1_000_000_000;
 
-/// How long before an episode's end the next episode of its chain begins, virtual ns: two pieces of the run.
+/// How long before an episode's end the next episode of a fault begins, virtual ns: two steps of the run.
 const RENEW_NS: u64 = 2 * super::PIECE;
 
-/// The longest duration of a fault, s of flight.
 const LONGEST: f64 = 600.0;
 
-/// The number of log lines that the panel keeps.
 const LINES: usize = 1_000;
 
-/// The fraction of frames that are lost on the air.
 const LOST: f64 = 0.4;
 
-/// The bit error rate on the air: a frame has about 2000 bits, so about one frame in three survives.
+/// The bit error rate on the air. A frame has about 2000 bits, so about one in three survives.
 const BIT_ERROR: f64 = 5e-4;
 
-/// The seed of the random contents that RAM has after its supply was off.
 const NOISE: u64 = 1;
 
-/// A fault that the panel can inject.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Thing {
-    /// A receiver, from 0, is silent.
     Silent(usize),
     /// A receiver, from 0, finds no position, as if it were jammed.
     Jammed(usize),
-    /// Frames on the air are lost.
     Frames,
-    /// Bits of frames on the air are wrong.
     Bits,
     /// HORUS's carrier does not reach the DPR.
     Field,
-    /// A board has no supply.
     Off(Board),
-    /// A board's reset pin is pulled low.
     Reset(Board),
     /// A board hangs, and its watchdog restarts it.
     Hang(Board),
 }
 
 impl Thing {
-    /// All faults that the panel offers for a flight with `receivers` receivers.
     fn all(receivers: usize) -> Vec<Self> {
         let boards = [Board::Horus, Board::Dpr];
         let mut all: Vec<Self> = (0..receivers).flat_map(|of| [Self::Silent(of), Self::Jammed(of)]).collect();
@@ -93,7 +75,6 @@ impl Thing {
         all
     }
 
-    /// The fault's name for programs.
     fn code(self) -> String {
         match self {
             Self::Silent(of) => format!("silent-{}", of + 1),
@@ -107,7 +88,6 @@ impl Thing {
         }
     }
 
-    /// The ways in which the fault can last.
     const fn how(self) -> How {
         match self {
             Self::Reset(_) | Self::Hang(_) => How::Once,
@@ -136,14 +116,10 @@ impl fmt::Display for Thing {
     }
 }
 
-/// The ways in which a fault can last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum How {
-    /// The fault occurs once, for a moment.
     Once,
-    /// The fault lasts for a number of seconds of flight.
     ForSeconds,
-    /// The fault lasts for a number of seconds of flight, or until the user ends it.
     Lasting,
 }
 
@@ -157,17 +133,15 @@ impl How {
     }
 }
 
-/// A fault that is present or will begin.
 #[derive(Clone, Copy, Debug)]
 struct Broken {
     thing: Thing,
-    /// The instant at which the fault is to end, virtual ns; `u64::MAX` while the user has not ended it.
+    /// The instant at which the fault ends, virtual ns; `u64::MAX` until the user has ended it.
     until: u64,
-    /// The end of the last episode of the fault that was passed to the bench, virtual ns.
+    /// The end of the fault's last episode that was passed to the bench, virtual ns.
     told: u64,
 }
 
-/// A line of a board's log.
 #[derive(Clone, Debug)]
 struct Line {
     at_ns: u64,
@@ -175,33 +149,27 @@ struct Line {
     text: String,
 }
 
-/// The state that all requests share.
 #[derive(Debug, Default)]
 struct Inner {
     receivers: usize,
-    /// The end of the run, virtual ns.
     end_ns: u64,
     now_ns: u64,
     over: bool,
-    /// The faults that are to begin after the present piece of the run, with their durations, ns.
+    /// The requested faults, which begin after the present step of the run, with their durations, ns.
     asked: Vec<(Thing, u64)>,
     broken: Vec<Broken>,
-    /// The instants from which on the watchdogs of HORUS and of the DPR certainly run, virtual ns.
+    /// The instants from which on HORUS's and the DPR's watchdogs certainly run, virtual ns.
     watched: [u64; 2],
     log: VecDeque<Line>,
-    /// The number of log lines that were dropped.
     forgotten: u64,
-    /// Log lines whose instant is not known yet.
     unstamped: Vec<(String, String)>,
 }
 
 impl Inner {
-    /// The instant from which on no fault may begin, so that the run ends undisturbed, virtual ns.
     const fn last_ns(&self) -> u64 {
         self.end_ns.saturating_sub(LAST_BEFORE_END)
     }
 
-    /// Returns the faults that begin after `now`, virtual ns.
     fn faults(&mut self, now: u64) -> Faults {
         let (at, last) = ((now + AHEAD_NS).max(FIRST_AT), self.last_ns());
         let mut faults = Faults::none();
@@ -241,8 +209,8 @@ impl Inner {
                 },
             }
         }
-        // The air has only one fault at a time, and among several episodes the last one has effect. So each episode
-        // contains all faults that are present.
+        // Only the last of several episodes on the air has effect, so each episode contains all present faults of the
+        // air.
         let air = AirFaults {
             lost: if self.lasts(Thing::Frames, now) { LOST } else { 0.0 },
             bit_error: if self.lasts(Thing::Bits, now) { BIT_ERROR } else { 0.0 },
@@ -270,7 +238,6 @@ impl Inner {
         self.broken.iter().any(|broken| broken.thing == thing && broken.until > now)
     }
 
-    /// Returns the panel's state as JSON for its page, with the log's lines from number `from` on.
     fn state(&self, from: u64) -> Value {
         let seconds = |ns: u64| ns as f64 / 1e9;
         let broken = self.broken.iter().map(|broken| {
@@ -289,7 +256,6 @@ impl Inner {
         })
     }
 
-    /// The faults that the panel offers, as JSON.
     fn things(&self) -> Value {
         let thing =
             |thing: Thing| json!({ "code": thing.code(), "words": thing.to_string(), "how": thing.how().code() });
@@ -297,7 +263,6 @@ impl Inner {
     }
 }
 
-/// The panel of a run. The [module](self) describes it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Panel {
     inner: Arc<Mutex<Inner>>,
@@ -309,23 +274,19 @@ impl Panel {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Serves the panel at `address`; `page` is the address of the base station's page.
     pub(super) fn serve(&self, address: SocketAddr, page: SocketAddr) -> io::Result<Server> {
         let panel = self.clone();
         Server::of(address, |address| router(panel, address, page))
     }
 
-    /// Begins a run of a flight with `receivers` receivers, which ends at `end_ns`.
     pub(super) fn begin(&self, receivers: usize, end_ns: u64) {
         *self.inner() = Inner { receivers, end_ns, ..Inner::default() };
     }
 
-    /// Adds a line of a board's log.
     pub(super) fn log(&self, board: &str, line: &str) {
         self.inner().unstamped.push((board.to_owned(), line.to_owned()));
     }
 
-    /// Records that the run, and the log of it, have reached `now_ns`, virtual ns.
     pub(super) fn progress(&self, now_ns: u64) {
         let mut inner = self.inner();
         inner.now_ns = now_ns;
@@ -338,18 +299,16 @@ impl Panel {
         }
     }
 
-    /// Returns the faults that begin after `now_ns`, which is the end of a piece of the run.
     pub(super) fn faults(&self, now_ns: u64) -> Faults {
         self.inner().faults(now_ns)
     }
 
-    /// Returns whether a user has ended the run.
     pub(super) fn is_over(&self) -> bool {
         self.inner().over
     }
 
-    /// Requests the fault of the button with this index, as a user who presses that button does, for `ns` nanoseconds.
-    /// Without `ns`, the fault lasts until the user ends it, if it can, and otherwise for [`LINK_NS`].
+    /// Presses the button of this index, for a fault of `ns` nanoseconds. Without `ns`, the fault lasts until the user
+    /// ends it, if it can, and otherwise for [`LINK_NS`].
     #[cfg(test)]
     pub(super) fn press(&self, button: usize, ns: Option<u64>) {
         let mut inner = self.inner();
@@ -359,7 +318,6 @@ impl Panel {
         inner.asked.push((thing, ns));
     }
 
-    /// Ends the run.
     #[cfg(test)]
     pub(super) fn end(&self) {
         self.inner().over = true;
@@ -384,7 +342,6 @@ fn json(value: &Value) -> Response {
     ([(header::CONTENT_TYPE, "application/json")], value.to_string()).into_response()
 }
 
-/// The value of the parameter `name` in a query.
 fn asked<'a>(query: Option<&'a str>, name: &str) -> Option<&'a str> {
     query?.split('&').filter_map(|part| part.split_once('=')).find(|(other, _)| *other == name).map(|(_, value)| value)
 }
@@ -394,7 +351,6 @@ async fn state(State(panel): State<Panel>, RawQuery(query): RawQuery) -> Respons
     json(&panel.inner().state(from))
 }
 
-/// Returns whether a request comes from the panel's own page, as the browser's headers state.
 fn is_from_here(headers: &HeaderMap) -> bool {
     let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
     match (text(header::ORIGIN), text(header::HOST)) {
@@ -404,7 +360,7 @@ fn is_from_here(headers: &HeaderMap) -> bool {
     }
 }
 
-/// Answers `POST /break?what=CODE&seconds=N`: begins a fault. Without seconds the fault lasts until the user ends it.
+/// Answers `POST /break?what=CODE&seconds=N`: begins a fault. Without seconds it lasts until the user ends it.
 async fn break_thing(State(panel): State<Panel>, headers: HeaderMap, RawQuery(query): RawQuery) -> Response {
     if !is_from_here(&headers) {
         return (StatusCode::FORBIDDEN, "this is for the panel's own page").into_response();
@@ -428,7 +384,7 @@ async fn break_thing(State(panel): State<Panel>, headers: HeaderMap, RawQuery(qu
     StatusCode::NO_CONTENT.into_response()
 }
 
-/// Answers `POST /well`: ends all faults or, with `?what=CODE`, only that one.
+/// Answers `POST /well`: ends all faults or, with `?what=CODE`, that one.
 async fn all_well(State(panel): State<Panel>, headers: HeaderMap, RawQuery(query): RawQuery) -> Response {
     if !is_from_here(&headers) {
         return (StatusCode::FORBIDDEN, "this is for the panel's own page").into_response();

@@ -11,12 +11,11 @@ use serde_json::Value;
 
 use super::*;
 
-/// How long it takes from power-on until HORUS's clock starts, s. HORUS compares its flash with the CRC and sets up for
-/// 8 to 9 ms.
+/// The time from power-on until HORUS's clock starts, s. HORUS checks its flash and sets up in 8 to 9 ms.
 const HORUS_STARTS: f64 = 0.008_5;
 
-/// Both firmwares for three receivers. If `cargo xtask test` has not built them, returns `None` with a message, and
-/// fails the test where the environment has `CI`.
+/// Both firmwares for three receivers. If they were not built, prints a message and, where the environment has `CI`,
+/// fails the test.
 fn images() -> Option<Images> {
     let folder = std::env::var_os("LINK_IMAGES").map(|folder| PathBuf::from(folder).join("gps-3"));
     if let Some(folder) = folder.filter(|folder| folder.is_dir()) {
@@ -27,7 +26,6 @@ fn images() -> Option<Images> {
     None
 }
 
-/// Sends a request to `address` and returns the status and the body of the answer.
 fn ask(address: SocketAddr, method: &str, path: &str, headers: &str) -> (u16, String) {
     let mut stream = TcpStream::connect(address).unwrap();
     let length = "Connection: close\r\nContent-Length: 0";
@@ -38,25 +36,21 @@ fn ask(address: SocketAddr, method: &str, path: &str, headers: &str) -> (u16, St
     (head.split(' ').nth(1).unwrap().parse().unwrap(), body.to_owned())
 }
 
-/// Reads the state of the page or of the panel over HTTP.
 fn state(address: SocketAddr) -> Value {
     let (status, body) = ask(address, "GET", "/state", "");
     assert_eq!(status, 200, "{body}");
     serde_json::from_str(&body).unwrap()
 }
 
-/// Sends a command to the panel, as its own page does.
 fn command(panel: SocketAddr, path: &str) {
     let (status, body) = ask(panel, "POST", path, &format!("Origin: http://{panel}\r\n"));
     assert_eq!(status, 204, "{path}: {body}");
 }
 
-/// Runs a flight while `watch` runs, which gets the addresses of page and panel. The run ends when `watch` returns.
 fn watched(setup: &Setup, pace: f64, watch: impl FnOnce(SocketAddr, SocketAddr)) -> Outcome {
     watched_by(Page::start(0, pace, false, |_, _| {}).unwrap(), setup, watch)
 }
 
-/// Runs a flight with the given page while `watch` runs. [`watched`] does the same with a page of its own.
 fn watched_by(mut page: Page, setup: &Setup, watch: impl FnOnce(SocketAddr, SocketAddr)) -> Outcome {
     let (panel, address) = (page.panel.clone(), page.server.address());
     panel.begin(setup.gps, setup.duration_ns);
@@ -81,7 +75,7 @@ fn the_page_shows_the_aircrafts_true_position_and_link_status() {
     let outcome = page.run(&setup).unwrap();
     assert_eq!(outcome.report.violations, [""; 0]);
     let shown = page.settle();
-    // With three receivers, three messages are sent when the flight starts or later, and then three more every 100 ms.
+    // With three receivers, three messages are sent at about the flight's start, and then three every 100 ms.
     assert!(shown.is_whole() && (57..=63).contains(&shown.sent), "{shown:?}");
 
     let drone = &state(page.server.address())["drone"];
@@ -100,7 +94,6 @@ fn the_page_shows_the_aircrafts_true_position_and_link_status() {
     assert!(north.hypot(east) <= 1.0, "{north} m north, {east} m east of the truth at {time} s");
 }
 
-/// Waits until `wanted` returns true for the page's state.
 fn until(page: SocketAddr, what: &str, wanted: impl Fn(&Value) -> bool) {
     let began = Instant::now();
     loop {
@@ -113,7 +106,6 @@ fn until(page: SocketAddr, what: &str, wanted: impl Fn(&Value) -> bool) {
     }
 }
 
-/// Waits until all faults are over and the link has recovered.
 fn calm(page: SocketAddr, panel: SocketAddr) {
     let began = Instant::now();
     while state(panel)["broken"] != serde_json::json!([]) {
@@ -150,7 +142,6 @@ fn each_fault_from_the_panel_shows_on_the_page_and_passes() {
         until(page, "bits wrong", |drone| count(drone, "link", "rejected") > before + 20);
         calm(page, panel);
 
-        // The fault lasts until the user ends it.
         command(panel, "/break?what=field");
         until(page, "without a field", |drone| drone["link"]["up"] == false && drone["stale"] == true);
         let broke = state(panel)["now_s"].as_f64().unwrap();
@@ -176,7 +167,6 @@ fn each_fault_from_the_panel_shows_on_the_page_and_passes() {
             until(page, what, |drone| drone["link"]["reset"] == reset && drone["stale"] == false);
             calm(page, panel);
         }
-        // HORUS and the DPR log the fault.
         let lines = state(panel)["lines"].clone();
         for board in ["horus", "dpr"] {
             assert!(lines.as_array().unwrap().iter().any(|line| line[1] == board), "{board}: {lines}");
@@ -215,7 +205,6 @@ fn an_uplink_from_the_page_is_written_and_confirmed_despite_loss() {
             count += drone["uplink"]["times"].as_u64().unwrap();
             shown.push(drone["uplink"]["after_ms"].as_u64().unwrap());
         }
-        // A page of another origin cannot send uplinks.
         assert_eq!(ask(page, "POST", "/uplink?drone=1&payload=01", "Origin: http://example.org\r\n").0, 403);
     });
     println!("five uplinks in {count} messages, shown as written after {shown:?} ms");
@@ -278,7 +267,7 @@ fn a_fault_from_the_panel_is_one_gapless_chain_of_episodes() {
     assert!(episodes.len() > 15 && joined(&episodes), "{episodes:?}");
     command(server.address(), "/well?what=silent-2");
     assert_eq!(fly(200..300), [], "the last one comes to its end");
-    // The fault ends before the run does, so that the end of the run is undisturbed.
+    // The fault must end before the run does.
     command(server.address(), "/break?what=field");
     let episodes = fly(300..600);
     assert!(joined(&episodes) && episodes.last().unwrap().1 == 59_400_000_000, "{episodes:?}");
@@ -301,9 +290,8 @@ fn a_board_hangs_once_its_watchdog_runs_and_not_without_a_supply() {
         faults.episodes().iter().filter(of_hang).map(|episode| episode.at - piece * PIECE).collect()
     };
     assert_eq!(hangs(10, &["hang-dpr", "hang-horus"]), [AHEAD_NS; 2]);
-    // The board hangs already. Its next hang is delayed until the watchdog has had 190 ms to restart the board.
+    // The board hangs already. Its next hang is delayed until the watchdog has had 190 ms to restart it.
     assert_eq!(hangs(11, &["hang-dpr"]), [AHEAD_NS + HANG_LENGTH.0 - PIECE]);
-    // A board that is restarted at the same time hangs only once its watchdog runs again.
     assert_eq!(hangs(20, &["hang-dpr", "reset-dpr"]), [AHEAD_NS + WATCHDOG_STARTS]);
     assert!(hangs(30, &["off-dpr&seconds=1"]).is_empty());
     assert_eq!(hangs(35, &["hang-dpr", "hang-horus"]), [AHEAD_NS], "HORUS alone has a supply");
@@ -324,7 +312,6 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
     let outcome = page.run(&setup).unwrap();
     assert_eq!(outcome.report.violations, [""; 0]);
     assert!(page.settle().is_whole());
-    // The station sends the last state with its next update, and then the page shows it.
     let last = state(page.server.address())["drone"]["time_ms"].as_f64().unwrap() / 1e3;
     tab.until(&format!("document.getElementById('time').textContent === '{last:.1} s'"));
 
@@ -335,8 +322,8 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
         let [north, east, _] = TangentPlane::new(was).to_ned(shown);
         north.hypot(east)
     };
-    // The numbers on the page are compared with the aircraft's position at the time that the page shows. That time is
-    // the newest object's. The displayed position may be older by up to a period of the forwarder.
+    // The page's numbers are compared with the aircraft's position at the time that the page shows. The displayed
+    // position may be older by up to a period of the forwarder.
     let degrees = |text: String| -> f64 {
         let (number, side) = text.split_once("° ").unwrap();
         number.parse::<f64>().unwrap() * if matches!(side, "S" | "W") { -1.0 } else { 1.0 }
@@ -345,7 +332,6 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
     let times = (-25..=6).map(|tick| last + HORUS_STARTS + f64::from(tick) * 0.01);
     let off = times.map(|time| apart(shown, flight.state(time).position)).fold(f64::INFINITY, f64::min);
     assert!(off <= 1.0, "{off} m");
-    // The track that the page draws is checked too.
     let drawn = tab.eval("history.filter((point) => point.voted).map((point) => point.voted.slice(0, 2))");
     let drawn: Vec<[f64; 2]> = serde_json::from_value(drawn).unwrap();
     assert!(drawn.len() >= 50, "{} points in 15 s", drawn.len());

@@ -1,7 +1,6 @@
-//! Tests flashing through the library with boards of the bench: each board, and each way in which flashing can fail.
+//! Tests flashing through the library with boards of the bench, and each way in which flashing can fail.
 //!
-//! The boards run the release programs, as in the bench's own tests: `cargo xtask test` builds them and gives their
-//! folder in LINK_IMAGES.
+//! The boards run the release programs, which `cargo xtask test` builds into the folder LINK_IMAGES.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -12,8 +11,8 @@ use probe_rs::probe::{DebugProbe, DebugProbeError, ProbeCreationError, ProbeFact
 use super::*;
 use crate::Receivers;
 
-/// Returns a new board that no other test uses, and the ELF file for it. If the firmwares were not built, prints a
-/// message and returns `None`.
+/// Returns a new board that no other test uses, and its ELF file; `None` with a message if the firmwares were not
+/// built.
 fn board(board: Board) -> Option<(BenchBoard, PathBuf)> {
     static COUNT: AtomicUsize = AtomicUsize::new(0);
     let Some(folder) = std::env::var_os("LINK_IMAGES").map(PathBuf::from) else {
@@ -32,7 +31,6 @@ fn args(board: Board, erase_all: bool) -> FlashArgs {
     FlashArgs { board, gps: Receivers::DEFAULT, seconds: Some(0.02), probe }
 }
 
-/// Flashes a board and returns what the user would get: success, or the text of the error.
 fn flash(on: &BenchBoard, board: Board, elf: &Path, erase_all: bool) -> Result<(), String> {
     let outcome = flash_elf(&args(board, erase_all), &Found::Bench(on.clone()), elf);
     match outcome {
@@ -42,7 +40,6 @@ fn flash(on: &BenchBoard, board: Board, elf: &Path, erase_all: bool) -> Result<(
     }
 }
 
-/// Returns whether the board's flash, which begins at `flash`, contains the program of the ELF file.
 fn holds(on: &BenchBoard, elf: &Path, flash: u64) -> bool {
     let kept = on.kept();
     emulator_node::Firmware::read(elf).unwrap().segments().iter().all(|(address, bytes)| {
@@ -62,7 +59,7 @@ fn a_new_dpr_board_needs_a_full_erase_before_writing() {
     assert!(on.kept().iter().all(|&byte| byte == 0xFF), "nothing was written");
     assert_eq!(flash(&on, Board::Dpr, &elf, true), Ok(()));
     assert!(holds(&on, &elf, 0));
-    // UICR comes after the flash in the memory that the board keeps. The compared word is UICR.APPROTECT.
+    // UICR follows the flash in the kept memory. The compared word is UICR.APPROTECT.
     assert_eq!(on.kept()[(1 << 20) + 0x208..][..4], [0x5A, 0, 0, 0]);
 }
 
@@ -73,14 +70,12 @@ fn a_running_dpr_board_is_written_again_without_a_full_erase() {
     on.switch_off_and_on();
     on.run(500_000_000);
     assert_eq!(flash(&on, Board::Dpr, &elf, false), Ok(()));
-    // The watchdog continues after a soft reset. It is fed while the library's flash algorithm runs, so only soft
-    // resets occur.
+    // The watchdog continues after a soft reset, and is fed while the flash algorithm runs. So only soft resets occur.
     let restarts = on.restarts();
     assert!(restarts.len() >= 2 && restarts.iter().all(|why| why.ends_with("by software")), "{restarts:?}");
     assert!(holds(&on, &elf, 0));
 }
 
-/// The offset of the option bytes in the memory that HORUS's board keeps.
 const OPTIONS: usize = 2 << 20;
 /// The option bytes of a new board (RM0090, "Option bytes").
 const AS_DELIVERED: [u8; 16] = *b"\xEC\xAA\xFF\xFF\xFF\xFF\xFF\xFF\xFF\x0F\xFF\xFF\xFF\xFF\xFF\xFF";
@@ -94,7 +89,6 @@ fn flashing_horus_sets_brown_out_level_3_and_leaves_the_other_options() {
         let mut level_3 = AS_DELIVERED;
         level_3[0] &= !0x0C;
         assert_eq!(on.kept()[OPTIONS..], level_3);
-        // With the programmed brown-out level, the board's firmware does not stop at its start.
         on.switch_off_and_on();
         on.run(500_000_000);
         assert_eq!(on.restarts(), [""; 0]);
@@ -166,7 +160,6 @@ fn a_board_can_be_written_again_after_its_probe_was_unplugged() {
     assert!(holds(&on, &elf, 0x0800_0000));
 }
 
-/// A probe on USB that cannot be opened.
 #[derive(Debug)]
 struct Plugged;
 
@@ -186,7 +179,6 @@ impl ProbeFactory for Plugged {
     }
 }
 
-/// A list of several probes that cannot be opened.
 #[derive(Debug)]
 struct Several(usize);
 

@@ -1,18 +1,16 @@
-//! Handles the watchdogs that the boards' firmwares have started. No halt of the core stops them, so without this
-//! module they would reset a board while a probe uses it.
+//! Keeps the firmwares' watchdogs from resetting a board while a probe uses it. Halting the core does not stop them.
 //!
-//! Both firmwares start a watchdog of 100 ms with their first instructions, and it continues to count while the core is
-//! halted. The library attaches, and then loads its flash algorithm into RAM. The core is halted in each of these steps
-//! for about as long, so the watchdog resets the part in between. The core then runs the firmware again, which the
-//! library does not notice: a step that it has requested never ends, and it reports a time-out.
+//! Both firmwares start a watchdog of 100 ms with their first instructions. The library halts the core for about as
+//! long when it attaches, and again when it loads its flash algorithm into RAM. Without this module the watchdog would
+//! reset the board in one of these steps. The firmware would then run again unnoticed, the step would never end, and
+//! the library would report a time-out.
 //!
 //! | part | measure | reason |
 //! |---|---|---|
 //! | nRF52840 | fed between the probe's transfers ([`fed`]) | soft resets do not end it, nothing stops it (PS v1.7) |
 //! | STM32F429 | a halt stops it (DBG_IWDG_STOP) | a reset ends it; HORUS clears that bit (RM0090, 38.16.4) |
 //!
-//! The halt comes first. Otherwise a running firmware would undo the measure, and so would one that is half written and
-//! does not feed the watchdog.
+//! The core is halted first. A running or half-written firmware would undo the measure.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -32,26 +30,25 @@ use super::DHCSR;
 use crate::Board;
 use crate::access::chip;
 
-/// The value to write to DHCSR that halts the core: the key, C_HALT and C_DEBUGEN (ARMv7-M ARM C1.6.2).
+/// The value of DHCSR that halts the core: the key, C_HALT and C_DEBUGEN (ARMv7-M ARM C1.6.2).
 const HALT: u32 = 0xA05F_0003;
-/// The bit S_HALT of DHCSR, which is set while the core is halted.
+/// S_HALT of DHCSR, set while the core is halted.
 const S_HALT: u32 = 1 << 17;
 
-/// The address of the register `WDT.RR[0]` of the nRF52840, which is the one that the firmware has enabled.
+/// The address of the nRF52840's `WDT.RR[0]`, the register that the firmware has enabled.
 const RELOAD: u32 = 0x4001_0600;
 /// The value of `WDT.RR[0]` that reloads the watchdog.
 const RELOADED: u32 = 0x6E52_4635;
 
-/// The address of the register DBGMCU_APB1_FZ of the STM32F429.
+/// The address of the STM32F429's DBGMCU_APB1_FZ.
 const APB1_FREEZE: u64 = 0xE004_2008;
-/// The bit DBG_IWDG_STOP of DBGMCU_APB1_FZ, which stops the watchdog while the core is halted.
+/// DBG_IWDG_STOP of DBGMCU_APB1_FZ, which stops the watchdog while the core is halted.
 const IWDG_STOP: u32 = 1 << 12;
 
-/// The number of attempts to halt the core. An attempt fails if the watchdog resets the core at that moment; two such
-/// resets are 100 ms apart.
+/// The number of attempts to halt the core. An attempt fails if the watchdog resets the core during it; two such resets
+/// are 100 ms apart.
 const HALTS: usize = 3;
 
-/// Returns the library's description of the board's part, extended by the handling of the watchdog.
 pub(super) fn target(board: Board) -> Result<Target> {
     let mut target = Registry::from_builtin_families().get_target_by_name(chip(board))?;
     let DebugSequence::Arm(library) = target.debug_sequence else { bail!("{} is no Arm part", chip(board)) };
@@ -59,8 +56,8 @@ pub(super) fn target(board: Board) -> Result<Target> {
     Ok(target)
 }
 
-/// Returns the probe, which from now on feeds an nRF52840's watchdog between its transfers, and the handle that ends
-/// the feeding. A probe that the library does not use in single transfers is returned unchanged.
+/// Makes the probe feed an nRF52840's watchdog between its transfers. Returns the probe and the handle that ends the
+/// feeding. A probe that the library does not use in single transfers is returned unchanged.
 pub(super) fn fed(mut probe: Box<dyn DebugProbe>) -> (Box<dyn DebugProbe>, Feeding) {
     let feeding = Feeding(Arc::new(AtomicBool::new(true)));
     if probe.try_as_dap_probe().is_none() {
@@ -69,45 +66,43 @@ pub(super) fn fed(mut probe: Box<dyn DebugProbe>) -> (Box<dyn DebugProbe>, Feedi
     (Box::new(Fed { probe, feeding: feeding.clone(), select: None, is_word: false, passed: 0 }), feeding)
 }
 
-/// Whether the watchdog is fed. It must not be fed while the firmware runs without the library.
+/// Whether the watchdog is fed. Feeding must end before the firmware runs without the library.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Feeding(Arc<AtomicBool>);
 
 impl Feeding {
-    /// Ends the feeding of the watchdog.
     pub(super) fn end(&self) {
         self.0.store(false, Ordering::Relaxed);
     }
 }
 
-/// The register CSW of the AHB-AP in its bank 0, by address bits A\[3:2\] (ADIv5.2 C2.6).
+/// CSW of the AHB-AP in its bank 0, by address bits A\[3:2\] (ADIv5.2 C2.6).
 const CSW: u8 = 0x0;
-/// The register TAR of the AHB-AP in its bank 0.
+/// TAR of the AHB-AP in its bank 0.
 const TAR: u8 = 0x4;
-/// The register DRW of the AHB-AP in its bank 0.
+/// DRW of the AHB-AP in its bank 0.
 const DRW: u8 = 0xC;
-/// The register SELECT of the debug port (ADIv5.2 B2.2).
+/// SELECT of the debug port (ADIv5.2 B2.2).
 const SELECT: u8 = 0x8;
 
 /// The bits of CSW that hold the size of accesses.
 const SIZE: u32 = 7;
-/// The value of the bits [`SIZE`] for accesses of a word.
+/// The value of [`SIZE`] for accesses of a word.
 const WORD: u32 = 2;
 
-/// The watchdog is fed once in this number of writes of TAR. Each write comes with at least one transfer of data. If
-/// each of a probe's commands takes 1 ms, the watchdog is fed every 40 ms or more, and within 100 ms.
+/// The number of writes of TAR after which the watchdog is fed. Each write comes with at least one transfer of data. If
+/// a probe takes 1 ms for a command, between 40 ms and 100 ms pass from one feeding to the next.
 const FEED_EVERY: u32 = 16;
 
-/// The probe that [`fed`] returns. It feeds the watchdog when the library is about to write TAR of the AHB-AP, so the
-/// probe need not restore TAR.
+/// The probe that [`fed`] returns. It feeds the watchdog just before the library writes TAR of the AHB-AP, so TAR need
+/// not be restored.
 #[derive(Debug)]
 struct Fed {
     probe: Box<dyn DebugProbe>,
     feeding: Feeding,
-    /// The last value written to SELECT, which selects the access port and its bank; `None` before the first write.
+    /// The last value written to SELECT, which selects the access port and its bank.
     select: Option<u32>,
     is_word: bool,
-    /// The number of writes of TAR since the watchdog was last fed.
     passed: u32,
 }
 
@@ -116,7 +111,6 @@ impl Fed {
         self.probe.try_as_dap_probe().expect("asked when it was made")
     }
 
-    /// Feeds the watchdog if that is due, before the library writes a register.
     fn writes(&mut self, address: RegisterAddress, value: u32) -> Result<(), ArmError> {
         let register = address.a2_and_3();
         match (address.is_ap(), register) {
@@ -246,8 +240,7 @@ impl DebugProbe for Fed {
     }
 }
 
-/// The library's sequence of steps for a part, with the watchdog handled between the steps. Steps that the library
-/// defines for one of the two parts are called; all others are the library's defaults.
+/// The library's sequence of steps for a chip, with the watchdog handled between the steps.
 #[derive(Debug)]
 struct Watched {
     board: Board,
@@ -276,8 +269,7 @@ impl ArmDebugSequence for Watched {
         self.library.debug_device_unlock(interface, default_ap, permissions)
     }
 
-    /// From this step on, the core stays halted until it is started. Without this step it would be halted only for some
-    /// of the time in which the library attaches.
+    /// Halts the core from this step until it is started.
     fn debug_core_start(
         &self,
         interface: &mut dyn ArmDebugInterface,
@@ -291,7 +283,7 @@ impl ArmDebugSequence for Watched {
         for _ in 0..HALTS {
             memory.write_word_32(DHCSR, HALT)?;
             self.see_to(&mut *memory)?;
-            // If a reset has come since the request to halt, the core is running.
+            // A reset after the request to halt makes the core run.
             if memory.read_word_32(DHCSR)? & S_HALT != 0 {
                 return Ok(());
             }

@@ -1,20 +1,18 @@
-//! Runs in the flight controller: it chooses which objects are sent when.
+//! Selects, in the flight controller, which objects are sent when.
 //!
-//! # Design
+//! HORUS sends 100 profiles of 244 bytes a second, 24 kB/s; a telemetry radio carries 1 to 6 kB/s. So the forwarder
+//! keeps the newest object of each kind and sends what its budget allows, never an object older than one that it has
+//! sent.
 //!
-//! A radio carries less than HORUS sends: 100 profiles of 244 bytes a second are 24 kB/s, and a telemetry radio carries
-//! 1 to 6 kB/s. So the forwarder keeps the newest object of each kind and sends what its budget allows: always the
-//! newest object, and never one that is older than one that it has sent.
-//!
-//! - These objects share a message: {Link-Status, Reported-Position}, {GPS1, GPS2}, {GPS3, GPS4}, {GPS5}, and, where it
-//!   is offered as the answer to an uplink ([`inbound`](super::inbound)), {Port-Status, uplink}. No object is ever
-//!   split over two messages. An object that is missing is left out, or is zeros if it is between others.
-//! - Each message is sent once a period. If the budget does not suffice for that, Reported-Position is sent before
-//!   every one of the other messages, which take turns: the position is then updated twice as often as any receiver.
+//! - These objects share a message: {Link-Status, Reported-Position}, {GPS1, GPS2}, {GPS3, GPS4}, {GPS5} and, as the
+//!   answer to an uplink ([`inbound`](super::inbound)), {Port-Status, uplink}. A missing object is left out, or is
+//!   zeros if it is between others.
+//! - Each message is sent once a period. If the budget does not suffice, Reported-Position is sent before every one of
+//!   the other messages, which take turns.
 //! - An object that is unchanged in the next image is not sent again.
 //!
-//! The budget is a bucket. It fills by the permitted bytes per second, and holds at most the bytes of a tenth of a
-//! second or, if that is more, of one message. So the radio's own queue stays short, and the data in it stay recent.
+//! The budget fills by the permitted bytes per second, up to the bytes of a tenth of a second or of one message,
+//! whichever is more. So the radio's own queue stays short.
 
 use mavlink::consts::v2::{IFLAG_SIGNED, SIGNATURE_SIZE};
 use mavlink::dialects::common::MavMessage;
@@ -27,17 +25,14 @@ use super::standard;
 use super::tunnel::Tunnel;
 use crate::{Bundle, Place};
 
-/// The objects that share a message: the first of them, and their number.
+/// The objects that share a message: the first object, and their number.
 const UNITS: [(Place, usize); 5] =
     [(Place::LinkStatus, 2), (Place::Gps(1), 2), (Place::Gps(3), 2), (Place::Gps(5), 1), (Place::PortStatus, 2)];
 
-/// The length of the longest message, bytes: its frame and a full TUNNEL.
 const LONGEST: u64 = 12 + Tunnel::ENCODED_LEN as u64 + SIGNATURE_SIZE as u64;
 
-/// The interval at which HEARTBEAT is sent, µs: one second, as the protocol specifies.
 const HEARTBEAT_US: u64 = 1_000_000;
 
-/// How long HEARTBEAT reports HORUS's state after the last new Reported-Position, µs.
 const FRESH_US: u64 = 1_000_000;
 
 /// The rates at which the forwarder sends.
@@ -47,28 +42,25 @@ pub struct Rates {
     pub bytes_per_s: u32,
     /// The shortest time from one message of a kind to the next, µs.
     pub period_us: u64,
-    /// The time from one standard position message to the next, µs. If it is 0, neither standard messages nor HEARTBEAT
-    /// are sent. Ground stations show standard messages beside the vehicle's own position, so they must be enabled
-    /// explicitly.
+    /// The time from one standard position message to the next, µs; with 0, neither standard messages nor HEARTBEAT are
+    /// sent. Ground stations show standard messages beside the vehicle's own position, so the user must enable them.
     pub standard_us: u64,
 }
 
-/// The default is 10 Hz within 3 kB/s, without standard messages.
+/// 10 Hz within 3 kB/s, without standard messages.
 impl Default for Rates {
     fn default() -> Self {
         Self { bytes_per_s: 3_000, period_us: 100_000, standard_us: 0 }
     }
 }
 
-/// The newest bytes of one object, and whether they have been sent.
 #[derive(Clone, Copy, Debug)]
 struct Newest {
     bytes: [u8; ReportedPosition::SIZE],
-    /// Whether the newest bytes of the object have not been sent yet.
     fresh: bool,
 }
 
-/// The sender of objects in a flight controller. See the [module](self).
+/// Selects and encodes objects in a flight controller. See the [module](self).
 #[derive(Clone, Debug)]
 pub struct Forwarder {
     system: u8,
@@ -76,21 +68,17 @@ pub struct Forwarder {
     rates: Rates,
     signer: Option<Signer>,
     newest: [Option<Newest>; Place::COUNT],
-    /// The instant, µs, at which the message of each unit is due: one period after it was due the last time, even if it
-    /// was sent late that time.
+    /// The instant, µs, at which each message of [`UNITS`] is due: one period after it was last due, even if it was
+    /// sent late.
     due_us: [u64; UNITS.len()],
-    /// Whether Reported-Position was sent last, so that one of the other messages is next.
     others_turn: bool,
-    /// The number of bytes that may be sent, in millionths of a byte, and the instant, µs, for which that number was
-    /// calculated.
+    /// The budget, in millionths of a byte, and the instant, µs, for which it was calculated.
     bucket: (u64, u64),
     heartbeat_us: Option<u64>,
-    /// Whether a new Reported-Position was offered since the last poll, and the instant of the last poll that found
-    /// one.
     reported: (bool, Option<u64>),
     standard_us: Option<u64>,
     standard: Vec<MavMessage>,
-    /// The MAVLink sequence numbers of the flight controller's component, and of the component for standard messages.
+    /// The MAVLink sequence numbers of the flight controller's component and of the component for standard messages.
     sequences: [u8; 2],
 }
 
@@ -122,15 +110,13 @@ impl Forwarder {
         self
     }
 
-    /// Stores the objects that were read from the DPR, as they are, without judging them. An empty object replaces no
-    /// other.
+    /// Stores the objects that were read from the DPR, without judging them. Empty objects are ignored.
     pub fn offer(&mut self, bundle: &Bundle<'_>) {
         for (place, from) in bundle.objects() {
             if matches!(place.judge(from), Shown::Vacant) {
                 continue;
             }
             let mut bytes = [0; ReportedPosition::SIZE];
-            // The array has the length of Reported-Position, the longest object, so every object fits.
             for (to, from) in bytes.iter_mut().zip(from) {
                 *to = *from;
             }
@@ -142,8 +128,8 @@ impl Forwarder {
         }
     }
 
-    /// Returns the next message that may be sent at `now_us`, µs of a clock that does not go back; to be called until
-    /// it returns `None`. `unix_us`, µs since 1970, is only used for signatures.
+    /// Returns the next message that may be sent at `now_us`, µs on a clock that does not go back. Call this until it
+    /// returns `None`. `unix_us`, µs since 1970, is only used for signatures.
     pub fn poll(&mut self, now_us: u64, unix_us: u64) -> Option<Vec<u8>> {
         if std::mem::take(&mut self.reported.0) {
             self.reported.1 = Some(now_us);
@@ -152,7 +138,7 @@ impl Forwarder {
         let brought = now_us.saturating_sub(at_us).saturating_mul(u64::from(self.rates.bytes_per_s));
         let most = LONGEST.max(u64::from(self.rates.bytes_per_s) / 10).saturating_mul(1_000_000);
         self.bucket = (held.saturating_add(brought).min(most), now_us);
-        // The budget must suffice for the longest message; otherwise short messages would overtake long ones.
+        // The budget must suffice for the longest message, or short messages would overtake long ones.
         if self.bucket.0 < LONGEST * 1_000_000 {
             return None;
         }
@@ -162,7 +148,6 @@ impl Forwarder {
         Some(bytes)
     }
 
-    /// Returns HEARTBEAT, or a standard message with the newest Reported-Position, if one is due.
     fn next_standard(&mut self, now_us: u64) -> Option<Outgoing> {
         let period_us = self.rates.standard_us;
         let due = |last: Option<u64>, period_us| last.is_none_or(|last| now_us.saturating_sub(last) >= period_us);
@@ -185,13 +170,12 @@ impl Forwarder {
         self.standard.pop().map(Outgoing::Standard)
     }
 
-    /// Returns the next message with objects that is due, with the newest object of each kind.
     fn next_tunnel(&mut self, now_us: u64) -> Option<Outgoing> {
         let is_due = |unit: usize| {
             let fresh = |place: Place| self.newest[place.index()].is_some_and(|newest| newest.fresh);
             now_us >= self.due_us[unit] && self.places(unit).any(fresh)
         };
-        // Among the other messages that are due, the one that has been due longest is sent next.
+        // Among the messages without Reported-Position, the one that has been due longest comes first.
         let others = (1..UNITS.len()).filter(|unit| is_due(*unit)).min_by_key(|unit| self.due_us[*unit]);
         let unit = match others {
             Some(unit) if self.others_turn || !is_due(0) => unit,
@@ -222,7 +206,6 @@ impl Forwarder {
         self.newest[place.index()].is_none()
     }
 
-    /// Returns the encoded message, with its sequence number and, if required, its signature.
     fn finish(&mut self, message: Outgoing, unix_us: u64) -> Vec<u8> {
         let (component, which) = match message {
             Outgoing::Tunnel(_) => (self.component, 0),
@@ -249,7 +232,6 @@ impl Forwarder {
     }
 }
 
-/// A message to be sent.
 enum Outgoing {
     Standard(MavMessage),
     Tunnel(Tunnel),

@@ -1,22 +1,18 @@
-//! Runs in the flight controller, for the way back from the ground: it selects the base station's uplinks that are
-//! written to the DPR, and determines when an answer is due.
-//!
-//! # Design
+//! Selects, in the flight controller, which of the base station's uplinks are written to the DPR, and when an answer is
+//! due.
 //!
 //! An uplink comes as a TUNNEL message to this system: payload type 0xC200, one object of 64 bytes, signed with the key
-//! that station and drone share. If a message is not signed, is for another system, is replayed, or holds no intact
-//! uplink of the base station, it is counted and not written.
+//! that station and drone share. Messages that are not signed, are for another system, are replayed, or hold no intact
+//! uplink of the base station are counted and not written.
 //!
-//! The base station sends the same object again until it gets an answer, because messages may be lost in both
-//! directions. The object is written once, and again only while the DPR does not show it: the DPR refuses to store the
-//! same object twice.
+//! Messages may be lost in both directions, so the base station repeats the object until an answer comes. The object is
+//! written once, and again only while the DPR does not show it.
 //!
-//! **The answer** is the DPR's own state: Port-Status and the uplink, as they are in the DPR's map. An answer is due
-//! once for each message that brought the uplink: at once if the DPR shows the uplink, and otherwise [`SHOWN_AFTER_US`]
-//! after the uplink was passed on to be written. The flight controller reads this part of the map when
-//! [`reads_port`](Inbound::reads_port) returns true.
+//! **The answer** is Port-Status and the uplink, from the DPR's map. Each message with the uplink gets one answer: at
+//! once if the DPR shows the uplink, and otherwise [`SHOWN_AFTER_US`] after the uplink was passed on to be written. The
+//! flight controller reads this part of the map while [`reads_port`](Inbound::reads_port) returns true.
 //!
-//! This module has no clock and no I/O: its caller passes datagrams or bytes to it, and writes uplinks with
+//! This module does no I/O: its caller passes bytes in, and writes uplinks with
 //! [`profile::ssi::client::Client::write`].
 
 use profile::Uplink;
@@ -26,8 +22,8 @@ use super::receiver::{Received, Receiver};
 use super::signing::Verifier;
 use crate::Place;
 
-/// How long it takes until the map shows an uplink that was passed on to be written, µs: the control cycle that writes
-/// the uplink, up to two images of 10 ms, and another control cycle that reads the map.
+/// The time until the map shows an uplink that was passed on to be written, µs: a control cycle for writing, up to two
+/// images of 10 ms, and a control cycle for reading.
 pub const SHOWN_AFTER_US: u64 = 40_000;
 
 /// Totals of the uplinks that a flight controller received.
@@ -35,42 +31,38 @@ pub const SHOWN_AFTER_US: u64 = 40_000;
 pub struct Counts {
     /// The number of times that an uplink was passed on to be written over the SSI.
     pub written: u64,
-    /// The number of messages that brought an uplink which the DPR showed already.
+    /// The number of messages with an uplink that the DPR showed already.
     pub repeated: u64,
     /// The number of signed messages for another system, or without an intact uplink of the base station.
     pub foreign: u64,
 }
 
-/// The state of a flight controller that concerns incoming uplinks. See the [module](self).
+/// A flight controller's state about incoming uplinks. See the [module](self).
 #[derive(Debug)]
 pub struct Inbound {
     system: u8,
     receiver: Receiver,
-    /// The last uplink that was received, and whether the DPR has shown it.
     last: Option<(Uplink, bool)>,
-    /// The instant at which the next answer to an uplink is due, µs.
     due_us: Option<u64>,
     counts: Counts,
 }
 
 impl Inbound {
-    /// Returns the state for a flight controller with this system id; only messages that `verifier` accepts are
-    /// accepted.
+    /// Returns the state of a flight controller with this system id, which accepts messages that `verifier` accepts.
     #[must_use]
     pub fn new(system: u8, verifier: Verifier) -> Self {
         let receiver = Receiver::new(Some(verifier));
         Self { system, receiver, last: None, due_us: None, counts: Counts::default() }
     }
 
-    /// Processes a datagram. Returns the uplink that must be written now, if there is one. `now_us` is µs of a clock
-    /// that does not go back; `unix_us`, µs since 1970, is only used for signatures.
+    /// Processes a datagram. Returns the uplink that must be written now, if any. `now_us` is µs on a clock that does
+    /// not go back; `unix_us`, µs since 1970, is only used for signatures.
     pub fn datagram(&mut self, now_us: u64, unix_us: u64, bytes: &[u8]) -> Option<Uplink> {
         let received = self.receiver.datagram(unix_us, bytes);
         self.take(now_us, &received)
     }
 
-    /// Processes the next bytes of a stream. Returns the uplink that must be written now, as
-    /// [`datagram`](Self::datagram) does.
+    /// Processes the next bytes of a stream, otherwise like [`datagram`](Self::datagram).
     pub fn stream(&mut self, now_us: u64, unix_us: u64, bytes: &[u8]) -> Option<Uplink> {
         let received = self.receiver.stream(unix_us, bytes);
         self.take(now_us, &received)
@@ -99,21 +91,20 @@ impl Inbound {
         to_write
     }
 
-    /// Returns the uplink in a message, if the message is an uplink for this system.
     fn uplink(&self, received: &Received) -> Option<Uplink> {
         let bundle = received.bundle().filter(|_| received.target() == self.system)?;
         let (Place::Uplink, bytes) = bundle.objects().next()? else { return None };
         Uplink::verify::<BaseStation>(bytes).ok().copied()
     }
 
-    /// Returns whether Port-Status and the uplink of the base station must be read from the map at present.
+    /// Returns whether Port-Status and the base station's uplink must be read from the map now.
     #[must_use]
     pub const fn reads_port(&self) -> bool {
         self.due_us.is_some()
     }
 
     /// Processes Port-Status and the base station's uplink, 128 bytes of the map that were read at `now_us`. Returns
-    /// whether they must be forwarded as the answer to an uplink.
+    /// whether to forward them as the answer.
     pub fn read(&mut self, now_us: u64, port: &[u8]) -> bool {
         let shown = port.get(profile::PortStatus::SIZE..);
         let is_shown = self.last.as_mut().is_some_and(|(last, was_shown)| {

@@ -1,14 +1,4 @@
 //! MAVLink 2: objects travel in TUNNEL messages, with standard messages beside them (decision 17).
-//!
-//! | file | what |
-//! |---|---|
-//! | [`tunnel`] | the message that carries objects |
-//! | [`standard`] | the messages with which any MAVLink tool shows the position |
-//! | [`signing`] | signatures |
-//! | [`forwarder`] | the flight controller's side: which objects are sent when |
-//! | [`receiver`] | the base station's side: which objects arrive |
-//! | [`voice`] | the base station's own messages: HEARTBEAT, uplinks |
-//! | [`inbound`] | the flight controller's side of uplinks: which are written, and how they are answered |
 
 pub mod forwarder;
 pub mod inbound;

@@ -1,10 +1,9 @@
-//! Runs in the base station: it finds the objects in arriving MAVLink.
+//! Finds, in the base station, the objects in arriving MAVLink.
 //!
-//! Other traffic on the link has no effect: other messages, other payload types, MAVLink 1, and bytes that are no
-//! MAVLink. After a frame with a wrong checksum, the search for the next frame begins at the second byte of that frame.
-//! After a frame whose signature is missing or not verified, the search begins at the position of the signature. The
-//! reason is that the message may have been cut off there: then the next message begins at that position. The checksum
-//! does not show this, because it comes before the signature.
+//! Other messages, other payload types, MAVLink 1 and bytes that are no MAVLink have no effect. After a frame with a
+//! wrong checksum, the search continues at that frame's second byte. After a frame with a missing or wrong signature,
+//! it continues at the signature: the message may have been cut off before the signature, which the checksum does not
+//! cover.
 
 use std::fmt;
 
@@ -20,7 +19,7 @@ use super::signing::{self, Verifier};
 use super::tunnel::Tunnel;
 use crate::{Bundle, Who};
 
-/// A message that brought objects.
+/// A message with objects.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Received {
     /// MAVLink's system id, which identifies the drone.
@@ -59,7 +58,7 @@ pub struct Counts {
     pub foreign: u64,
     /// The number of messages with objects that were refused: not signed, wrongly signed, or replayed.
     pub unsigned: u64,
-    /// The number of TUNNEL messages with a payload type or a length that no message with objects has.
+    /// The number of TUNNEL messages whose payload type or length fits no objects.
     pub malformed: u64,
     /// The number of TUNNEL messages with a wrong checksum.
     pub bad_crc: u64,
@@ -70,7 +69,6 @@ pub struct Counts {
 /// A receiver of one link. See the [module](self).
 #[derive(Default)]
 pub struct Receiver {
-    /// The beginning of an incomplete message in a stream, which is shorter than the longest message.
     held: Vec<u8>,
     verifier: Option<Verifier>,
     counts: Counts,
@@ -83,28 +81,26 @@ impl fmt::Debug for Receiver {
 }
 
 impl Receiver {
-    /// Returns a receiver; with a verifier it accepts only signed messages.
+    /// Returns a receiver. With a verifier it accepts only signed messages.
     #[must_use]
     pub fn new(verifier: Option<Verifier>) -> Self {
         Self { verifier, ..Self::default() }
     }
 
-    /// Processes a datagram, which holds whole messages, and returns those with objects. `unix_us`, µs since 1970, is
-    /// only used for signatures.
+    /// Processes a datagram of whole messages and returns those with objects. `unix_us`, µs since 1970, is only used
+    /// for signatures.
     pub fn datagram(&mut self, unix_us: u64, bytes: &[u8]) -> Vec<Received> {
         let (mut received, mut at) = (vec![], 0);
         self.counts.version_1 += u64::from(bytes.first() == Some(&MAV_STX));
         while at < bytes.len() {
             at = self.all(unix_us, bytes, at, &mut received);
-            // An incomplete message at the end of a datagram is not a message, so the search continues behind its first
-            // byte.
+            // A datagram cannot be continued, so the search for a message continues at the next byte.
             at += 1;
         }
         received
     }
 
-    /// Processes the next bytes of a stream, which hold whole messages or parts of them, and returns the messages with
-    /// objects.
+    /// Processes the next bytes of a stream and returns the messages with objects that they complete.
     pub fn stream(&mut self, unix_us: u64, bytes: &[u8]) -> Vec<Received> {
         let mut held = std::mem::take(&mut self.held);
         held.extend(bytes);
@@ -115,8 +111,8 @@ impl Receiver {
         received
     }
 
-    /// Processes every whole message in `bytes` from `at` on. Returns the position in `bytes` of the first message that
-    /// is still incomplete, or the end of `bytes`.
+    /// Processes every whole message in `bytes` from `at` on. Returns the position of the first incomplete message, or
+    /// the end of `bytes`.
     fn all(&mut self, unix_us: u64, bytes: &[u8], mut at: usize, received: &mut Vec<Received>) -> usize {
         while let Some(candidate) = bytes.get(at..) {
             let Some(skipped) = candidate.iter().position(|byte| *byte == MAV_STX_V2) else { break };
@@ -145,7 +141,6 @@ impl Receiver {
         self.counts
     }
 
-    /// Returns the objects in a message, if they are accepted, and whether the message's signature is known to be good.
     fn message(&mut self, unix_us: u64, raw: &MAVLinkV2MessageRaw) -> (Option<Received>, bool) {
         let Some(received) = received(raw) else {
             let count =
@@ -163,9 +158,8 @@ impl Receiver {
     }
 }
 
-/// The result of parsing bytes that begin with MAVLink's start marker.
 enum Begin {
-    /// More bytes are needed to tell whether there is a message.
+    /// The bytes do not show yet whether they are a message.
     Short,
     /// The bytes are no message, or a TUNNEL with a wrong checksum.
     None { bad_crc: bool },
@@ -173,7 +167,6 @@ enum Begin {
     Message(Box<MAVLinkV2MessageRaw>),
 }
 
-/// Parses bytes that begin with MAVLink's start marker.
 fn begin(candidate: &[u8]) -> Begin {
     let (Some(payload), Some(flags)) = (candidate.get(PAYLOAD_LEN_OFFSET), candidate.get(INCOMPAT_FLAGS_OFFSET)) else {
         return Begin::Short;
@@ -194,7 +187,6 @@ fn begin(candidate: &[u8]) -> Begin {
     Begin::None { bad_crc: raw.message_id() == Tunnel::ID }
 }
 
-/// Returns the objects in a message, if it is a TUNNEL with objects.
 fn received(raw: &MAVLinkV2MessageRaw) -> Option<Received> {
     let tunnel = Tunnel::deser(MavlinkVersion::V2, raw.payload()).ok().filter(|_| raw.message_id() == Tunnel::ID)?;
     tunnel.bundle()?;

@@ -1,8 +1,8 @@
 //! Signs and verifies MAVLink 2 messages; the time is an argument.
 //!
 //! A signature is the first 48 bits of SHA-256 over a secret key, the message, a link's number and a timestamp in units
-//! of 10 µs since 2015-01-01 (mavlink.io, *Message Signing*). It proves that the sender has the key, and by its
-//! timestamp that the message was not replayed. It does not replace the objects' own checks.
+//! of 10 µs since 2015-01-01 (mavlink.io, *Message Signing*). It proves that the sender has the key and did not replay
+//! the message. It does not replace the objects' own checks.
 
 use core::fmt;
 use std::collections::BTreeMap;
@@ -10,14 +10,12 @@ use std::collections::BTreeMap;
 use mavlink::MAVLinkV2MessageRaw;
 use mavlink::consts::v2::{IFLAG_SIGNED, SIGNATURE_VALUE_SIZE};
 
-/// The instant 2015-01-01T00:00:00Z, s since 1970, from which signatures count time.
+/// The instant 2015-01-01T00:00:00Z, from which signatures count time, s since 1970.
 const EPOCH_S: u64 = 1_420_070_400;
 
-/// How far the timestamp of the first message of an unknown stream may be behind this station's clock, in units of 10
-/// µs: one minute.
+/// How far the first timestamp of an unknown stream may be behind this station's clock, in units of 10 µs: one minute.
 const NEW_STREAM: u64 = 6_000_000;
 
-/// The greatest number of streams whose last timestamp is kept.
 const MAX_STREAMS: usize = 4_096;
 
 /// Returns the time of a signature, in units of 10 µs since 2015, for an instant in µs since 1970.
@@ -48,7 +46,7 @@ impl Key {
     }
 }
 
-/// The output shows nothing of the key, so that the key stays out of logs.
+/// The output hides the key, which must not get into logs.
 impl fmt::Debug for Key {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Key(..)")
@@ -70,8 +68,8 @@ impl Signer {
         Self { key, link, last: 0 }
     }
 
-    /// Signs a message, which must have been serialised with the flag for signed messages, at `now` ([`timestamp`]).
-    /// Each message gets a later timestamp than the one before.
+    /// Signs a message at `now` ([`timestamp`]). The message must have been serialised with the flag for signed
+    /// messages. Each message gets a later timestamp than the last one.
     pub fn sign(&mut self, now: u64, message: &mut MAVLinkV2MessageRaw) {
         self.last = now.max(self.last + 1);
         *message.signature_link_id_mut() = self.link;
@@ -83,11 +81,10 @@ impl Signer {
     }
 }
 
-/// Accepts each signed message once, if it was signed with the given key.
+/// Accepts messages that are signed with the key, each of them once.
 #[derive(Clone, Debug)]
 pub struct Verifier {
     key: Key,
-    /// The last timestamp of each stream: link, system and component.
     streams: BTreeMap<(u8, u32, u8), u64>,
 }
 
@@ -98,9 +95,9 @@ impl Verifier {
         Self { key, streams: BTreeMap::new() }
     }
 
-    /// Returns whether the message is signed with the key, and newer than all earlier ones of its stream. The first
-    /// message of an unknown stream is only compared with this station's clock: a sender whose clock is ahead must not
-    /// shut out the others.
+    /// Returns whether the message is signed with the key and newer than all earlier ones of its stream. The first
+    /// message of a stream is only compared with this station's clock: a sender whose clock is ahead must not shut out
+    /// the others.
     pub fn verify(&mut self, now: u64, message: &MAVLinkV2MessageRaw) -> bool {
         if message.incompatibility_flags() & IFLAG_SIGNED == 0 {
             return false;

@@ -1,8 +1,8 @@
 //! The standard messages with which any MAVLink tool shows HORUS's position without a plug-in.
 //!
-//! The standard messages come from a separate component, so that they are not taken for the flight controller's. They
-//! carry no CRC of HORUS: a user who must rely on a position reads the objects. They contain only positions that HORUS
-//! marks as valid.
+//! These messages have a component id of their own, so that they are not mistaken for the flight controller's. They
+//! contain only positions that HORUS marks as valid. They have no CRC of HORUS: a user who must rely on a position
+//! reads the objects.
 //!
 //! | message | contents from Reported-Position |
 //! |---|---|
@@ -10,12 +10,11 @@
 //! | GPS_RAW_INT | position and fix; accuracies unknown, satellites unknown |
 //! | ATTITUDE | attitude, if it is valid; rates 0 |
 //!
-//! The objects' altitudes are above the ellipsoid, and MAVLink's are above mean sea level. The separation of the two
-//! (up to 100 m) is not known here, so `alt` is left 0: evidently wrong rather than wrong by 50 m. The height is in the
-//! objects.
+//! The objects' altitudes are above the ellipsoid, MAVLink's above mean sea level. Their separation (up to 100 m) is
+//! not known here, so `alt` is 0: evidently wrong rather than wrong by 50 m.
 //!
-//! GLOBAL_POSITION_INT is not sent: ground stations accept it from any component of a vehicle as the vehicle's own
-//! position, and would move the operator's map to an altitude of 0.
+//! GLOBAL_POSITION_INT is not sent: ground stations take it from any component as the vehicle's own position, and would
+//! move the map to an altitude of 0.
 
 use mavlink::dialects::common::{
     ATTITUDE_DATA, GPS_RAW_INT_DATA, GpsFixType, HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavState,
@@ -23,11 +22,10 @@ use mavlink::dialects::common::{
 };
 use profile::{HorusState, ReportedValues};
 
-/// The component id of the standard messages: MAV_COMP_ID_PERIPHERAL, which `minimal.xml` has for devices without
-/// parameters.
+/// The component id of the standard messages: MAV_COMP_ID_PERIPHERAL, in `minimal.xml` for devices without parameters.
 pub const COMPONENT: u8 = 158;
 
-/// Returns HEARTBEAT, which reports HORUS's state; pass `None` if there are no fresh data about HORUS.
+/// Returns HEARTBEAT with HORUS's state. `reported` is `None` if there are no fresh data.
 #[must_use]
 pub fn heartbeat(reported: Option<&ReportedValues>) -> MavMessage {
     let system_status = match reported.map(|values| values.status.state()) {
@@ -52,7 +50,7 @@ pub fn heartbeat(reported: Option<&ReportedValues>) -> MavMessage {
     })
 }
 
-/// Returns the standard messages for position and attitude, if these are valid.
+/// Returns the standard messages for position and attitude, as far as these are valid.
 #[must_use]
 pub fn position(reported: &ReportedValues) -> Vec<MavMessage> {
     let reported = reported.checked();
@@ -88,7 +86,6 @@ pub fn position(reported: &ReportedValues) -> Vec<MavMessage> {
     messages
 }
 
-/// Converts degrees of a position to units of 10⁻⁷ degrees: 180° are 1.8·10⁹, which an i32 holds.
 fn degrees_1e7(degrees: f64) -> i32 {
     (degrees * 1e7).round() as i32
 }

@@ -11,7 +11,6 @@ use crate::{Bundle, Fleet, Place, Source, Verdict};
 
 const SECOND: u64 = 1_000_000;
 
-/// An instant in 2026, µs since 1970.
 const NOW: u64 = 1_790_000_000 * SECOND;
 
 fn image<const N: usize>(timestamp: u32) -> Vec<u8> {
@@ -47,7 +46,6 @@ fn offer(forwarder: &mut Forwarder, image: &[u8]) {
     forwarder.offer(&Bundle::datagram(image).unwrap());
 }
 
-/// Returns all messages that may be sent now.
 fn drain(forwarder: &mut Forwarder, now_us: u64) -> Vec<Vec<u8>> {
     std::iter::from_fn(|| forwarder.poll(now_us, NOW + now_us)).collect()
 }
@@ -135,8 +133,7 @@ fn the_budget_holds_over_every_second() {
     }
 }
 
-/// Returns three rates: how often Reported-Position is sent and how often the rarest GPS object is sent, both in tenths
-/// per second, and the bytes per second.
+/// Returns the rates of Reported-Position and of the rarest GPS object, in tenths per second, and the bytes per second.
 fn rates(receivers: usize, bytes_per_s: u32) -> (u32, u32, usize) {
     let mut forwarder = Forwarder::new(7, 1, Rates { bytes_per_s, ..Rates::default() });
     let mut receiver = Receiver::default();
@@ -160,7 +157,7 @@ fn rates(receivers: usize, bytes_per_s: u32) -> (u32, u32, usize) {
     (tenths(counts[1]), tenths(rarest), bytes / SECONDS as usize)
 }
 
-/// Checks that the forwarder sends at the rates in the table of decision 17.
+/// The forwarder must send at the rates in the table of decision 17.
 #[test]
 fn the_table_of_rates_in_the_decision_is_right() {
     let text = include_str!("../../../../docs/decisions/0017-carriers-to-the-base-station.md");
@@ -197,7 +194,6 @@ fn a_heartbeat_without_fresh_data_says_so() {
     let mut forwarder = Forwarder::new(7, 1, Rates { standard_us: SECOND, ..free() });
     let mut states = vec![];
     for second in 0..4 {
-        // HORUS sends nothing after the first second.
         if second == 0 {
             let status = ReportedStatus::new().with_state(HorusState::EmergencyFired);
             let reported = ReportedValues { status, ..ReportedValues::absent(100) };
@@ -270,7 +266,6 @@ fn what_is_signed_is_believed_once_and_nothing_else_is() {
             assert_eq!(heard(&changed, NOW), 0, "bit {bit}");
         }
     }
-    // A receiver without a verifier accepts signed messages too.
     let mut open = Receiver::default();
     assert_eq!(good.iter().map(|frame| open.datagram(NOW, frame).len()).sum::<usize>(), 3);
 }
@@ -313,13 +308,11 @@ fn a_tunnel_of_somebody_else_is_foreign() {
     assert_eq!(Tunnel::ID, 385);
 }
 
-/// Bytes on a link that are no message with objects.
 fn noise() -> impl Strategy<Value = Vec<u8>> {
     prop_oneof![
         Just(vec![]),
         Just(foreign()),
         prop::collection::vec(any::<u8>(), 0..40),
-        // These bytes begin like a frame, but do not continue like one.
         prop::collection::vec(any::<u8>(), 0..6).prop_map(|rest| [vec![0xFD], rest].concat()),
     ]
 }
@@ -343,8 +336,6 @@ proptest! {
                 sent.push(frame);
             }
         }
-        // Bytes that only look like the beginning of a long frame are recognised as such once enough bytes have
-        // followed.
         line.extend([0; 600]);
         let mut receiver = Receiver::default();
         let mut received = vec![];
@@ -362,7 +353,6 @@ proptest! {
         prop_assert_eq!(received, expected);
     }
 
-    /// A receiver processes any input without a panic.
     #[test]
     fn anything_may_arrive(datagrams in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..600), 0..20)) {
         let mut receiver = Receiver::new(Some(Verifier::new(key(1))));
@@ -387,9 +377,8 @@ fn every_layout_is_forwarded_in_whole_objects() {
     }
 }
 
-/// Recorded messages of pymavlink 2.4.50, plain and signed (`common.tunnel_send` of system 42, component 1, link 5, key
-/// 0, 1, … 31), with objects that this crate sealed. Conversely, pymavlink read TUNNEL and the standard messages of
-/// [`Forwarder`] correctly.
+/// Messages of pymavlink 2.4.50, plain and signed (`common.tunnel_send` of system 42, component 1, link 5, key 0, 1, …
+/// 31), with objects that this crate sealed.
 const PYMAVLINK: [&str; 2] = [
     "fd650000002a0181010000c40000608517000000440300a802000000000000aa0000000000000032000000ca41fd64a4\
      06000000481b016036cd9de4bf47406416fd9e9a752140a91a7e7dec2e166455ac8040cdcc4cbdcfa2f63fcdcc4c3e00\
@@ -399,7 +388,6 @@ const PYMAVLINK: [&str; 2] = [
      00c07f0000c07f0000c07f669b1b2d25420500b8251aa5217b6ad87b095f",
 ];
 
-/// The time of the signature in the recorded message, µs since 1970.
 const PYMAVLINK_US: u64 = 1_790_000_320_000_000;
 
 fn bytes_of(digits: &str) -> Vec<u8> {

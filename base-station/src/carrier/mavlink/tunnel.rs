@@ -1,8 +1,8 @@
 //! Encodes and decodes TUNNEL, the message that carries objects, with a payload type of the private range.
 //!
-//! The `mavlink` crate's own TUNNEL has the registered payload types as an enumeration and refuses all others, so this
-//! module defines the message again; framing, CRC and signature are that crate's. The layout, the identifier 385 and
-//! CRC_EXTRA 147 are those of `common.xml`, and a test compares both.
+//! The `mavlink` crate's own TUNNEL refuses all payload types that are not registered, so this module defines the
+//! message again; framing, CRC and signature are that crate's. The layout, the identifier 385 and CRC_EXTRA 147 are
+//! those of `common.xml`, with which a test compares them.
 
 use mavlink::dialects::common::MavMessage;
 use mavlink::error::ParserError;
@@ -11,13 +11,13 @@ use profile::Identifier;
 
 use crate::{Bundle, Place};
 
-/// Bit 15 of a payload type: 32768 and above are for private use (`common.xml`, TUNNEL).
+/// The bit of payload types for private use: 32768 and above (`common.xml`, TUNNEL).
 pub const PRIVATE: u16 = 0x8000;
 
 /// The greatest number of payload bytes in one message.
 pub const MAX_PAYLOAD: usize = 128;
 
-/// Returns the payload type of a message that begins with this object: the object's identifier, with [`PRIVATE`] set.
+/// Returns the payload type of a message that begins with this object: the object's identifier with [`PRIVATE`] set.
 #[must_use]
 pub fn payload_type(first: Place) -> Option<u16> {
     first.identifier().map(|identifier| PRIVATE | identifier.0)
@@ -39,8 +39,7 @@ pub struct Tunnel {
 }
 
 impl Tunnel {
-    /// Returns the message to all systems that carries these objects; `None` if they are longer than [`MAX_PAYLOAD`]
-    /// bytes.
+    /// Returns the message to all systems that carries these objects; `None` if they exceed [`MAX_PAYLOAD`] bytes.
     #[must_use]
     pub fn of(bundle: &Bundle<'_>) -> Option<Self> {
         let (first, _) = bundle.objects().next()?;
@@ -52,8 +51,8 @@ impl Tunnel {
         Some(Self { payload_type, target_system: 0, target_component: 0, length, payload })
     }
 
-    /// Returns the objects that the message carries; `None` if no message with objects has this payload type or this
-    /// length. The carrier does not judge whether the objects are intact.
+    /// Returns the objects that the message carries, intact or not; `None` if its payload type or length fits no
+    /// objects.
     #[must_use]
     pub fn bundle(&self) -> Option<Bundle<'_>> {
         let identifier = Identifier(self.payload_type & !PRIVATE);
@@ -82,7 +81,7 @@ impl MessageData for Tunnel {
 
     fn deser(_version: MavlinkVersion, input: &[u8]) -> Result<Self, ParserError> {
         let mut whole = [0; Self::ENCODED_LEN];
-        // Fields that a later version may have appended to the message are ignored.
+        // Fields that a later version may have appended are ignored.
         let given = input.len().min(whole.len());
         whole[..given].copy_from_slice(&input[..given]);
         let [low, high, target_system, target_component, length, payload @ ..] = whole;

@@ -1,27 +1,22 @@
 //! Sends the base station's own messages: HEARTBEAT, and uplink objects for drones. Both are off by default.
 //!
-//! # Design
+//! **HEARTBEAT** is sent once a second over every serial line, to every UDP peer from which a message came within
+//! [`HEARD_US`], and to configured addresses. Some autopilots send nothing, or not MAVLink 2, before they receive it.
+//! The station must not look like a ground station that can fly: while PX4 or ArduPilot receives one, it holds back its
+//! failsafe for a lost ground station. PX4 recognises a ground station by the type MAV_TYPE_GCS, ArduPilot by the
+//! system id, 255 by default. So the station's type is MAV_TYPE_ONBOARD_CONTROLLER, and its system id [`SYSTEM`].
 //!
-//! **HEARTBEAT** is sent once a second. Some autopilots send only to known peers, or send MAVLink 2 only to peers that
-//! use it; such an autopilot starts sending to a listening station once it receives HEARTBEAT from it. The station must
-//! not look like a ground station that can fly: PX4 (by its type, MAV_TYPE_GCS) and ArduPilot (by the system id, 255 by
-//! default) both hold back their failsafe for a lost ground station while they receive one. So the station's type is
-//! MAV_TYPE_ONBOARD_CONTROLLER, and its system id [`SYSTEM`]. HEARTBEAT is sent over every serial line and, over UDP,
-//! to every peer from which a message came within [`HEARD_US`] and to configured addresses.
+//! **An uplink** is one object, sealed once with the station's time, ms since 1970. The DPR stores it only if that time
+//! is newer than the last uplink's. The object is sent to its drone, signed, every [`AGAIN_US`], until the drone
+//! answers or [`GIVES_UP_US`] have passed. The answer is Port-Status and the uplink that the DPR shows:
 //!
-//! **An uplink** is one object, sealed once with the station's time, ms since 1970. That time must be newer than that
-//! of the uplink before for the DPR to store the object. The object is sent to its drone, signed, every [`AGAIN_US`],
-//! until the DPR's state has come back, or [`GIVES_UP_US`] have passed. The DPR's state is Port-Status and the uplink
-//! that the DPR shows:
-//!
-//! | what came back | the uplink is |
+//! | answer | the uplink is |
 //! |---|---|
 //! | the object that was sent | [written](State::Written): the DPR has stored it |
 //! | Port-Status without it, over [`ANSWERS_US`] after it was first sent | [refused](State::Refused), with reason |
 //! | nothing | [sent](State::Sent), and finally [unanswered](State::Unanswered) |
 //!
-//! The answer to an earlier uplink may still be under way, so the second row applies only after that time. The first
-//! row applies whenever the object comes back.
+//! Until [`ANSWERS_US`] have passed, Port-Status may be the answer to an earlier uplink.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -37,7 +32,7 @@ use super::signing::{self, Signer};
 use super::tunnel::Tunnel;
 use crate::{Bundle, DroneId, Fleet, Place, Source, Who};
 
-/// The station's default system id: not 255, by which ArduPilot recognises its ground station.
+/// The station's default system id. It is not 255, by which ArduPilot recognises its ground station.
 pub const SYSTEM: u8 = 254;
 
 /// The station's component id, MAV_COMP_ID_ONBOARD_COMPUTER.
@@ -55,10 +50,10 @@ pub const MAX_HEARERS: usize = 64;
 /// The interval at which an uplink is sent again, µs.
 pub const AGAIN_US: u64 = 250_000;
 
-/// How long an uplink is sent again without an answer, µs; after that, it is not sent any more.
+/// How long an uplink is repeated without an answer, µs.
 pub const GIVES_UP_US: u64 = 5_000_000;
 
-/// The time after the first sending of an uplink from which on an answer cannot belong to an earlier uplink, µs.
+/// The time after the first sending of an uplink within which an answer may belong to an earlier uplink, µs.
 pub const ANSWERS_US: u64 = 1_000_000;
 
 /// The greatest number of drones for which the last uplink is kept.
@@ -71,9 +66,9 @@ pub enum State {
     Sent,
     /// The DPR has stored the uplink and shows it.
     Written,
-    /// The DPR has not stored the uplink; the text has the reason, where Port-Status gives one.
+    /// The DPR has not stored the uplink. The text is the reason, if Port-Status gives one.
     Refused(String),
-    /// The uplink was sent, and no answer came.
+    /// The time for an answer is over.
     Unanswered,
 }
 
@@ -121,10 +116,8 @@ pub struct Sending {
     pub times: u32,
     /// The state of the uplink.
     pub state: State,
-    /// The instant at which the outcome of the uplink became known, µs; while it is unknown, the instant at which the
-    /// uplink was last sent.
+    /// The instant at which the outcome became known, µs; before that, the instant of the last sending.
     pub at_us: u64,
-    /// The first Port-Status that arrived after the uplink was sent.
     first: Option<PortValues>,
 }
 
@@ -152,7 +145,7 @@ impl std::fmt::Display for NotSent {
     }
 }
 
-/// The destination of a message: a line, and an address on it if it has addresses.
+/// The destination of a message: a line, and an address on that line if it has addresses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct To {
     /// The number of the line; `None` stands for every line without addresses.
@@ -161,17 +154,14 @@ pub struct To {
     pub address: Option<SocketAddr>,
 }
 
-/// The peers to which HEARTBEAT is sent.
 #[derive(Debug, Default)]
 struct Heartbeat {
-    /// The addresses that the user has configured.
     to: Vec<SocketAddr>,
-    /// The line and address of each peer from which messages came, and the instant of its last message, µs.
     heard: BTreeMap<(u16, SocketAddr), u64>,
     last_us: Option<u64>,
 }
 
-/// The sender of a station's own messages. See the [module](self).
+/// Makes the station's own messages. See the [module](self).
 #[derive(Debug)]
 pub struct Voice {
     system: u8,
@@ -179,15 +169,12 @@ pub struct Voice {
     signer: Option<Signer>,
     heartbeat: Option<Heartbeat>,
     uplinks: Option<BTreeMap<DroneId, Sending>>,
-    /// The timestamp of the uplink that was sealed last, ms.
     sealed: Option<u32>,
-    /// The changes of uplinks' states that [`Voice::take_told`] has not returned yet.
     told: Vec<UplinkChange>,
 }
 
 impl Voice {
-    /// Returns a sender of the messages of a station with this system id, which sends nothing yet; `signer` signs its
-    /// messages.
+    /// Returns a sender of messages with this system id, which sends nothing yet; `signer` signs its messages.
     #[must_use]
     pub const fn new(system: u8, signer: Option<Signer>) -> Self {
         Self { system, sequence: 0, signer, heartbeat: None, uplinks: None, sealed: None, told: vec![] }
@@ -224,8 +211,7 @@ impl Voice {
         }
     }
 
-    /// Begins to send an uplink to a drone, in place of an earlier one that is under way. Returns the uplink's
-    /// timestamp, ms.
+    /// Begins to send an uplink to a drone, in place of an earlier one. Returns the uplink's timestamp, ms.
     ///
     /// # Errors
     ///
@@ -246,7 +232,7 @@ impl Voice {
             let oldest = settled.min_by_key(|(_, sending)| sending.at_us).map(|(drone, _)| *drone);
             uplinks.remove(&oldest.ok_or(NotSent::TooMany)?);
         }
-        // The low 32 bits of the time wrap every 50 days, and the DPR's comparison allows for that.
+        // The low 32 bits of the time wrap every 50 days. The DPR accepts a timestamp after it has wrapped.
         let now_ms = (now_us / 1_000) as u32;
         let timestamp = match self.sealed {
             Some(sealed) if now_ms.wrapping_sub(sealed).cast_signed() <= 0 => sealed.wrapping_add(1),
@@ -271,8 +257,8 @@ impl Voice {
         std::mem::take(&mut self.told)
     }
 
-    /// Returns the messages to send at `now_us`, µs since 1970, with their destinations. Also evaluates the answers to
-    /// uplinks.
+    /// Evaluates the answers to uplinks and returns the messages to send at `now_us`, µs since 1970, with their
+    /// destinations.
     pub fn tick(&mut self, now_us: u64, fleet: &Fleet) -> Vec<(To, Vec<u8>)> {
         let mut out = vec![];
         for to in self.heartbeat_due(now_us) {
@@ -297,7 +283,6 @@ impl Voice {
         out
     }
 
-    /// Returns the destinations to which HEARTBEAT is due now.
     fn heartbeat_due(&mut self, now_us: u64) -> Vec<To> {
         let Some(Heartbeat { to, heard, last_us }) = &mut self.heartbeat else { return vec![] };
         if last_us.is_some_and(|last_us| now_us.saturating_sub(last_us) < HEARTBEAT_US) {
@@ -351,8 +336,7 @@ impl Voice {
 }
 
 impl Sending {
-    /// Evaluates the answers to a drone's uplink that have come by `now_us`. Returns whether the uplink must be sent,
-    /// for the first time or again.
+    /// Evaluates the answers to a drone's uplink until `now_us`. Returns whether to send the uplink, perhaps again.
     fn look(&mut self, now_us: u64, fleet: &Fleet, drone: DroneId) -> bool {
         let Some(heard) = fleet.get(drone) else { return false };
         let came_back = heard.uplink() == Some(&self.uplink);
@@ -382,8 +366,6 @@ impl Sending {
     }
 }
 
-/// Returns the reason why the DPR has not stored an uplink, from the first Port-Status after it was sent and the
-/// present one.
 fn why(first: &PortValues, now: &PortValues) -> String {
     let grown = |kind: &Violation| now.violations.of(*kind) > first.violations.of(*kind);
     let words = |kind: &Violation| match kind {
@@ -401,7 +383,6 @@ fn why(first: &PortValues, now: &PortValues) -> String {
     }
 }
 
-/// Returns the MAVLink system id under which a drone can be reached.
 fn system_of(drone: DroneId) -> Option<u8> {
     match drone.who {
         Who::System(system) => u8::try_from(system).ok(),

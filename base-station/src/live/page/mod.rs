@@ -1,21 +1,18 @@
 //! Serves the page, which shows the station's state in a browser.
 //!
-//! # Design
+//! **Read-only.** The page can only change the pace of a playback, and send an uplink if the station was started with
+//! uplinks enabled ([`voice`](crate::carrier::mavlink::voice)). A user of the page sees every drone; by default the
+//! page can be opened only on this machine.
 //!
-//! **Read-only.** Only the pace of a playback can be changed from the page, and an uplink sent to a drone, if the
-//! station was started with uplinks enabled ([`voice`](crate::carrier::mavlink::voice)). A user who may open the page
-//! sees every drone; by default it can be opened only on this machine.
+//! **Pushed.** Server-sent events come at most every [`PUSH`]. Each has a whole state, made when the connection can
+//! accept it. So a slow reader gets fewer states, never old ones, and no queue grows. The first state of a connection
+//! includes the drone's last ten minutes ([`history`](super::history)), at most 150 kB. A browser allows six
+//! connections to one host, so its tabs share one (`stream.js`).
 //!
-//! **Pushed.** Server-sent events come at most every [`PUSH`], each with a whole state: a slow reader gets fewer
-//! states, never old ones, because a state is made when the connection can accept it. So a connection holds one state,
-//! and no queue grows. The first state of a connection includes the drone's last ten minutes
-//! ([`history`](super::history)), at most 150 kB. A browser allows six connections to one host, so all its tabs share
-//! one, which carries a state for each displayed drone (`stream.js`).
-//!
-//! **Nothing from elsewhere.** HTML, style and script are in the binary; the content security policy allows no others.
-//! A request is refused unless its Host is this machine's name or, if the station listens on another address, an
-//! address in numbers. So no foreign page can reach the station through a name that resolves to this machine. Requests
-//! that change something are accepted only from this page.
+//! **Nothing from elsewhere.** HTML, style and script are in the binary, and the content security policy allows no
+//! others. A request's Host must be this machine's name or, if the station listens on another address, an address in
+//! numbers. So no foreign page can reach the station through a name that resolves to this machine. Only this page may
+//! request changes.
 
 mod state;
 #[cfg(test)]
@@ -46,50 +43,45 @@ use crate::carrier::mavlink::Voice;
 use crate::carrier::mavlink::voice::NotSent;
 use state::With;
 
-/// The shortest time from one state to the next: a screen's refresh.
+/// The shortest time between two states: about a screen's refresh.
 pub const PUSH: Duration = Duration::from_millis(16);
 
-/// The shortest interval at which a state includes the list of all drones.
+/// The shortest time between two states with the list of all drones.
 pub const LIST: Duration = Duration::from_millis(500);
 
-/// The time after which a browser that has lost the connection to the station connects again.
 const RETRY: Duration = Duration::from_millis(500);
 
-/// The greatest number of drones that can be requested over one connection; their states are sent in turn.
+/// The greatest number of drones that one connection can request. Their states are sent in turn.
 pub const MAX_ASKED: usize = 16;
 
-/// The greatest number of browsers that may read states at once; further ones are refused until one ends.
+/// The greatest number of browsers that may read states at once; others are refused.
 pub const MAX_WATCHERS: usize = 256;
 
-/// The content security policy: the browser loads content only from this server.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; \
                       worker-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-/// The conditions under which a client may use a page.
+/// The conditions for the use of a page: the address, and a login if there is one.
 #[derive(Clone, Debug)]
 pub struct Access {
     local: bool,
-    /// The login that a request must contain, if one is required.
     login: Option<String>,
 }
 
 impl From<SocketAddr> for Access {
-    /// Returns the access of a page that every client may use that reaches this address.
     fn from(address: SocketAddr) -> Self {
         Self { local: address.ip().is_loopback(), login: None }
     }
 }
 
 impl Access {
-    /// Returns the access of a page that requires the login `user:password`. It is sent by HTTP's Basic scheme, which
-    /// does not hide it: for TLS, a proxy is needed before the page.
+    /// Returns the access of a page that requires the login `user:password`. HTTP's Basic scheme does not encrypt the
+    /// login; that takes a proxy with TLS before the page.
     #[must_use]
     pub fn with_login(self, login: &str) -> Self {
         Self { login: Some(format!("Basic {}", BASE64_STANDARD.encode(login))), ..self }
     }
 
-    /// Returns whether the request has the login. The duration of the check does not reveal how much of the login was
-    /// right.
+    /// Returns whether the request has the login. The duration of the check does not reveal a partly right login.
     fn admits(&self, headers: &HeaderMap) -> bool {
         let Some(login) = &self.login else { return true };
         let said = text(headers, header::AUTHORIZATION).unwrap_or_default();
@@ -98,7 +90,6 @@ impl Access {
     }
 }
 
-/// The state of the page's server: the station, its playback if there is one, and the limit of watching browsers.
 #[derive(Clone)]
 struct Page {
     station: Station,
@@ -106,8 +97,8 @@ struct Page {
     watchers: Arc<Semaphore>,
 }
 
-/// Returns the page of a station, for clients with `access`; with a `player`, its pace can be set. Uplinks can be sent
-/// if the station has them enabled at the time of the request.
+/// Returns a station's page for clients with `access`. With a `player`, the page can set the pace of the playback.
+/// Uplinks can be sent while the station has them enabled.
 pub fn router(station: Station, player: Option<Arc<Player>>, access: impl Into<Access>) -> Router {
     let page = Page { station, player, watchers: Arc::new(Semaphore::new(MAX_WATCHERS)) };
     let mut router = Router::new()
@@ -127,8 +118,8 @@ pub fn router(station: Station, player: Option<Arc<Player>>, access: impl Into<A
     guarded(router.with_state(page), access)
 }
 
-/// Applies `access` and the common rules of every page here to these pages: other hosts' names are refused, and every
-/// answer has the content security policy.
+/// Applies `access` and the rules of every page to `router`: other hosts' names are refused, and each answer has the
+/// content security policy.
 pub fn guarded(router: Router, access: impl Into<Access>) -> Router {
     router.layer(middleware::from_fn_with_state(access.into(), guard))
 }
@@ -137,7 +128,6 @@ async fn file(kind: &'static str, text: &'static str) -> impl IntoResponse {
     ([(header::CONTENT_TYPE, kind)], text)
 }
 
-/// Refuses requests with other hosts' names and clients without access, and sets the headers that every answer has.
 async fn guard(State(access): State<Access>, request: Request, next: Next) -> Response {
     let foreign = !request.method().is_safe() && !is_own_page(request.headers());
     if foreign || !is_served_as(access.local, request.headers()) {
@@ -164,8 +154,8 @@ fn text(headers: &HeaderMap, name: impl header::AsHeaderName) -> Option<&str> {
     headers.get(name).map(|value| value.to_str().unwrap_or_default())
 }
 
-/// Returns whether the request's Host is a name that a foreign page cannot make resolve to this machine: this machine's
-/// own name or, if the page is not for this machine alone, an address in numbers.
+/// Returns whether the request's Host is safe: this machine's own name or, unless `local`, an address in numbers. A
+/// foreign page can make other names resolve to this machine.
 fn is_served_as(local: bool, headers: &HeaderMap) -> bool {
     let host = text(headers, header::HOST).unwrap_or_default();
     let name = host.rsplit_once(':').filter(|(_, port)| port.bytes().all(|byte| byte.is_ascii_digit()));
@@ -174,8 +164,8 @@ fn is_served_as(local: bool, headers: &HeaderMap) -> bool {
     matches!(name, "localhost" | "127.0.0.1" | "[::1]") || (!local && address())
 }
 
-/// Returns whether a request for a change comes from this page, or from a program that is not a browser. A browser
-/// states in the request which site made it.
+/// Returns whether a request for a change comes from this page, or from no browser. Browsers state which site made the
+/// request.
 fn is_own_page(headers: &HeaderMap) -> bool {
     let host = text(headers, header::HOST).unwrap_or_default();
     let own = |origin: &str| origin.split_once("://").is_some_and(|(_, of)| of == host);
@@ -183,12 +173,10 @@ fn is_own_page(headers: &HeaderMap) -> bool {
         && text(headers, "sec-fetch-site").is_none_or(|site| matches!(site, "same-origin" | "none"))
 }
 
-/// Returns the parts of a query, each a name and its value.
 fn parts(query: Option<&str>) -> impl Iterator<Item = (Cow<'_, str>, Cow<'_, str>)> {
     form_urlencoded::parse(query.unwrap_or_default().as_bytes())
 }
 
-/// Returns the first value of this name in a query.
 fn value<'a>(query: Option<&'a str>, name: &str) -> Option<Cow<'a, str>> {
     parts(query).find_map(|(is, value)| (is == name).then_some(value))
 }
@@ -218,7 +206,6 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
         if round.next == 0 {
             if round.listed.is_some() {
                 sleep(PUSH).await;
-                // The stream ends when the station has ended.
                 changes.changed().await.ok()?;
             }
             changes.mark_unchanged();
@@ -230,8 +217,7 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
         }
         let Round { drones, next, with, .. } = &mut round;
         let Asked { name, shown } = &mut drones[*next];
-        // The connection keeps the drone that it shows, even if none was requested: a drone that comes later does not
-        // replace it.
+        // A connection keeps the drone that it shows. Another drone that appears later does not replace it.
         if shown.is_none() {
             *shown = page.station.known().intake.fleet().iter().next().map(|(id, _)| id.to_string());
         }
@@ -244,25 +230,18 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
     Sse::new(states).into_response()
 }
 
-/// The drones that were requested over one connection, of which one state is sent at a time, in turn.
 struct Round {
-    /// The requested drones, at least one.
     drones: Vec<Asked>,
-    /// The index of the requested drone whose state is sent next.
     next: usize,
-    /// The instant at which the list of all drones was last sent.
     listed: Option<Instant>,
     with: With,
 }
 
-/// A requested drone; an empty name is any drone.
 struct Asked {
     name: String,
     shown: Option<String>,
 }
 
-/// Returns the drones that the query requests, each once. If the query names no drone, the result is one entry that
-/// stands for any drone.
 fn all_asked(query: Option<&str>) -> Vec<Asked> {
     let mut names: Vec<String> = vec![];
     for (_, name) in parts(query).filter(|(is, _)| is == "drone") {
@@ -277,8 +256,8 @@ fn all_asked(query: Option<&str>) -> Vec<Asked> {
     names.into_iter().map(asked).collect()
 }
 
-/// Sets the pace (`speed=2`) or the instant (`at=SECONDS` from the start) of a playback. Returns the number of such
-/// changes so far: a state with this number, or a greater one, reflects the change.
+/// Sets the pace (`speed=2`) or the instant (`at=SECONDS` from the start) of a playback. Returns the number of changes
+/// so far. States with at least this number include the change.
 async fn playback(State(page): State<Page>, RawQuery(query): RawQuery) -> Response {
     let (Some(player), Some(query)) = (&page.player, query) else { return StatusCode::BAD_REQUEST.into_response() };
     if query.is_empty() {
@@ -298,7 +277,7 @@ async fn playback(State(page): State<Page>, RawQuery(query): RawQuery) -> Respon
 }
 
 /// Sends an uplink: `drone=ID`, `payload=` up to 104 hexadecimal digits, padded with zeros, and `status=` a number, 0
-/// by default. Returns the uplink's timestamp; the state of the page then shows what becomes of the uplink.
+/// by default. Returns the uplink's timestamp, which identifies the uplink in the states.
 async fn uplink(State(page): State<Page>, RawQuery(query): RawQuery) -> Response {
     let query = query.unwrap_or_default();
     let value = |name: &str| query.split('&').find_map(|part| part.strip_prefix(name)?.strip_prefix('='));
@@ -322,7 +301,6 @@ async fn uplink(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
     }
 }
 
-/// Returns the bytes of an uplink's payload from hexadecimal digits.
 fn payload(digits: &str) -> Option<[u8; Uplink::PAYLOAD]> {
     let mut payload = [0; Uplink::PAYLOAD];
     let pairs = digits.as_bytes().chunks(2);

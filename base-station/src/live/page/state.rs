@@ -1,4 +1,4 @@
-//! Formats the station's state for the page. Ages are those of the instant at which a state is made.
+//! Formats the station's state for the page. Ages are those at the instant `now_us`.
 
 use profile::ResetReason;
 use serde::Serialize;
@@ -13,30 +13,23 @@ use crate::{Alarm, Drone, DroneId, Fleet, Severity};
 
 #[derive(Serialize)]
 struct State {
-    /// The instant at which the state was made, µs since 1970.
     now_us: u64,
-    /// The requested drone; empty if none was requested.
     asked: String,
     playback: Option<Playback>,
     station: About,
-    /// The list of all drones, which is sent every half second.
     drones: Option<Vec<Line>>,
-    /// The alarms that began or ended, the oldest first; sent with the list of all drones.
     log: Option<Vec<Change>>,
     drone: Option<Detail>,
-    /// The drone's history, sent only with a connection's first state.
     #[serde(skip_serializing_if = "Option::is_none")]
     history: Option<Vec<Sample>>,
 }
 
-/// The beginning or the end of an alarm: instant (ms since 1970), drone, alarm, whether it is critical, whether it
-/// began.
+/// An alarm that began or ended: instant (ms since 1970), drone, alarm, whether it is critical, whether it began.
 #[derive(Serialize)]
 struct Change(u64, String, &'static str, bool, bool);
 
-/// A sample of a drone: the instant (ms since 1970), the reported position, those of the receivers (degrees), the
-/// height (m), and, over the time since the sample before, the greatest age (s) and the least number of agreeing
-/// receivers.
+/// A sample of a drone: instant (ms since 1970), reported position and those of the receivers (degrees), height (m)
+/// and, since the last sample, the greatest age (s) and the least number of agreeing receivers.
 #[derive(Serialize)]
 struct Sample(u64, Option<[f64; 2]>, Vec<Option<[f64; 2]>>, Option<f32>, Option<f32>, Option<u8>);
 
@@ -45,43 +38,31 @@ struct Playback {
     speed: f64,
     at_s: f64,
     length_s: f64,
-    /// The number of changes of pace or instant so far. The answer to a change states this number too, so the page can
-    /// tell which states include the change.
+    /// The number of changes of pace or instant. By it the page knows which states include its own change.
     changes: u64,
 }
 
-/// The faults and the settings of the station itself.
 #[derive(Serialize)]
 struct About {
     lines: Vec<(String, String)>,
-    /// The file that is being recorded into; empty before the first arrival.
     recording: Option<String>,
     recorder: Option<String>,
     dropped: u64,
-    /// The number of messages that were refused because there was no room for another drone.
     refused: u64,
-    /// The number of drones that were dropped to make room for others.
     forgotten: u64,
-    /// The rank of the alarm for an old position; 0 is the rank of the gravest alarm.
     stale_rank: usize,
-    /// Whether only signed MAVLink is accepted.
     signed: bool,
-    /// The reasons for which messages were refused without being read, as text, and how often each occurred.
     unread: Vec<(&'static str, u64)>,
-    /// Whether uplinks can be sent to drones.
     uplinks: bool,
 }
 
-/// A drone in the list.
 #[derive(Serialize)]
 struct Line {
     id: String,
     age_ms: Option<u64>,
     state: Option<&'static str>,
-    /// The most severe alarm of the drone.
     worst: Option<Worst>,
     alarms: usize,
-    /// Latitude and longitude of the drone, if they are valid and not old.
     place: Option<[f64; 2]>,
 }
 
@@ -89,7 +70,6 @@ struct Line {
 struct Worst {
     words: &'static str,
     critical: bool,
-    /// The rank of the alarm, of which 0 is the gravest.
     rank: usize,
 }
 
@@ -112,12 +92,10 @@ struct Raised {
 #[derive(Serialize)]
 struct Detail {
     id: String,
-    /// The source of the drone's messages as text, and whether they are signed.
     from: String,
     signed: bool,
     stale: bool,
     silent_ms: u64,
-    /// The time since HORUS's start, ms.
     time_ms: Option<u32>,
     receivers: usize,
     reported: Option<Reported>,
@@ -129,7 +107,6 @@ struct Detail {
     counts: Counts,
 }
 
-/// The DPR's Port-Status, in the answer to an uplink.
 #[derive(Serialize)]
 struct Port {
     age_ms: u64,
@@ -138,19 +115,15 @@ struct Port {
     last_refused: bool,
 }
 
-/// The last uplink that was sent to the drone.
 #[derive(Serialize)]
 struct Uplink {
-    /// The timestamp of the uplink, ms of this station's clock, which identifies it.
+    /// The uplink's timestamp, ms on this station's clock, which identifies the uplink.
     timestamp: u32,
     status: u16,
     payload: String,
-    /// The state of the uplink: `sent`, `written`, `refused` or `unanswered`.
     state: &'static str,
-    /// The reason why the uplink was refused.
     why: Option<String>,
     times: u32,
-    /// The time from the first sending of the uplink until its outcome was known, or until now, ms.
     after_ms: u64,
     ago_ms: u64,
 }
@@ -181,11 +154,10 @@ struct Reported {
     degraded: bool,
     memory_fault: bool,
     reset: &'static str,
-    /// Whether HORUS's last reset was caused by power-on or by its reset pin.
     reset_usual: bool,
-    /// The reported latitude (degrees), longitude (degrees) and height (m).
+    /// Latitude (degrees), longitude (degrees) and height (m).
     position: [f64; 3],
-    /// The reported pitch, yaw and roll, degrees.
+    /// Pitch, yaw and roll, degrees.
     attitude: Option<[f32; 3]>,
     acceleration: Option<[f32; 3]>,
 }
@@ -198,7 +170,6 @@ struct Gps {
     heard: bool,
     stale: bool,
     excluded: bool,
-    /// The age of the receiver's solution when HORUS sent it, as text.
     solution: String,
     position: [f64; 3],
 }
@@ -212,7 +183,7 @@ struct Link {
     received: u32,
     missed: u32,
     violations: u16,
-    /// The age that the sample in Reported-Position had when the DPR made the image, ms.
+    /// The age of Reported-Position's sample when the DPR made the image, ms.
     sample_age_ms: f64,
     reset: &'static str,
 }
@@ -231,12 +202,9 @@ struct Counts {
     restarts: u64,
 }
 
-/// The parts of a state that are sent only at times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct With {
-    /// Whether the list of all drones is sent.
     pub(super) list: bool,
-    /// Whether the drone's last minutes are sent.
     pub(super) history: bool,
 }
 
@@ -277,10 +245,9 @@ fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Opti
         playback: player.map(|player| {
             let (first_us, last_us) = player.span_us();
             let seconds = |us: u64| us.saturating_sub(first_us) as f64 / 1e6;
-            // The number of changes is read first, so that the state reflects all changes that are counted in it.
+            // The number is read first, so that the state includes all changes that it counts.
             let changes = player.changes();
-            // The instant is read from the player, because the station is behind the player while a jump back is
-            // carried out.
+            // During a jump back the station is behind the player, so the instant is the player's.
             let at_s = seconds(player.now_us());
             Playback { speed: player.speed(), at_s, length_s: seconds(last_us), changes }
         }),
@@ -320,7 +287,7 @@ fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Opti
     }
 }
 
-/// Returns the drone of this name or, if that one is gone, another sender with the same id.
+/// Returns the drone of this name. If that one is gone, returns another sender with its id.
 pub(super) fn asked<'a>(fleet: &'a Fleet, name: &str) -> Option<(DroneId, &'a Drone)> {
     let who = |id: DroneId| id.who.to_string();
     fleet.iter().find(|(id, _)| id.to_string() == name).or_else(|| {

@@ -45,7 +45,6 @@ fn absent() -> ReportedValues {
     ReportedValues::absent(70_000)
 }
 
-/// Returns a station with data of drones 3 and 9, and the channel that signals a change of its state.
 fn station() -> (Station, watch::Sender<u64>) {
     let mut known = StationData::default();
     for system in [3, 9] {
@@ -66,8 +65,7 @@ fn station() -> (Station, watch::Sender<u64>) {
 }
 
 fn run<T>(test: impl Future<Output = T>) -> T {
-    // The time in these tests is virtual: it advances only when all tasks wait for it. So the tests do not depend on
-    // the machine's speed.
+    // Time is virtual and advances only when all tasks wait. So the tests do not depend on the machine's speed.
     let runtime = tokio::runtime::Builder::new_current_thread().enable_time().start_paused(true).build().unwrap();
     runtime.block_on(test)
 }
@@ -96,7 +94,7 @@ fn every_answer_has_the_policy_and_nothing_is_fetched_from_elsewhere() {
         for path in &paths[..4] {
             let text = text(ask(&router, Method::GET, path, "localhost").await).await;
             assert!(text.len() > 500 && !text.contains("http://") && !text.contains("https://"), "{path}");
-            // The content security policy would refuse these constructs.
+            // The content security policy would refuse inline styles and handlers.
             assert!(!text.contains("style=") && !text.contains("onclick=") && !text.contains("innerHTML"), "{path}");
         }
     });
@@ -130,7 +128,6 @@ fn a_page_with_a_login_is_shown_to_nobody_else() {
     run(async {
         let access = Access::from(SocketAddr::from(([0, 0, 0, 0], 8480))).with_login("pilot:wing");
         let page = router(station().0, None, access);
-        // The logins are "pilot:wing", "pilot:win", "pilot:wing1", "pilot:xing" in Base64.
         for (said, expected) in [
             (Some("Basic cGlsb3Q6d2luZw=="), StatusCode::OK),
             (Some("Basic cGlsb3Q6d2lu"), StatusCode::UNAUTHORIZED),
@@ -196,7 +193,6 @@ fn a_new_drone_does_not_take_the_place_of_the_shown_one() {
         }
         changed.send_modify(|count| *count += 1);
         assert_eq!(id(&events.next().await.unwrap().unwrap()), "3");
-        // The name of a sender that does not exist finds another sender with the same drone's id.
         for (query, expected) in [("1-2", "1".into()), ("3-2", "3".into()), ("3-x", Value::Null), ("33", Value::Null)] {
             let state = text(ask(&page, Method::GET, &format!("/state?drone={query}"), "localhost").await).await;
             assert_eq!(serde_json::from_str::<Value>(&state).unwrap()["drone"]["id"], expected, "{query}");
@@ -264,7 +260,6 @@ fn a_state_is_pushed_at_once_and_then_with_every_change() {
         changed.send_modify(|count| *count += 1);
         let third = state(&events.next().await.unwrap().unwrap());
         assert_eq!(third["drones"].as_array().map(Vec::len), Some(2));
-        // When the station ends, the stream of states ends too, and the browser tries again.
         drop(changed);
         assert!(events.next().await.is_none());
     });
@@ -397,7 +392,6 @@ fn an_uplink_is_accepted_only_from_the_stations_own_page() {
             let answer = ask(page, Method::POST, &format!("/uplink{query}"), "localhost").await;
             (answer.status(), text(answer).await)
         };
-        // The first station has no uplinks enabled, and the second one has no key.
         let (silent, unsigned, allowed) = (station().0, station().0, station().0);
         unsigned.speak(Voice::new(254, None).with_uplinks());
         for without in [&silent, &unsigned] {

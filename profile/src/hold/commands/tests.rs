@@ -35,10 +35,8 @@ fn answer<W: WritesUplink>(timestamp: u32, payload: [u8; Uplink::PAYLOAD]) -> An
     answer
 }
 
-/// The highest set-point that the hold accepts.
 const LIMIT: f32 = 500.0;
 
-/// A hold that records which commands it executed.
 #[derive(Default)]
 struct Hold {
     commands: Commands,
@@ -57,14 +55,12 @@ impl Hold {
         self.commands.acknowledged()
     }
 
-    /// A hold that has taken one uplink of the base station, without a command, with timestamp 1000, at 0 ms.
     fn started() -> Self {
         let mut hold = Self::default();
         assert_eq!(hold.take(&answer::<BaseStation>(1_000, payload(0, 0, 0.0, 0)), 0), [NONE; 2]);
         hold
     }
 
-    /// Passes a command of the base station to the hold, and returns the acknowledgement of its last command.
     fn base(&mut self, timestamp: u32, number: u16, word: u16, now_ms: u64) -> Acknowledged {
         let [acknowledged, other] = self.take(&answer::<BaseStation>(timestamp, payload(number, word, 4.5, 0)), now_ms);
         assert_eq!(other, NONE);
@@ -150,7 +146,6 @@ fn the_first_uplink_waits_for_a_later_timestamp_of_its_writer() {
 
 #[test]
 fn a_timestamp_is_too_old_after_more_than_1000_ms() {
-    // First a fresh timestamp, with which a new number appears late; then the first timestamp after the hold's start.
     for (mut hold, timestamp, at_limit) in
         [(Hold::started(), 1_001, Acknowledged::new(1, Outcome::Done)), (Hold::default(), 1_001, NONE)]
     {
@@ -178,7 +173,7 @@ fn an_unknown_word_that_is_too_old_is_acknowledged_as_too_old() {
 
 #[test]
 fn after_an_earlier_timestamp_a_command_waits_for_a_later_one() {
-    // Behind means less than 2^31 ms behind; the limit of both directions is tested.
+    // A timestamp less than 2^31 ms behind is earlier; the limit of both directions is tested.
     for (timestamp, is_later) in
         [(999, false), (1_001, true), (1_000 + (1 << 31), false), (1_000 + (1 << 31) - 1, true), (0, false)]
     {
@@ -232,18 +227,14 @@ fn a_damaged_or_misplaced_uplink_changes_nothing() {
     assert_eq!(hold.take(Answer::read(&good).expect("128 bytes"), 100)[0], Acknowledged::new(1, Outcome::Done));
 }
 
-/// One period of a link between writer and hold that loses, repeats and reorders objects.
 #[derive(Clone, Copy, Debug)]
 struct Period {
     /// The number of uplinks written since the one that the DPR hands on; `None` if the answer is lost.
     uplink: Option<usize>,
     /// The number of periods since the hold sealed the object that the writer reads; `None` if it reads none.
     object: Option<usize>,
-    /// Whether the writer writes a new uplink.
     writes: bool,
-    /// Whether the writer gives its waiting command up.
     gives_up: bool,
-    /// Whether the hold restarts, with its acknowledgements kept.
     restarts: bool,
 }
 
@@ -255,15 +246,12 @@ fn periods() -> impl Strategy<Value = Vec<Period>> {
     prop::collection::vec(period, 1..120)
 }
 
-/// A base station that sends one command after another, with the hold and the results of the commands.
 struct Flight {
     hold: Hold,
-    /// The period in which the hold started.
     started: u32,
     sender: Sender<BaseStation>,
     uplinks: Vec<Answer>,
     objects: Vec<HoldStatus>,
-    /// The commands that were sent, with their numbers.
     sent: Vec<(u16, HoldCommand)>,
     answered: Vec<(u16, Outcome)>,
 }
@@ -309,7 +297,6 @@ impl Flight {
         if period.gives_up {
             self.sender.give_up();
         }
-        // Each command differs from the others, and the hold refuses every third.
         let count = u16::try_from(self.sent.len()).expect("few");
         let command = HoldCommand::SetPoint(f32::from(if count.is_multiple_of(3) { 1_000 + count } else { count }));
         if let Some(number) = self.sender.send(&command) {
@@ -317,7 +304,7 @@ impl Flight {
         }
     }
 
-    /// Checks that each command was executed at most once, in order, and that its acknowledgement is true.
+    /// Checks that each command was executed at most once, in order, and that its acknowledgement says what was done.
     fn check(&self) {
         let executed: Vec<_> = self.hold.executed.iter().map(|(_, command)| *command).collect();
         let mut sent = self.sent.iter();

@@ -20,7 +20,6 @@ fn filled(sender: &Sender<BaseStation>) -> [u8; Uplink::PAYLOAD] {
     payload
 }
 
-/// A sender that has read an object with timestamp 1000 that acknowledged command 8, and has sent command 9.
 fn waiting() -> Sender<BaseStation> {
     let mut sender = Sender::default();
     assert_eq!(observe(&mut sender, 1_000, 8, Outcome::Done), Sent::Nothing);

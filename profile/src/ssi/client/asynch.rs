@@ -1,4 +1,4 @@
-//! The client on an SPI device of [embedded-hal-async 1.0](embedded_hal_async), otherwise equal to
+//! The client on an SPI device of [embedded-hal-async 1.0](embedded_hal_async); otherwise like
 //! [`blocking`](super::blocking).
 //!
 //! The caller configures the device: mode 0, most significant bit first, a clock that [`timing`](crate::ssi::timing)
@@ -14,28 +14,27 @@ pub struct Dpr<Spi> {
     spi: Spi,
     client: Client,
     buffer: [u8; MAX_MAP],
-    /// The number of bytes that the last transaction read.
     brought: usize,
 }
 
 impl<Spi: SpiDevice> Dpr<Spi> {
-    /// A client for the DPR on this SPI device. The DPR has not been read yet.
+    /// A client for the DPR on this SPI device.
     #[must_use]
     pub const fn new(spi: Spi, client: Client) -> Self {
         Self { spi, client, buffer: [0; MAX_MAP], brought: 0 }
     }
 
-    /// Makes one transaction. If the future is dropped before its end, the bus decides which bytes reach the DPR; the
-    /// next call sends the same bytes again. `now_us` is the present instant on the flight controller's monotonic
-    /// clock, `fresh_us` the instant of the last edge of FRESH, if that line is wired; both µs.
+    /// Makes one transaction. `now_us` is the present instant on the flight controller's monotonic clock, `fresh_us`
+    /// the instant of the last edge of FRESH, if that line is wired; both µs. If the future is dropped before its end,
+    /// the next call sends the same bytes again.
     ///
     /// # Errors
     ///
-    /// The error of the bus. The report in [`Failed::report`] is that of a transaction without data: the displayed
-    /// position becomes older.
+    /// The error of the bus. [`Failed::report`] is then the report of a transaction without data, in which the
+    /// displayed position is older.
     pub async fn read(&mut self, now_us: u64, fresh_us: Option<u64>) -> Result<Report, Failed<Spi::Error>> {
         self.brought = 0;
-        // The buffer has room for the longest transaction of any configuration.
+        // The buffer has room for the longest transaction, so `begin` cannot fail.
         let bytes = self.client.begin(&mut self.buffer).unwrap_or(0);
         let (buffer, _) = self.buffer.split_at_mut(bytes);
         let transferred = self

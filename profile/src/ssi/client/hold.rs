@@ -3,26 +3,26 @@ use super::{AGE_UNKNOWN, Shown, View, track::sum_us};
 use crate::HoldValues;
 use crate::hold::{EXPIRY_MS, FRAME_NS};
 
-/// The time after which a Hold-Status that does not change counts as old, µs: the DPR shows none for longer.
+/// The time after which an unchanged Hold-Status is old, µs: the DPR shows none for longer.
 const EXPIRY_US: u32 = 1_000 * EXPIRY_MS;
 
-/// The air time of the hold's frame, µs, rounded up: the age of the frame's object when it arrives at the DPR.
+/// The air time of the hold's frame, µs, rounded up: the age of its object on arrival at the DPR.
 pub const HOLD_FRAME_US: u32 = {
     let [b0, b1, b2, b3, ..] = FRAME_NS.div_ceil(1_000).to_le_bytes();
     u32::from_le_bytes([b0, b1, b2, b3])
 };
 
-/// Whether there is a Hold-Status.
+/// Whether the flight controller has a Hold-Status to use.
 ///
-/// The numbers are those of `horus_dpr_hold_shown_t` in C.
+/// The numbers equal those of `horus_dpr_hold_shown_t` in C.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum HoldShown {
     /// The DPR shows no Hold-Status, or none was read yet.
     Absent = 0,
-    /// The last Hold-Status has not changed for over 300 ms: it was not read again, or the hold or the DPR hangs.
+    /// The last Hold-Status is unchanged for over 300 ms: it was not read again, or the hold or the DPR hangs.
     Old = 1,
-    /// There is a Hold-Status, and it is not old.
+    /// There is a Hold-Status that is not old.
     Valid = 2,
 }
 
@@ -36,28 +36,26 @@ impl HoldShown {
 pub struct HoldReport {
     /// Whether there is a Hold-Status.
     pub shown: HoldShown,
-    /// The last Hold-Status, if it is [valid](HoldShown::Valid). Those of its values that are not known are NaN.
+    /// The last Hold-Status, if it is [valid](HoldShown::Valid). Unknown values in it are NaN.
     pub values: Option<HoldValues>,
-    /// The age of the last Hold-Status when the transaction began, µs, counted from the first bit of its frame; never
-    /// less than the true age. [`AGE_UNKNOWN`] without a Hold-Status.
+    /// An upper bound of the age of the last Hold-Status when the transaction began, µs, counted from the first bit of
+    /// the hold's frame. [`AGE_UNKNOWN`] without a Hold-Status.
     pub age_us: u32,
 }
 
-/// The last Hold-Status that was read.
 #[derive(Clone, Copy, Debug)]
 struct Last {
     values: HoldValues,
-    /// The instant at which this Hold-Status was first read, µs.
     read_us: u64,
-    /// The greatest possible age of this Hold-Status at that instant, µs.
+    /// The greatest possible age of this Hold-Status at `read_us`, µs.
     age_us: u32,
 }
 
-/// Follows Hold-Status from transaction to transaction, beside a [`Client`](super::Client).
+/// Follows Hold-Status from transaction to transaction; to be used with a [`Client`](super::Client).
 #[derive(Clone, Debug, Default)]
 pub struct HoldTrack {
     last: Option<Last>,
-    /// The instant at which the place of Hold-Status was last read, intact or vacant, µs.
+    /// The instant at which the bytes of Hold-Status were last read as an intact object or as vacant, µs.
     looked_us: Option<u64>,
 }
 
@@ -68,15 +66,15 @@ impl HoldTrack {
         Self { last: None, looked_us: None }
     }
 
-    /// The report of a transaction that began at `began_us` and read `view`. If the transaction did not read the place
-    /// of Hold-Status, met a busy DPR or read damaged bytes there, only the age of the last Hold-Status changes.
+    /// The report of a transaction that began at `began_us` and read `view`. If the transaction did not read
+    /// Hold-Status, met a busy DPR or read damaged bytes, the last Hold-Status only becomes older.
     pub fn read(&mut self, view: &View<'_>, began_us: u64) -> HoldReport {
         let place = view.hold().filter(|_| !view.is_busy());
         match place {
             Some(Shown::Intact(status))
                 if self.last.is_some_and(|last| last.values.timestamp == status.timestamp()) => {}
             Some(Shown::Intact(status)) => {
-                // Hold-Status arrived after the reading before this one, and at most [`EXPIRY_US`] ago.
+                // Hold-Status was published after the previous reading, and at most [`EXPIRY_US`] ago.
                 let since_us = self.looked_us.and_then(|looked_us| began_us.checked_sub(looked_us));
                 let shown_us = since_us.map_or(u64::from(EXPIRY_US), |since_us| since_us.min(EXPIRY_US.into()));
                 let age_us = sum_us(HOLD_FRAME_US, shown_us);
@@ -116,7 +114,6 @@ mod tests {
         *HoldStatus::seal(Writer::<ActiveLoad>::claim(), &HoldValues::absent(timestamp)).as_bytes()
     }
 
-    /// The report after a transaction that read `bytes` in the place of Hold-Status.
     fn read(track: &mut HoldTrack, bytes: &[u8], began_us: u64) -> (HoldShown, Option<u32>, u32) {
         let layout = Layout::for_receivers(3).expect("a profile").with_hold();
         let window = Request { offset: 468, length: 64 };

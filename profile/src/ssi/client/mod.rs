@@ -1,40 +1,37 @@
-//! The flight controller's end of the SSI: it determines what is sent to the DPR, and evaluates the answer.
+//! The flight controller's end of the SSI: determines what is sent to the DPR, and evaluates the answer.
 //!
-//! # Design
-//!
-//! [`Client`] is a state machine without input or output of its own: [`Client::begin`] returns the bytes to send in the
-//! next transaction, [`Client::end`] takes the answer and returns a [`Report`]. The client has no bus and no clock and
-//! allocates nothing. It checks every byte that was read and computes every CRC, whatever the bytes are; a handful of
-//! comparisons follows. `blocking` (feature `embedded-hal`) and `asynch` (feature `embedded-hal-async`) run it on an
-//! SPI device. `profile/c/horus_dpr.h` is the same client in C11; both give the same report for the same bytes.
+//! [`Client`] is a state machine without a bus or a clock, and allocates nothing: [`Client::begin`] returns the bytes
+//! to send in the next transaction, [`Client::end`] takes the answer and returns a [`Report`]. It checks every byte
+//! that was read and computes every CRC, whatever the bytes are. `blocking` (feature `embedded-hal`) and `asynch`
+//! (feature `embedded-hal-async`) run it on an SPI device. `profile/c/horus_dpr.h` is the same client in C11; both give
+//! the same report for the same bytes.
 //!
 //! **One transaction in each control cycle** reads Link-Status and Reported-Position, 96 bytes. [`Client::ask`]
-//! requests other objects (a receiver's, Port-Status) in one transaction; the next transaction reads them, and
+//! requests other objects (a receiver's, Port-Status) in one transaction. The next transaction reads those objects, and
 //! [`Client::view`] returns them.
 //!
-//! **Age.** Link-Status has the age of the sample at the instant at which its image was published. The client adds the
-//! time since then, for which it has two upper bounds, and takes the smaller: the time since the last edge of FRESH, if
-//! that line is wired, and the time since the last reading that showed another image. The added time is never more than
-//! [`EXPIRY_US`], after which the DPR stops showing an image. So [`Report::age_us`] is never less than the true age,
-//! and without FRESH it exceeds the true age by up to one more control cycle.
+//! **Age.** Link-Status has the age of the sample at the instant at which the image was published. To that age the
+//! client adds the time since the last edge of FRESH, if that line is wired, or the time since the last reading that
+//! showed another image, whichever is less. It adds at most [`EXPIRY_US`], after which the DPR stops showing an image.
+//! So [`Report::age_us`] is never less than the true age. Without FRESH it exceeds the true age by up to one control
+//! cycle.
 //!
 //! **Sequence.** A CRC does not prove that data are new. The client follows HORUS's timestamps on the flight
 //! controller's own clock, whatever the DPR reports. Each new sample must be a whole number of cycles after the one
-//! before, with at most [`MAX_MISSED`] missing, and come at the time of its timestamp, within [`TOLERANCE_US`] and [2
-//! %](TOLERANCE_SHARE) of the step. That time is counted from the earliest instant that the samples before it allow, so
-//! a delay that grows step by step is detected like a sudden one. At the start, and after any other step, no sample is
+//! before, with at most [`MAX_MISSED`] missing. It must come at the time of its timestamp, within [`TOLERANCE_US`] and
+//! [2 %](TOLERANCE_SHARE) of the step. That time is counted from the earliest instant that the samples before it allow,
+//! so a delay that grows slowly is detected like a sudden one. At the start, and after any other step, no sample is
 //! shown until [`SEARCH_CYCLES`] samples in a row are in sequence.
 //!
-//! **Output.** [`Report::position`] is the last sample if it is in sequence, if HORUS marks its position as valid, if
-//! it is plausible ([`range`](crate::range)), and while its age does not exceed [`Config::age_limit_us`].
-//! [`Report::status`] is HORUS's status in that sample, whether its position is valid or not: a HORUS that has fired
-//! the emergency measure may no longer have a position. A transaction without data (busy, damaged, empty) keeps both,
-//! and they become older; a sample that must not be shown removes both at once. Single values that are not valid are
-//! NaN, and their status bit is clear.
+//! **Output.** [`Report::position`] is the last sample, if it is in sequence, marked valid by HORUS, plausible
+//! ([`range`](crate::range)), and not older than [`Config::age_limit_us`]. [`Report::status`] is HORUS's status in that
+//! sample, whether its position is valid or not: a HORUS that has fired the emergency measure may have no position. A
+//! transaction without data (busy, damaged, empty) keeps both, and they become older. A sample that must not be shown
+//! removes both at once. Single values that are not valid are NaN, and their status bit is clear.
 //!
 //! **Hold.** A reader of a DPR with an active [hold](crate::hold) uses a layout [with a hold](Layout::with_hold), reads
-//! or requests the map's end, and passes each [`View`] to a [`HoldTrack`], which reports whether there is a
-//! Hold-Status, and its age. A [`Sender`](crate::hold::Sender) puts commands to the hold into the uplinks.
+//! or requests the map's end, and passes each [`View`] to a [`HoldTrack`]. A [`Sender`](crate::hold::Sender) puts
+//! commands to the hold into the uplinks.
 //!
 //! # Example
 //!
@@ -83,16 +80,16 @@ const _: () = assert!(image::GPS == 96);
 /// The size of the longest map, that of five receivers with a hold, bytes.
 pub const MAX_MAP: usize = Map::<MAX_RECEIVERS>::LEN_WITH_HOLD;
 
-/// The longest MOSI data that the DPR evaluates, bytes: a request, and an object after it.
+/// The longest MOSI data that the DPR evaluates, bytes: a request with an object after it.
 pub const MAX_WRITE: usize = REQUEST_SIZE + Uplink::SIZE;
 
-/// The settings of the client's reads, and its limits.
+/// The settings of the client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Config {
     /// The DPR's layout.
     pub layout: Layout,
-    /// The number of bytes that a transaction reads from the start of the map unless another window was requested: at
-    /// least [`PREFIX_BYTES`], at most the map.
+    /// The number of bytes that a transaction reads from the start of the map, unless another window was requested: at
+    /// least [`PREFIX_BYTES`], at most the whole map.
     pub read_bytes: u16,
     /// The age above which a position is not shown, µs.
     pub age_limit_us: u32,
@@ -104,7 +101,8 @@ impl Config {
     /// The default of [`Config::age_limit_us`]: ten cycles of HORUS.
     pub const AGE_LIMIT_US: u32 = 100_000;
 
-    /// The default of [`Config::silence_us`]: the DPR stops showing an image after 25 ms, plus a control cycle of 5 ms.
+    /// The default of [`Config::silence_us`]: the 25 ms after which the DPR stops showing an image, and a control cycle
+    /// of 5 ms.
     pub const SILENCE_US: u32 = 30_000;
 
     /// The default settings: 96 bytes in each transaction, and a position that is at most 100 ms old.
@@ -114,21 +112,18 @@ impl Config {
     }
 }
 
-/// The flight controller's client for reading the DPR. See the [module](self).
+/// The flight controller's client of the DPR. See the [module](self).
 #[derive(Clone, Debug)]
 pub struct Client {
     config: Config,
-    /// The window of the next or the present transaction; `None` is the default, and no request has reached the DPR.
+    /// The window of the next or the present transaction; `None` is the default window.
     window: Option<Request>,
-    /// The window that the last transaction read.
     shown: Request,
-    /// The window to request in the next transaction.
     asked: Option<Request>,
-    /// The object to write in the next transaction, until it is known to have reached the DPR.
+    /// The object to write, until the DPR is known to have received it.
     object: Option<[u8; Uplink::SIZE]>,
-    /// Whether the present transaction writes the object that waits in `object`.
     object_under_way: bool,
-    /// The request of the present transaction, until it is known to have reached the DPR.
+    /// The request of the present transaction, until the DPR is known to have received it.
     sent: Option<Request>,
     track: Track,
 }
@@ -162,12 +157,12 @@ impl Client {
         &self.config
     }
 
-    /// Requests a window in the next transaction; the transaction after it reads that window. A later call before
+    /// Requests a window in the next transaction; the transaction after that reads the window. A later call before
     /// [`Client::begin`] replaces the request. A request that met a busy DPR is repeated.
     ///
     /// # Errors
     ///
-    /// [`Rejection::Window`] if the window is empty or does not lie in the map; no request is made then.
+    /// [`Rejection::Window`] if the window is empty or not in the map; no request is made then.
     pub const fn ask(&mut self, window: Request) -> Result<(), Rejection> {
         if !window.is_inside(self.config.layout.map_len()) {
             return Err(Rejection::Window);
@@ -177,8 +172,7 @@ impl Client {
     }
 
     /// Writes an object in the next transaction. A later call before [`Client::begin`] replaces the object. An object
-    /// that met a busy DPR is written again in the next transaction. An object that the DPR received is not written
-    /// again; Port-Status has the outcome.
+    /// that met a busy DPR is written again, one that the DPR received is not; Port-Status has the outcome.
     ///
     /// ```
     /// use profile::criticality::{FlightController, Writer};
@@ -204,12 +198,12 @@ impl Client {
         self.object_under_way = false;
     }
 
-    /// Fills the beginning of `mosi` for the next transaction and returns the number of bytes, all of which must be
-    /// clocked. The number is at most [`Client::capacity`].
+    /// Fills the beginning of `mosi` for the next transaction and returns the number of bytes to clock, at most
+    /// [`Client::capacity`].
     ///
     /// # Errors
     ///
-    /// [`Rejection::Length`] if `mosi` is shorter than this number; nothing is changed then.
+    /// [`Rejection::Length`] if `mosi` is shorter than that number; nothing is changed then.
     pub fn begin(&mut self, mosi: &mut [u8]) -> Result<usize, Rejection> {
         let asked = self.asked.or(self.sent);
         let object = self.object;
@@ -231,15 +225,14 @@ impl Client {
         Ok(bytes)
     }
 
-    /// Ends the transaction. `miso` is the answer, as many bytes as were clocked, or empty if the bus failed.
-    /// `began_us` is the instant at which chip select fell, `fresh_us` that of the last edge of FRESH before it, if
-    /// that line is wired: both in µs on the flight controller's monotonic clock.
+    /// Ends the transaction. `miso` is the answer, empty if the bus failed. `began_us` is the instant at which chip
+    /// select fell, `fresh_us` that of the last edge of FRESH before it, if that line is wired; both are µs on the
+    /// flight controller's monotonic clock.
     pub fn end(&mut self, miso: &[u8], began_us: u64, fresh_us: Option<u64>) -> Report {
         self.shown = self.window();
         let view = self.view(miso);
         let (busy, prefix) = (view.is_busy(), view.prefix());
         if !busy {
-            // The DPR has received the request. A busy DPR has not, and still shows the earlier window.
             self.window = mem::take(&mut self.sent);
             self.object = self.object.filter(|_| !self.object_under_way);
             self.object_under_way = false;
@@ -249,19 +242,19 @@ impl Client {
         self.track.report(&self.config, brought, began_us, fresh_us)
     }
 
-    /// The window of the next or the present transaction, if its request has reached the DPR.
+    /// The window of the next or the present transaction, as far as its request has reached the DPR.
     #[must_use]
     pub fn window(&self) -> Request {
         self.window.unwrap_or(self.default_window())
     }
 
-    /// The objects in `miso`, which must be the answer of the last transaction.
+    /// The objects in `miso`, the answer of the last transaction.
     #[must_use]
     pub fn view<'a>(&self, miso: &'a [u8]) -> View<'a> {
         View::new(self.config.layout, self.shown, miso)
     }
 
-    /// The size of the longest transaction with this client's configuration, bytes.
+    /// The size of the longest transaction that this configuration allows, bytes.
     #[must_use]
     pub const fn capacity(&self) -> usize {
         self.config.layout.map_len()

@@ -4,35 +4,30 @@ use super::{AGE_UNKNOWN, Config, Report, Verdict};
 use crate::sequence::{MAX_MISSED, SEARCH_CYCLES, TOLERANCE_SHARE};
 use crate::{CYCLE_MS, Freshness, LinkStatus, ReportedPosition, ReportedValues, freshness};
 
-/// The time after an image's publication at which the DPR stops showing it, µs (docs/design.md#publication).
+/// The time after an image's publication at which the DPR stops showing the image, µs (docs/design.md#publication).
 pub const EXPIRY_US: u32 = 25_000;
 
-/// The tolerance, µs, for the instant at which a sample is read, against its timestamp; 2 % of the step are added. An
-/// image can be read at any time until it expires; the rest is what [`sequence`](crate::sequence) allows for the link.
+/// The tolerance, µs, for the instant at which a sample is read, against its timestamp; 2 % of the step are added. It
+/// is the time for which an image can be read, and the tolerance that [`sequence`](crate::sequence) has for the link.
 pub const TOLERANCE_US: u32 = EXPIRY_US + crate::sequence::TOLERANCE_US;
 
-/// The contents of a transaction, as far as the tracking needs them.
+/// What a transaction read, as far as the tracking needs it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Brought<'a> {
-    /// The DPR was busy.
     pub(super) busy: bool,
-    /// Whether the transaction read another window than one that begins with the map's first 96 bytes.
+    /// Whether the transaction read a window that does not begin with the map's first 96 bytes.
     pub(super) another: bool,
-    /// Whether any object in that other window was intact.
     pub(super) intact: bool,
-    /// The map's first 96 bytes, if they were all read.
     pub(super) prefix: Option<Prefix<'a>>,
 }
 
-/// The last intact sample that was read.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
     timestamp: u32,
-    /// The earliest instant at which the sample could have been read, as the samples before it show, µs.
+    /// The earliest instant, µs, at which the sample could have been read, judged by the samples before it.
     due_us: u64,
-    /// The instant at which the sample was first read, µs.
     read_us: u64,
-    /// The age of the sample at the instant at which it was first read, µs.
+    /// The age of the sample at `read_us`, µs.
     age_us: u32,
 }
 
@@ -43,17 +38,16 @@ impl Sample {
     }
 }
 
-/// The state about the transactions before the present one.
 #[derive(Clone, Debug)]
 pub(super) struct Track {
     last: Option<Sample>,
-    /// The number of samples in a row that were in sequence, at most [`SEARCH_CYCLES`].
     found: u8,
-    /// The last sample's values, if they may be shown, whether its position is valid or not.
+    /// The last sample's values, if the sample may be shown. Its position need not be valid.
     shown: Option<ReportedValues>,
-    /// The DPR's time in the last intact Link-Status, which names its image, and the instant at which it was read.
+    /// The DPR's timestamp in the last intact Link-Status, by which its image is known, and the instant of reading it,
+    /// µs.
     image: Option<(u32, u64)>,
-    /// The instant of the last reading with intact data; until there is one, the instant of the first transaction.
+    /// The instant of the last reading with intact data, or of the first transaction if there was none, µs.
     intact_us: Option<u64>,
 }
 
@@ -62,7 +56,7 @@ impl Track {
         Self { last: None, found: 0, shown: None, image: None, intact_us: None }
     }
 
-    /// The report of a transaction that began at `began_us`; the last edge of FRESH before it was at `fresh_us`.
+    /// The report of a transaction that began at `began_us`, with the last edge of FRESH at `fresh_us`; both µs.
     pub(super) fn report(
         &mut self,
         config: &Config,
@@ -100,7 +94,6 @@ impl Track {
         }
     }
 
-    /// Judges an intact sample, which may be the last one again.
     fn sample(
         &mut self,
         config: &Config,
@@ -142,9 +135,9 @@ impl Track {
     /// The greatest possible age, µs, of the sample in an image that is read for the first time.
     fn age_us(&self, link: &LinkStatus, began_us: u64, fresh_us: Option<u64>) -> u32 {
         let units = link.values().age_100us;
-        // Link-Status rounds the age down, and its highest value stands for every age from there on.
+        // Link-Status rounds the age down, and its highest value stands for that age or more.
         let published_us = if units == u16::MAX { AGE_UNKNOWN } else { 100 * (u32::from(units) + 1) };
-        // The image was published after the reading before this one only if that reading showed another image.
+        // The image was published after the previous reading if that reading showed another image.
         let before_us = self.image.filter(|(image, _)| *image != link.timestamp()).map(|(_, read_us)| read_us);
         let since = |instant: Option<u64>| instant.and_then(|instant| began_us.checked_sub(instant));
         let bounds = [since(fresh_us), since(before_us)];
@@ -153,7 +146,7 @@ impl Track {
     }
 }
 
-/// The earliest instant, µs, at which a sample could have been read that was read at `read_us`, if it continues `last`.
+/// The earliest instant, µs, at which a sample could have been read, if it continues `last` and was read at `read_us`.
 fn due_us(last: &Sample, timestamp: u32, read_us: u64) -> Option<u64> {
     let Freshness::Fresh { missed: missed @ 0..=MAX_MISSED } = freshness(Some(last.timestamp), timestamp) else {
         return None;
@@ -165,16 +158,15 @@ fn due_us(last: &Sample, timestamp: u32, read_us: u64) -> Option<u64> {
     if due_us.abs_diff(read_us) > tolerance_us {
         return None;
     }
-    // A sample that is read early shows that those before were read late. HORUS's clock may be slower by 2 %.
+    // A sample that is read early shows that those before it were read late. HORUS's clock may be slower by 2 %.
     Some(read_us.min(due_us.saturating_add(drift_us)))
 }
 
-/// Whether a position of the age `age_us`, or of unknown age, must not be shown.
 fn is_too_old(age_us: u32, config: &Config) -> bool {
     age_us > config.age_limit_us || age_us == AGE_UNKNOWN
 }
 
-/// The age `age_us` at an instant, plus the time since then, µs; the sum never wraps.
+/// The sum of `age_us` and the time since then, µs, at most [`AGE_UNKNOWN`].
 pub(super) fn sum_us(age_us: u32, since_us: u64) -> u32 {
     u32::try_from(u64::from(age_us).saturating_add(since_us)).unwrap_or(AGE_UNKNOWN)
 }

@@ -5,19 +5,19 @@ use crate::criticality::{BaseStation, FlightController, WritesUplink};
 use crate::ssi::Request;
 use crate::{HoldStatus, Layout, LinkStatus, Object, PortStatus, Rejection, ReportedPosition, Uplink, image};
 
-/// The content of the place of an object in the map.
+/// What the bytes of one object in the map hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown<T> {
     /// The object, intact.
     Intact(T),
-    /// The place is vacant: every byte is 0x00 or 0xFF, as after a scrub.
+    /// No object: every byte is 0x00 or every byte is 0xFF, as after a scrub.
     Vacant,
-    /// The place holds other bytes; the value is the reason why they are not the object.
+    /// Other bytes, with the reason why they are not the object.
     Damaged(Rejection),
 }
 
 impl<T> Shown<T> {
-    /// The object in the place, if it is intact.
+    /// The object, if it is intact.
     pub fn intact(self) -> Option<T> {
         match self {
             Self::Intact(object) => Some(object),
@@ -25,7 +25,7 @@ impl<T> Shown<T> {
         }
     }
 
-    /// The content of a place: `bytes` are its bytes, `verified` is the result of verifying them. All bytes are read.
+    /// What `bytes` hold, where `verified` is the result of verifying them. All bytes are read, whatever they are.
     fn new(bytes: &[u8], verified: Result<T, Rejection>) -> Self {
         let vacant = is_throughout(bytes, 0x00) | is_throughout(bytes, 0xFF);
         match verified {
@@ -36,12 +36,11 @@ impl<T> Shown<T> {
     }
 }
 
-/// Whether each of `bytes` is `value`; true for no bytes.
 fn is_throughout(bytes: &[u8], value: u8) -> bool {
     bytes.iter().fold(0, |difference, byte| difference | (byte ^ value)) == 0
 }
 
-/// The contents of a transaction, object by object. An object is verified when it is accessed.
+/// The objects that a transaction read. An object is verified when it is accessed.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     layout: Layout,
@@ -49,7 +48,6 @@ pub struct View<'a> {
     bytes: &'a [u8],
 }
 
-/// The objects in the first 96 bytes of the map.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Prefix<'a> {
     pub(super) link: Result<&'a LinkStatus, Rejection>,
@@ -57,8 +55,7 @@ pub(super) struct Prefix<'a> {
 }
 
 impl<'a> View<'a> {
-    /// The contents of a transaction that read `window` of the map and returned `miso`. Bytes beyond the window are
-    /// ignored.
+    /// The objects in `miso`, which a transaction read from `window` of the map. Bytes beyond the window are ignored.
     #[must_use]
     pub fn new(layout: Layout, window: Request, miso: &'a [u8]) -> Self {
         let bytes = miso.get(..usize::from(window.length)).unwrap_or(miso);
@@ -83,7 +80,7 @@ impl<'a> View<'a> {
         is_throughout(self.bytes, 0xFF)
     }
 
-    /// The bytes at the given range of the map; `None` if they were not all read.
+    /// The bytes at this range of the map; `None` if they were not all read.
     #[must_use]
     pub fn find(&self, place: Range<usize>) -> Option<&'a [u8]> {
         let start = place.start.checked_sub(usize::from(self.window.offset))?;
@@ -98,8 +95,8 @@ impl<'a> View<'a> {
         Some(Shown::new(bytes, LinkStatus::verify(bytes)))
     }
 
-    /// The profile's object number `index`: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5. `None` if it was not read,
-    /// or there is no such object.
+    /// The profile's object number `index`: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5. `None` if there is no such
+    /// object or it was not read.
     #[must_use]
     pub fn object(&self, index: usize) -> Option<Shown<Object<'a>>> {
         let bytes = self.find(self.layout.in_image(index)?)?;
@@ -113,7 +110,7 @@ impl<'a> View<'a> {
         Some(Shown::new(bytes, PortStatus::verify(bytes)))
     }
 
-    /// The uplink of role `W`, as the DPR has stored it; `None` if it was not read.
+    /// The uplink of role `W` as the DPR stored it; `None` if it was not read.
     #[must_use]
     pub fn uplink<W: WritesUplink>(&self) -> Option<Shown<&'a Uplink>> {
         let bytes = self.find(self.layout.uplink::<W>())?;
@@ -127,7 +124,7 @@ impl<'a> View<'a> {
         Some(Shown::new(bytes, HoldStatus::verify(bytes)))
     }
 
-    /// Whether any object in the window is intact; all objects are checked.
+    /// Whether any object in the window is intact. All objects are checked, whatever the results are.
     pub(super) fn is_any_intact(&self) -> bool {
         let profile = (0..self.layout.objects()).filter_map(|index| self.object(index)?.intact()).count();
         let link = self.link().and_then(Shown::intact).is_some();
@@ -138,7 +135,6 @@ impl<'a> View<'a> {
         (profile > 0) | link | port | base_station | flight_controller | hold
     }
 
-    /// The map's first 96 bytes, if they were all read.
     pub(super) fn prefix(&self) -> Option<Prefix<'a>> {
         let link = self.find(image::LINK_STATUS..image::REPORTED_POSITION)?;
         let reported = self.find(image::REPORTED_POSITION..image::GPS)?;

@@ -10,7 +10,6 @@ use crate::intake::{Carried, Intake, Kind};
 
 const NOW: u64 = 1_790_000_000_000_000;
 const SECOND: u64 = 1_000_000;
-/// The interval of the simulation's steps, µs.
 const STEP: u64 = 10_000;
 const DRONE: &str = "10.0.0.7:14555";
 
@@ -18,7 +17,6 @@ fn key() -> Key {
     Key::new([9; 32])
 }
 
-/// A flight controller, its DPR and a station, with a link between them that loses messages.
 struct Scene {
     now: u64,
     intake: Intake,
@@ -28,9 +26,8 @@ struct Scene {
     /// The uplink that the DPR has stored, and the instant, µs, until which the DPR shows it.
     stored: Option<(Uplink, u64)>,
     port: PortValues,
-    /// The uplinks that were written over the SSI, and for each the instant, µs, from which on the DPR shows it.
+    /// The uplinks that were written over the SSI, and the instant, µs, from which on the DPR shows each.
     writes: Vec<(Uplink, u64)>,
-    /// The percentage of messages that are lost in each direction.
     loss: u64,
     drawn: u64,
 }
@@ -56,14 +53,12 @@ impl Scene {
     }
 
     fn is_lost(&mut self) -> bool {
-        // The pseudorandom numbers are those of xorshift64.
         self.drawn ^= self.drawn << 13;
         self.drawn ^= self.drawn >> 7;
         self.drawn ^= self.drawn << 17;
         self.drawn % 100 < self.loss
     }
 
-    /// Returns the id under which the station has the drone.
     fn drone(&self) -> DroneId {
         self.intake.fleet().iter().next().unwrap().0
     }
@@ -88,7 +83,6 @@ impl Scene {
 
     fn step(&mut self) {
         let ms = ((self.now - NOW) / 1_000) as u32 + 50_000;
-        // The DPR stores an uplink that was written, and shows it in the image after the next one.
         for (uplink, at) in std::mem::take(&mut self.writes) {
             if at > self.now {
                 self.writes.push((uplink, at));
@@ -165,7 +159,7 @@ fn without_loss_it_is_sent_once_or_twice_and_then_no_more() {
 fn what_the_dpr_does_not_store_is_refused_and_why_is_said() {
     for loss in [0, 30] {
         let mut scene = Scene::new(loss, 77);
-        // Another station's clock is ahead, and its uplink has been stored.
+        // The clock of another station, whose uplink the DPR has stored, is ahead.
         let values = UplinkValues { timestamp: (NOW / 1_000) as u32 + 3_600_000, ..UplinkValues::default() };
         scene.stored = Some((Uplink::seal(Writer::<BaseStation>::claim(), &values), scene.now));
         scene.send(1);
@@ -186,7 +180,6 @@ fn an_uplink_that_nobody_answers_is_said_to_be_unanswered() {
     scene.fly(SECOND);
     let sending = scene.voice.sending(scene.drone()).unwrap().clone();
     assert_eq!((sending.state, sending.times), (State::Unanswered, 20));
-    // The uplink is sent every 0.25 s for 5 s, and not after that.
     assert!(scene.voice.tick(scene.now + SECOND, scene.intake.fleet()).is_empty());
 }
 
@@ -201,7 +194,6 @@ fn who_may_not_sends_no_uplink() {
     assert_eq!((try_by(&mut unsigned, drone), unsigned.sends_uplinks()), (Err(NotSent::NotAllowed), false));
     assert_eq!(try_by(&mut scene.voice, Who::System(8).first()), Err(NotSent::UnknownDrone));
     assert!(unsigned.tick(NOW + SECOND, fleet).is_empty() && silent.tick(NOW + SECOND, fleet).is_empty());
-    // The drone's messages do not come over MAVLink.
     let mut plain = Intake::default();
     let bytes = Profile::<1>::seal(&ReportedValues::absent(10), &[GpsValues::absent(10)]).as_bytes().to_vec();
     plain.take(&Carried { at_us: NOW, kind: Kind::Datagrams, line: 0, from: DRONE.into(), bytes });
@@ -210,7 +202,6 @@ fn who_may_not_sends_no_uplink() {
     assert_eq!(sent, Err(NotSent::NoWay));
 }
 
-/// Returns the message of an uplink with these bytes, signed by this signer, for this system.
 fn message(signer: &mut Signer, system: u8, object: &[u8; Uplink::SIZE]) -> Vec<u8> {
     let mut voice = Voice::new(SYSTEM, Some(signer.clone()));
     let bytes = voice.uplink(NOW, system, object).unwrap();
@@ -240,7 +231,6 @@ fn a_flight_controller_writes_what_is_signed_for_it_and_intact_once() {
     let counts = inbound.counts();
     assert_eq!((counts.written, counts.repeated), (1, 0));
     assert_eq!((inbound.received().unsigned, counts.foreign), (2, 2 + 512 + 1));
-    // The bytes of the messages come in pieces, as from a serial port.
     let mut inbound = Inbound::new(7, Verifier::new(key()));
     let (first, rest) = good.split_at(30);
     assert_eq!((inbound.stream(NOW, NOW, first), inbound.reads_port()), (None, false));
@@ -287,7 +277,6 @@ fn a_heartbeat_goes_each_second_to_every_received_peer() {
         (beat.mavtype, beat.autopilot),
         (MavType::MAV_TYPE_ONBOARD_CONTROLLER, MavAutopilot::MAV_AUTOPILOT_INVALID)
     );
-    // HEARTBEAT is sent to every peer, up to the limit, for as long as messages come from that peer.
     for port in 0..200 {
         voice.heard(2, SocketAddr::from(([10, 0, 0, 1], 2_000 + port)), NOW + SECOND);
     }
@@ -297,7 +286,6 @@ fn a_heartbeat_goes_each_second_to_every_received_peer() {
     assert!(heard[2..].iter().all(|(to, _)| to.line == Some(2)));
     assert_eq!(to(&mut voice, SECOND + HEARD_US).len(), 2 + MAX_HEARERS);
     assert_eq!(to(&mut voice, 2 * SECOND + HEARD_US).len(), 2);
-    // A station without HEARTBEAT enabled sends nothing.
     let mut silent = Voice::new(SYSTEM, None);
     silent.heard(2, told, NOW);
     assert!(to(&mut silent, 60 * SECOND).is_empty());
