@@ -34,7 +34,6 @@ pub struct NavPvt {
 }
 
 impl NavPvt {
-    /// A good 3D fix over Winterthur.
     pub const GOOD: Self = Self {
         itow: 1_000,
         fix: 3,

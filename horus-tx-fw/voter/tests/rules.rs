@@ -177,7 +177,6 @@ fn reach(one: Report, other: Report) -> f64 {
     near
 }
 
-/// Returns the greatest difference in height at which two receivers agree, m.
 fn climb(one: Report, other: Report) -> f64 {
     let (mut near, mut far) = (0.0, 90.0);
     while far - near > 1e-4 {
@@ -251,8 +250,8 @@ fn without_a_majority_there_is_no_position_and_no_exclusion() {
     assert_eq!(once(all_apart).position, None);
 }
 
-/// The rule of exclusion is for this case: receiver 3 drifts out of the reach of receiver 2, which states a smaller
-/// accuracy, and then out of the reach of receiver 1.
+/// Receiver 3 drifts out of the reach of receiver 2, which states a smaller accuracy, and then out of the reach of
+/// receiver 1. The rule of exclusion is for this case.
 #[test]
 fn a_receiver_that_drifts_away_never_takes_a_right_one_along() {
     let mut voter = Voter::new();
@@ -375,16 +374,15 @@ fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate()
     let far = GOOD.moved(200.0, 0.0);
     let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
     assert_eq!(vote([GOOD, GOOD, far], 0).excluded, 0b100);
-    // Receiver 2 falls silent, and receiver 1 alone gives no result. Receiver 3 returns to 1, and after a second both
-    // give one.
+    // Receiver 2 falls silent, and receiver 1 alone gives no result. Receiver 3 agrees with receiver 1 again, and after
+    // a second both give a result.
     for now in (10..=1_010).step_by(10) {
         assert_eq!(vote([GOOD, SILENT, GOOD], now).position, None);
     }
     let verdict = vote([GOOD, SILENT, GOOD], 1_020);
     assert_eq!((verdict.members, verdict.excluded), (0b101, 0));
 
-    // Two eligible receivers disagree. For the third it is enough to agree with one of them, but it must agree with
-    // one.
+    // Two eligible receivers disagree. The third must agree with one of them, which is enough.
     for (third, returns) in [(GOOD, true), (far, true), (GOOD.moved(0.0, 900.0), false)] {
         let mut voter = Voter::new();
         let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
@@ -548,7 +546,6 @@ fn acceleration_is_the_median_of_a_quorum_that_agrees() {
     assert_eq!(acceleration([GOOD, GOOD, GOOD]), None);
 }
 
-/// A receiver with a 2D fix, which states no altitude.
 const FLAT: Report = Report { stated: Stated { altitude_mm: None, ..Report::GOOD.stated }, ..Report::GOOD };
 
 fn altitude(verdict: &Verdict) -> Option<f64> {
@@ -750,7 +747,7 @@ fn an_altitude_that_jumps_is_held_back_by_itself() {
             assert_eq!(altitude(&Flight::begun(0).tick(GOOD.raised(sign * by))).is_some(), shown, "{by}");
         }
     }
-    // If there are ticks without an altitude, the altitude shown last counts, and the way that is possible since then.
+    // After ticks without an altitude, the altitude shown last still counts, with the way that is possible since then.
     let mut flight = Flight::begun(0);
     (0..10).for_each(|_| assert_eq!(altitude(&flight.tick(FLAT)), None));
     assert_eq!(altitude(&flight.tick(GOOD.raised(33.0))), None);
@@ -820,7 +817,6 @@ fn a_flight_across_the_pole_or_180_degrees_is_extrapolated_correctly() {
     assert!((longitude + 180.0 - 55.0 / 111_328.0).abs() < 1e-6, "{longitude}");
 }
 
-/// Draws a report whose fields have any 32 bits.
 fn anything() -> impl Strategy<Value = Report> {
     let floats = || prop::option::of(any::<[u32; 3]>().prop_map(|bits| bits.map(f32::from_bits)));
     (any::<bool>(), any::<[i32; 6]>(), any::<[u32; 3]>(), any::<i32>(), floats(), floats(), any::<bool>()).prop_map(
