@@ -4,19 +4,15 @@ use dpr_fw::RECEIVERS;
 use on_target_tests::profile_suite as suite;
 use profile::{crc, Profile};
 
-/// The number of bytes in a payload.
 pub(crate) const SIZE: usize = Profile::<RECEIVERS>::SIZE;
-/// The number of objects in a profile.
 pub(crate) const OBJECTS: usize = RECEIVERS + 1;
 /// The number of bytes of an object's CRC, which is the object's end.
 const CRC: usize = 4;
 /// The offset of the first byte of the latitude in every object.
 const LATITUDE: usize = 8;
 
-/// The defect of a frame, if it has one.
 #[derive(Clone, Copy, Debug, defmt::Format)]
 pub(crate) enum Case {
-    /// The frame has no fault.
     Good,
     /// A bit in the first byte of this object is wrong.
     FirstByte(usize),
@@ -43,7 +39,6 @@ pub(crate) enum Case {
     Restarted,
 }
 
-/// All cases.
 pub(crate) const CASES: [Case; 20] = [
     Case::Good,
     Case::FirstByte(0),
@@ -82,7 +77,7 @@ impl Case {
         }
     }
 
-    /// Returns the index of the frame's class in [`CLASSES`]. What the DPR does depends only on whether it has a
+    /// Returns the index of the frame's class in [`CLASSES`]. The DPR's work depends only on whether the frame has a
     /// timestamp and what the sequence says of it, not on the other bytes of the frame.
     pub(crate) const fn class(self) -> usize {
         match self {
