@@ -44,13 +44,11 @@ pub struct Bounds {
     pub optimistic: u32,
     /// The bound on [`Clock::Pessimistic`] and [`Clock::Hardware`], in cycles.
     pub pessimistic: u32,
-    /// The most cycles by which the data may change the time, on each of the bench's clocks; `u32::MAX` if only the
-    /// bound counts.
+    /// The most cycles by which the data may change the time on the bench; `u32::MAX` if only the bound counts.
     pub spread: u32,
 }
 
-/// Returns the bounds of some work for the fast, optimistic and pessimistic clock. The data may change its time by
-/// `spread` cycles.
+/// Returns the bounds for the fast, optimistic and pessimistic clock, and the allowed spread, in cycles.
 #[must_use]
 pub const fn bounds(fast: u32, optimistic: u32, pessimistic: u32, spread: u32) -> Bounds {
     Bounds { fast, optimistic, pessimistic, spread }
@@ -98,8 +96,7 @@ impl Cycles {
         Self(dwt)
     }
 
-    /// Returns the cycles that one call of `work` takes, including a few for the reading of the counter, and its
-    /// result.
+    /// Returns the cycles of one call of `work`, including a few for the reading of the counter, and its result.
     pub fn timed<T>(&self, work: impl FnOnce() -> T) -> (u32, T) {
         let began = self.0.cyccnt.read();
         let result = black_box(work());
@@ -184,8 +181,7 @@ impl Taken {
     }
 }
 
-/// Shows that a dependence of the time on the data is detected: a comparison of two arrays stops at the first
-/// difference.
+/// Shows that a dependence on data is detected: a comparison of two arrays stops at the first difference.
 pub fn a_dependence_is_seen(cycles: &Cycles) {
     const LENGTH: usize = 64;
     let differing_at = |place: usize| {

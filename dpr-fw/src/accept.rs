@@ -8,9 +8,8 @@
 //! since its length does not tell where an object lies.
 //!
 //! A cycle has one frame for up to three receivers and two for five, all with one timestamp. The timestamp of a frame
-//! is that of its first intact object. An intact object with another timestamp is rejected, so no image ever mixes
-//! cycles. Objects are accepted only if their cycle is in sequence ([`profile::sequence`]). A frame without an intact
-//! object leaves the sequence as it is.
+//! is that of its first intact object; an intact object with another timestamp is rejected, so no image ever mixes
+//! cycles. Objects are accepted only if their cycle is in sequence ([`profile::sequence`]).
 //!
 //! The sequence compares timestamps with the DPR's clock at the instant of the cycle's sample. This instant is the end
 //! of the frame less the time from sample to last bit, which is a constant of each frame of the profile
@@ -32,8 +31,7 @@ use profile::{
 /// The largest number of objects that a profile can have.
 pub const MAX_OBJECTS: usize = MAX_RECEIVERS + 1;
 
-/// The largest difference between the sample instants of a cycle's two frames, µs: the tolerance that the sequence has
-/// for two equal timestamps.
+/// The largest difference between the sample instants of a cycle's two frames, µs (the sequence's tolerance).
 pub const SAME_SAMPLE_US: u32 = sequence::TOLERANCE_US;
 
 /// Whether two samples were taken at the same instant, within [`SAME_SAMPLE_US`]. Both instants are in µs.
@@ -86,7 +84,6 @@ impl Objects {
         self.0.count_ones()
     }
 
-    /// Returns the set with object number `index` added if `on` is true.
     const fn with(self, index: usize, on: bool) -> Self {
         Self(self.0 | (on as u8) << index)
     }
@@ -163,14 +160,13 @@ impl Early {
         Self { length, done: 0, intact: Objects::NONE, timestamps: [0; MAX_OBJECTS], begun: Begun::NOTHING }
     }
 
-    /// Returns the number of objects verified so far.
+    /// Returns the number of verified objects.
     #[must_use]
     pub const fn done(&self) -> usize {
         self.done as usize
     }
 
-    /// Verifies the objects that are complete and were not verified yet. `arrived` holds all bytes of the frame that
-    /// have arrived, beginning with LEN.
+    /// Verifies the objects that are complete and not verified yet. `arrived` is the frame so far, LEN included.
     pub fn follow<const N: usize>(&mut self, arrived: &[u8]) {
         let Some((&len, payload)) = arrived.split_first() else { return };
         if self.length == 0 {
@@ -219,8 +215,7 @@ pub struct Acceptance<const N: usize> {
 }
 
 impl<const N: usize> Acceptance<N> {
-    /// The age of the sample at the end of each frame of a cycle, µs. A cycle of one frame has no second frame, so the
-    /// second value is not used then.
+    /// The age of the sample at the end of each frame, µs. The second value is not used if a cycle has one frame.
     const AGE_AT_END_US: [u32; 2] = {
         let first = air::age_at_end_us::<N>(0).expect("a cycle has at least one frame");
         let second = if air::frames(N) == 2 { air::age_at_end_us::<N>(1).expect("of two frames") } else { first };
@@ -417,8 +412,7 @@ mod tests {
 
     #[test]
     fn it_does_not_matter_which_frames_of_a_cycle_are_heard() {
-        // The first four cycles find the sequence, whichever frames of each cycle are received: the first, the second
-        // or both.
+        // The first four cycles find the sequence, whether the first frame, the second or both are received.
         for heard in 0..3_usize.pow(6) {
             let mut acceptance = Acceptance::<5>::new();
             for cycle in 1..=6_u32 {
@@ -533,8 +527,7 @@ mod tests {
 
     #[test]
     fn bytes_beyond_the_length_of_a_frame_are_no_objects() {
-        // The bytes beyond the first frame's length are GPS3, intact and at the right offset, but not part of the
-        // frame.
+        // The bytes beyond the first frame's length are GPS3, intact and at the right offset, but no part of it.
         let sent = profile::<5>(70);
         let mut arrived = vec![185];
         arrived.extend(&sent.as_bytes()[..244]);

@@ -1,5 +1,4 @@
-//! Wires and allocated peripherals of the DPR's board: an nRF52840-DK with an ST25R3916 expansion board on its Arduino
-//! header.
+//! The pins and peripherals of the DPR's board: an nRF52840-DK with an ST25R3916 expansion board.
 //!
 //! Only this file names pins and peripherals, so only it changes if a signal moves to another pin or peripheral.
 //!
@@ -46,7 +45,6 @@ use nrf52840_hal::{
 
 dpr_fw::each_task!(firmware_common::task_vectors);
 
-/// Chip select of the SSI is P1.04.
 pub(crate) const SSI_SELECT_PIN: u8 = 4;
 pub(crate) const FRESH_CHANNEL: usize = 1;
 /// TIMER0's compare register for the waits of the front end's driver.
@@ -107,8 +105,7 @@ impl Pins {
     }
 }
 
-/// Configures the GPIOTE channels and PPI. The timers and SPIS1 may be configured later, since they produce no event
-/// before.
+/// Configures GPIOTE and PPI. The timers and SPIS1 may be configured later, since they produce no event before.
 pub(crate) fn connect(
     gpiote: pac::GPIOTE,
     ppi: pac::PPI,

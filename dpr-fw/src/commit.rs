@@ -42,11 +42,9 @@ const DPR: Writer<Dpr> = Writer::claim();
 
 /// The destination of the images that the commit task makes.
 pub trait Images {
-    /// Returns the image being filled. It stays the same until it is published, and holds only zeros when first
-    /// returned.
+    /// Returns the image being filled. It stays the same until it is published, and holds only zeros at first.
     fn filling(&mut self) -> &mut ImageMemory;
-    /// Copies Port-Status and the uplinks from the port task into the image being filled, at their place in a map for
-    /// `N` receivers.
+    /// Copies Port-Status and the uplinks to their place in the image being filled, in a map for `N` receivers.
     fn place_port<const N: usize>(&mut self);
     /// Publishes the image being filled, so that the next SSI transaction gets it.
     fn publish(&mut self);
@@ -101,7 +99,6 @@ impl<const N: usize> Default for Commit<N> {
 }
 
 impl<const N: usize> Commit<N> {
-    /// The number of objects in a profile.
     const OBJECTS: usize = N + 1;
 
     /// Returns the state before any frame was received.
@@ -117,8 +114,8 @@ impl<const N: usize> Commit<N> {
         }
     }
 
-    /// Publishes an image without objects at the DPR's start, so that the flight controller can read Link-Status.
-    /// `now_us` is the value of the DPR's µs counter in all methods, and never goes back from one call to the next.
+    /// Publishes an image without objects at the DPR's start. `now_us` is the value of the DPR's µs counter in all
+    /// methods, and never goes back from one call to the next.
     pub fn begin(&mut self, now_us: u32, health: &Health, images: &mut impl Images) {
         self.link.advance(now_us);
         self.monitor.begin(now_us);
@@ -131,8 +128,7 @@ impl<const N: usize> Commit<N> {
     ///
     /// # Errors
     ///
-    /// [`Rejection::Length`] if no frame of this profile has that length; then nothing has changed, not even the
-    /// deadline.
+    /// [`Rejection::Length`] if no frame of this profile has that length; then nothing has changed.
     pub fn frame(
         &mut self,
         frame: Frame<'_>,
@@ -156,8 +152,7 @@ impl<const N: usize> Commit<N> {
             let other_slot = first || !same_sample(sampled_us, verdict.sampled_us);
             let other_cycle = matches!(verdict.cycle, Cycle::Next(_)) && self.shown != Objects::NONE;
             if other_slot || other_cycle {
-                // The open image is published before the link takes the new frame, so that it gets the Link-Status of
-                // its own cycle.
+                // The open image gets the Link-Status of its own cycle, so it is published before the new frame counts.
                 self.publish(health, images);
                 published += 1;
             }
@@ -175,15 +170,13 @@ impl<const N: usize> Commit<N> {
 
     /// Publishes an image if the deadline has passed at `now_us`, and moves the deadline on. The image has the objects
     /// of a cycle whose second frame has not come, or no objects if no frame has come. To be called after all waiting
-    /// frames were taken in. The work is the same however long ago the deadline has passed. Returns whether an image
-    /// was published.
+    /// frames were taken in. Returns whether an image was published.
     pub fn check_deadline(&mut self, now_us: u32, health: &Health, images: &mut impl Images) -> bool {
         self.link.advance(now_us);
         self.lapse(now_us, health, images)
     }
 
-    /// Copies Port-Status and the uplinks into the image being filled. To be called while a frame arrives, so that less
-    /// work is left at its end; otherwise the publication copies them.
+    /// Copies Port-Status and the uplinks into the image. A call while a frame arrives saves work at the frame's end.
     pub fn prepare(&mut self, images: &mut impl Images) {
         if !self.port_placed {
             images.place_port::<N>();
@@ -192,8 +185,7 @@ impl<const N: usize> Commit<N> {
     }
 
     /// Publishes an image without objects at once, because the image that the flight controller reads was found
-    /// damaged. Returns whether an image was published. None is published if another image is about to replace the
-    /// damaged one:
+    /// damaged. Returns false, and publishes none, if another image is about to replace the damaged one:
     ///
     /// - while the image being filled holds objects of a newer cycle, since it is published within
     ///   [`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US);
@@ -208,8 +200,7 @@ impl<const N: usize> Commit<N> {
         true
     }
 
-    /// Returns the next deadline, a value of the DPR's µs counter, which wraps. It changes with each frame and with
-    /// each deadline that passes.
+    /// Returns the next deadline, a value of the DPR's µs counter, which wraps.
     #[must_use]
     pub const fn deadline_us(&self) -> u32 {
         self.monitor.deadline_us()
@@ -221,8 +212,7 @@ impl<const N: usize> Commit<N> {
         &self.link
     }
 
-    /// Handles every deadline that has passed by `until_us`. Returns whether one had passed, so that an image was
-    /// published.
+    /// Publishes an image if a deadline has passed by `until_us`, and returns whether one has.
     fn lapse(&mut self, until_us: u32, health: &Health, images: &mut impl Images) -> bool {
         let Some(lapse) = self.monitor.lapse(until_us) else { return false };
         self.link.missed(lapse.missed);
@@ -236,13 +226,12 @@ impl<const N: usize> Commit<N> {
         true
     }
 
-    /// Copies the accepted objects into the image and writes zeros for the rejected ones, which takes the same time.
+    /// Copies the accepted objects into the image, and zeros for the rejected ones in the same time.
     fn deposit(&mut self, payload: &[u8], verdict: &Verdict, images: &mut impl Images) {
         let image: &mut [u8] = bytemuck::cast_slice_mut(images.filling());
         let Ok(objects) = air::objects::<N>(payload) else { return };
         for (index, object) in objects {
-            // The barrier hides the mask from the compiler, which might otherwise make a copy and a clear of different
-            // durations.
+            // Without the barrier the compiler might make a copy and a clear, which take different times.
             let mask = black_box(if verdict.accepted.has(index) { u32::MAX } else { 0 });
             let Some(place) = map::profile_object_mut::<_, N>(HORUS, image, index) else { return };
             copy_masked(place, object, mask);

@@ -19,8 +19,8 @@ pub const START_MS: u32 = POLLS * PAUSE_US / 1_000;
 /// internal oscillator may be 8 % slow, and the polls take some cycles too. The watchdog resets the part after 100 ms.
 pub const START_MAX_MS: u32 = START_MS * 5 / 2;
 
-/// Waits until the crystal runs, for [`START_MAX_MS`] at most, and returns whether it runs. `is_started` polls the
-/// crystal; `pause` waits [`PAUSE_CYCLES`] or a little longer.
+/// Waits until the crystal runs, and returns whether it runs after [`START_MAX_MS`] at most. `pause` waits
+/// [`PAUSE_CYCLES`] or a little longer.
 pub fn starts(mut is_started: impl FnMut() -> bool, mut pause: impl FnMut()) -> bool {
     for _ in 0..POLLS {
         if is_started() {

@@ -12,8 +12,7 @@
 //! | UICR.APPROTECT, 0x1000_1208 | 0x5A, HwDisabled | the flashing tool, once: `cargo xtask flash dpr` |
 //! | APPROTECT.DISABLE, 0x4000_0558 | 0x5A, SwDisable | the firmware, after every reset |
 //!
-//! If the firmware did not write APPROTECT.DISABLE, no debugger could connect after the next power-on, until everything
-//! is erased.
+//! Without the write of APPROTECT.DISABLE no debugger could connect after the next power-on.
 //!
 //! [`open`] does the same as Nordic's own start-up code (NordicSemiconductor/nrfx, `system_nrf52_approtect.h`,
 //! `nrf52_handle_approtect`): on a part of revision 3, UICR.APPROTECT decides. A board that another value in that
@@ -43,8 +42,7 @@ pub trait Registers {
     /// Reads UICR.APPROTECT, 0x1000_1208.
     fn uicr_approtect(&self) -> u32;
 
-    /// Writes [`SW_DISABLE`] to APPROTECT.DISABLE, 0x4000_0558. Older parts do not have that register, and it is not
-    /// called there.
+    /// Writes [`SW_DISABLE`] to APPROTECT.DISABLE, 0x4000_0558. Not called on older parts without that register.
     fn disable_protection(&mut self);
 }
 
@@ -74,8 +72,8 @@ impl DebugPort {
     }
 }
 
-/// Opens the debug port if the part needs that and UICR allows it. To be called after every reset before any step that
-/// can fail, so that a debugger reaches a board whose firmware stops early.
+/// Opens the debug port if the part needs that and UICR allows it. To be called first after every reset, so that a
+/// debugger reaches a board whose firmware stops early.
 pub fn open(registers: &mut impl Registers) -> DebugPort {
     let port = DebugPort::of(registers.variant(), registers.uicr_approtect());
     if port == DebugPort::ToBeOpened {

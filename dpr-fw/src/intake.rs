@@ -114,8 +114,7 @@ impl<const N: usize> Intake<N> {
 }
 
 /// Takes in every frame that waits in `rotation`, then publishes an image if the deadline has passed. `now_us` reads
-/// the µs counter. Returns whether there was a frame or the deadline had passed; [`Commit::deadline_us`] then gives the
-/// next deadline.
+/// the µs counter. Returns whether there was a frame or the deadline had passed.
 pub fn take_in<const N: usize, B: Memory + BorrowMut<ReceiveMemory>>(
     commit: &mut Commit<N>,
     mut rotation: impl Mutex<T = Rotation<B, FrameInfo>>,

@@ -52,8 +52,7 @@ use profile::{
 
 use crate::{link::FRAME_DEADLINE_US, protection::NULL_PAGE_END, telemetry::Telemetry};
 
-/// The number of words of each memory that a slice verifies. A slice takes about 1 % of the processor's time on the
-/// pessimistic clock.
+/// The number of words of each memory in a slice, which takes about 1 % of the time on the pessimistic clock.
 pub const RATE: Rate = Rate { flash_words: 8, code_words: 4, ram_words: 2 };
 
 /// The number of slices that the idle loop does in place of one while a self-test runs.
@@ -62,18 +61,17 @@ pub const SELF_TEST_SLICES: u32 = 3;
 /// The end of the null page in flash, bytes. The memory protection unit denies all accesses to that page.
 pub const SHUT_END: u32 = NULL_PAGE_END;
 
-/// These sizes, bytes, are those of `memory.x`: the program's flash, the RAM that holds code, the RAM for stack and
-/// statics.
+/// The sizes of program, RAM that holds code, and RAM for stack and statics, bytes, as in `memory.x`.
 const FLASH_BYTES: u32 = 96 * 1024;
 const CODE_BYTES: u32 = 64 * 1024;
 const RAM_BYTES: u32 = 32 * 1024;
 
-/// The number of objects of the published image that a slice verifies. With three receivers all eight objects take four
-/// slices, 10 ms, as long as an image is shown while frames come.
+/// The number of objects of the published image that a slice verifies. With three receivers all eight objects take 10
+/// ms.
 pub const OBJECTS_PER_SLICE: u32 = 2;
 
-/// The longest time from a flipped bit in the published image until another image replaces it, µs, for five receivers.
-/// Each slice verifies two of the ten objects, and the idle loop may have slept until the next deadline.
+/// The longest time from a flipped bit in the published image until another image replaces it, µs, for five receivers:
+/// five slices of two objects, and a sleep of the idle loop until the next deadline.
 pub const IMAGE_DETECT_US: u32 =
     (ImageCheck::<5>::OBJECTS as u32).div_ceil(OBJECTS_PER_SLICE) * SLICE_US + FRAME_DEADLINE_US;
 
@@ -155,7 +153,6 @@ impl<const N: usize> ImageCheck<N> {
         damaged.then_some(generation)
     }
 
-    /// Returns the range of bytes of an object in the image.
     fn place(object: usize) -> Option<Range<usize>> {
         if object == 0 {
             return Some(0..LinkStatus::SIZE);
@@ -189,7 +186,7 @@ impl<const N: usize> ImageCheck<N> {
     }
 }
 
-/// The findings of the idle loop, which the commit task and the port task read.
+/// The findings of the idle loop, for the commit task and the port task.
 #[derive(Debug)]
 pub struct Integrity {
     /// The generation of the image that was found damaged; 0 if none was.
@@ -231,8 +228,7 @@ impl Integrity {
         self.flash_fault.load(Ordering::Relaxed)
     }
 
-    /// Whether the image of `generation`, which the flight controller reads now, has to be withdrawn. Returns true only
-    /// once for each finding.
+    /// Whether the image of `generation`, which is read now, has to be withdrawn. True only once for each finding.
     pub fn take_withdrawal(&self, generation: u32) -> bool {
         let damaged = self.damaged.swap(0, Ordering::Relaxed);
         self.withdraw.swap(false, Ordering::Relaxed) || damaged != 0 && damaged == generation
@@ -258,8 +254,7 @@ impl Integrity {
         taken.then_some(state == PASSED)
     }
 
-    /// Asks for a self-test while `wanted` is true and none runs. Returns whether a self-test has passed, once for
-    /// each.
+    /// Asks for a self-test while `wanted` and none runs. Returns whether a self-test has passed, once for each.
     pub fn serve_self_test(&self, wanted: bool) -> Option<bool> {
         if !wanted || self.is_self_test_running() {
             return None;
@@ -275,7 +270,6 @@ impl Integrity {
         self.damaged.store(generation, Ordering::Relaxed);
     }
 
-    /// Records whether a whole pass over flash found it intact.
     fn flash_pass(&self, intact: bool) {
         if !intact && !self.flash_fault.load(Ordering::Relaxed) {
             self.withdraw.store(true, Ordering::Relaxed);
@@ -295,7 +289,6 @@ pub enum Consequence {
     Stop(Cause, u32),
 }
 
-/// The results of the passes that a self-test has made so far.
 #[derive(Clone, Copy, Debug, Default)]
 struct SelfTest {
     flash: Option<bool>,

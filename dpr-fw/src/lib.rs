@@ -24,8 +24,7 @@
 //! | [`crystal`] | the wait for the 32 MHz crystal | start |
 //! | [`telemetry`] | the counters that a debugger, or the bench, reads from RAM | every task |
 //!
-//! The cost of a cycle does not depend on the data: every object is verified, and copied under a mask whatever the
-//! verdict is, and no loop ends early.
+//! The cost of a cycle does not depend on the data: every object is verified, and copied under a mask either way.
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 

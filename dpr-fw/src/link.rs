@@ -8,18 +8,16 @@ use profile::{
 
 use crate::accept::{Cycle, Objects, Verdict, SAME_SAMPLE_US};
 
-/// The time from the end of one frame to the latest end of the next, µs: a cycle and a quarter, for the drift of two
-/// crystals and the jitter of a start-up. Each frame restarts it, so that drift does not add up.
+/// The time from the end of one frame to the latest end of the next, µs: a cycle and a quarter, for drift and jitter.
 pub const FRAME_DEADLINE_US: u32 = 12_500;
-/// The time before and after the expected end of a frame in which the DPR publishes no image that can wait, µs. It is
-/// longer than publishing an image takes (`commit_worst_cycles`, 100 µs on the pessimistic clock) and longer than two
-/// crystals drift apart in a cycle.
+/// The time around the expected end of a frame in which the DPR publishes no image that can wait, µs. It is longer than
+/// publishing takes (`commit_worst_cycles`, 100 µs on the pessimistic clock) and than two crystals drift apart in a
+/// cycle.
 pub const FRAME_DUE_US: u32 = 200;
 /// The period after which another cycle's frames count as missed while HORUS is silent, µs: one cycle.
 pub const SILENCE_US: u32 = 1_000 * CYCLE_MS;
-/// The time from the end of a cycle's first frame to the latest end of its second, µs (five receivers). The second
-/// frame ends 3.935 ms after the first, give or take [`SAME_SAMPLE_US`], and the next cycle's first frame 10 ms after
-/// it.
+/// The time from the end of a cycle's first frame to the latest end of its second, µs (five receivers). The second ends
+/// 3.935 ms after the first, give or take [`SAME_SAMPLE_US`], and the next cycle's first frame 10 ms after it.
 pub const SECOND_FRAME_US: u32 = 7_000;
 /// How long Link-Status shows that HORUS has restarted, µs: long enough for every control cycle to see it.
 pub const RESTART_SHOWN_US: u32 = 1_000_000;
@@ -47,8 +45,7 @@ impl Clock {
         Self { counter_us: 0, us: 0, below_ms_us: 0, ms: 0 }
     }
 
-    /// Moves the clock on to counter value `now_us`, which must not be before that of the last call. To be called at
-    /// least every 71 minutes.
+    /// Moves the clock on to counter value `now_us`, not before that of the last call. Due at least every 71 minutes.
     pub fn advance(&mut self, now_us: u32) {
         let passed = now_us.wrapping_sub(self.counter_us);
         self.counter_us = now_us;
@@ -102,16 +99,15 @@ struct Slot {
 pub struct Lapse {
     /// The number of frames that count as missed now.
     pub missed: u32,
-    /// Whether no frame came in time, so that images must have no objects. If false, only a cycle's second frame is
-    /// late.
+    /// Whether no frame came in time, so that images must have no objects. If false, only a second frame is late.
     pub silent: bool,
 }
 
 /// The missed-frame monitor: a deadline that each frame restarts, and the count of the missed frames.
 ///
 /// While HORUS is silent, each deadline that passes counts. When a frame arrives, the instants of the samples tell how
-/// many frames were due between it and the previous one. Those that no deadline has counted are then added. A damaged
-/// frame counts as received.
+/// many frames were due before it, and those that no deadline has counted are added. A damaged frame counts as
+/// received.
 #[derive(Clone, Copy, Debug)]
 pub struct Monitor<const N: usize> {
     due: Due,
@@ -149,8 +145,7 @@ impl<const N: usize> Monitor<N> {
     }
 
     /// Records a frame that ended at counter value `ended_us`, and restarts the deadline. `frame` is its number in its
-    /// cycle, and `sampled_us` the instant of its sample. Returns the missed frames before it that no deadline has
-    /// counted.
+    /// cycle, `sampled_us` the instant of its sample. Returns the missed frames before it that no deadline has counted.
     pub fn frame(&mut self, frame: usize, sampled_us: u64, ended_us: u32) -> u32 {
         let frame = frame as u32;
         let missed = self.last.map_or(0, |last| {
@@ -192,8 +187,7 @@ impl<const N: usize> Monitor<N> {
         now_us.wrapping_sub(self.deadline_us).cast_signed() >= 0
     }
 
-    /// Handles all deadlines that have passed by counter value `now_us`; `None` if none has. The next deadline is then
-    /// after `now_us`.
+    /// Handles all deadlines that have passed by counter value `now_us`, and moves on; `None` if none has.
     pub fn lapse(&mut self, now_us: u32) -> Option<Lapse> {
         if !self.has_lapsed(now_us) {
             return None;
@@ -315,8 +309,7 @@ impl Link {
 
     /// Returns the Link-Status of an image that is published now, with the objects `shown` out of those `expected`.
     ///
-    /// The link is up if the image has at least one object. The age is that of the sample of the last Reported-Position
-    /// that was accepted.
+    /// The link is up if the image has an object. The age is that of the last accepted Reported-Position's sample.
     #[must_use]
     pub fn seal(&self, shown: Objects, expected: Objects, health: &Health) -> LinkStatus {
         let held = self.sequence.is_held(self.clock.us());
@@ -345,8 +338,7 @@ impl Link {
         })
     }
 
-    /// Returns the numbers, since start and wrapping, of objects accepted, objects rejected, frames received and frames
-    /// missed.
+    /// Returns the numbers of objects accepted and rejected and of frames received and missed, since start, wrapping.
     #[must_use]
     pub const fn counters(&self) -> [u32; 4] {
         [self.accepted, self.rejected, self.received, self.missed]
@@ -438,8 +430,7 @@ mod tests {
 
     #[test]
     fn frames_that_were_due_between_two_are_counted_by_their_slots() {
-        // Each row has the number and the sample instant (µs) of two frames, and how many frames were missed between
-        // them.
+        // Each row has number and sample instant (µs) of two frames, and the number of missed frames between them.
         for (one, other, missed) in [
             ((0, 0), (1, 0), 0),
             ((1, 0), (0, 10_000), 0),

@@ -1,5 +1,4 @@
-//! The firmware of the DPR. This file is the table of tasks; the library has what the tasks do, `hw` has the registers,
-//! and `board` has pins, vectors and channels.
+//! The firmware of the DPR: the table of tasks. The library has the tasks' work, `hw` the registers, `board` the pins.
 //!
 //! | task | when it is called | has to be done within |
 //! |---|---|---|
@@ -11,13 +10,12 @@
 //! | `port` | a transaction has brought something; an image was published | 10 ms |
 //! | `idle` | nothing else wants to run | 100 ms |
 //!
-//! The most urgent tasks come first. `build.rs` makes the table in [`dpr_fw::task`] from the tasks' attributes, which
-//! alone state priority and vector.
+//! The most urgent tasks come first. `build.rs` makes [`dpr_fw::task`]'s table from the tasks' attributes.
 //!
 //! The bounds have these reasons. After 10 µs the flight controller may select again. 40 µs are two bytes on the air;
-//! verifying an object takes 30 µs, and the front end's FIFO holds what arrives meanwhile. 0.1 ms is what the design
-//! allows from the last bit to a readable image. After 10 ms the next frame needs the buffer. After 100 ms the watchdog
-//! resets the part.
+//! verifying an object takes 30 µs, and the front end's FIFO holds what arrives meanwhile. 0.1 ms is the design's limit
+//! from the last bit to a readable image. After 10 ms the next frame needs the buffer. After 100 ms the watchdog
+//! resets.
 //!
 //! The priorities fall in the order SSI, RFID, commit, scrub, port, idle. A flight controller that makes transactions
 //! without end cannot keep the other tasks from running: the pause between two transactions that are served, and the
@@ -200,7 +198,6 @@ mod app {
         )
     }
 
-    /// Verifies memory and the published image, logs changes and a summary each second, feeds the watchdog, and sleeps.
     #[idle(local = [watchdog, patrol, memory], shared = [front_end])]
     fn idle(mut cx: idle::Context) -> ! {
         let mut shown = FrontEnd::Starting;
@@ -257,7 +254,6 @@ mod app {
         }
     }
 
-    /// Runs when a transaction has ended, when a newer image is there, or when the image has expired.
     #[task(binds = SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1, priority = 5, local = [ssi, server], shared = [mailbox])]
     fn ssi_end(cx: ssi_end::Context) {
         let start = DWT::cycle_count();
@@ -317,7 +313,6 @@ mod app {
         CHECK_IN.check_in(Task::commit);
     }
 
-    /// Runs when no frame came in time, so that the objects of the last frame do not stay readable.
     #[task(binds = TIMER1, priority = 3, shared = [committing, rotation, mailbox, prepared, front_end])]
     fn deadline(cx: deadline::Context) {
         cx.shared.committing.deadline.clear();

@@ -12,8 +12,7 @@
 //! *Null page*: the processor fetches vectors without the memory protection unit. The code that verifies flash reads
 //! the table without it as well (`firmware_common::memory::load_shut`).
 //!
-//! *Stack*: it grows down from the statics (flip-link) to 0x2001_0000. No region opens the RAM below that address, so
-//! an overflow violates the memory protection.
+//! *Stack*: it grows down from the statics (flip-link) to 0x2001_0000. An overflow violates the memory protection.
 //!
 //! *Code in RAM* is copied before the memory protection unit is switched on. Afterwards only a fault of the memory can
 //! change it, which the comparison with flash finds ([`integrity`](crate::integrity)).

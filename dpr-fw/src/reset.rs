@@ -1,8 +1,7 @@
 //! Why the part last started.
 //!
 //! RESETREAS (PS v1.7, 5.3.7.8) collects the reasons since it was last cleared. It is zero after power-on and after a
-//! brown-out. A word of RAM that no start initialises tells these two apart: after a brown-out it may have kept its
-//! value.
+//! brown-out. A word of RAM that no start initialises tells these apart: after a brown-out it may have kept its value.
 
 use profile::ResetReason;
 
@@ -17,8 +16,7 @@ const LOCKUP: u32 = 1 << 3;
 
 /// Returns the reason for the RESETREAS value `bits`. `ram_kept` says whether the word of RAM has kept its value.
 ///
-/// If the bit of the reset pin is set, all others are ignored (anomaly 136). The firmware never enters System OFF, so
-/// the bits of a wake-up from it count as "other".
+/// If the bit of the reset pin is set, all others are ignored (anomaly 136). System OFF, never used, is "other".
 #[must_use]
 pub const fn reason(bits: u32, ram_kept: bool) -> ResetReason {
     if bits & RESETPIN != 0 {

@@ -7,10 +7,9 @@
 //! [`Reception::serve`]: a transfer has ended, the IRQ pin has risen, the timer has elapsed. The cyclic check-in calls
 //! it too, so that a lost edge of the IRQ pin is made up for.
 //!
-//! A FIFO read returns a meaningless byte before the data, received while the command is sent. The port receives that
-//! byte just before the place of the data. For the first read of a frame it overwrites the last of the [`LEAD`] bytes.
-//! For later reads it overwrites the last byte of the previous read, which the port saves and restores. So a frame's
-//! bytes are contiguous without being copied.
+//! A FIFO read returns a meaningless byte before the data. The port receives that byte just before the place of the
+//! data: at the first read of a frame this is the last of the [`LEAD`] bytes, later the last byte of the previous read,
+//! which the port saves and restores. So a frame's bytes are contiguous without being copied.
 //!
 //! # Buffers
 //!
@@ -35,8 +34,7 @@ use crate::{
     triple::{Filling, Memory, Rotated, Rotation},
 };
 
-/// The number of bytes before LEN in a receive buffer. They leave room for the byte that a read command returns first,
-/// and align the payload.
+/// The number of bytes before LEN in a receive buffer, for the first byte of a read, and to align the payload.
 pub const LEAD: usize = 3;
 const _: () = assert!((LEAD + PAYLOAD_OFFSET).is_multiple_of(4));
 
@@ -145,8 +143,7 @@ impl<P: FrontEndPort> Reception<P> {
     }
 
     /// Serves an interrupt, for a profile of `N` receivers. A received frame goes into `rotation`, and the driver goes
-    /// on with a clean buffer. While a frame arrives, its complete objects are already verified, so that less work is
-    /// left at its end. Returns which tasks to call.
+    /// on with a clean buffer. While a frame arrives, its complete objects are verified. Returns which tasks to call.
     pub fn serve<const N: usize>(
         &mut self,
         mut rotation: impl Mutex<T = Rotation<P::Buffer, FrameInfo>>,

@@ -27,12 +27,10 @@ use profile::{
     Uplink, Violation,
 };
 
-/// The number of bytes after the object that must stay idle: a transaction that drives them tries to write more than
-/// one object.
+/// The number of bytes after the object that must stay idle, since a transaction may write only one object.
 pub const BEYOND_BYTES: usize = 8;
 
-/// The number of bytes that a transaction can bring in: a request, an object, and [`BEYOND_BYTES`]. The peripheral
-/// drops all later bytes.
+/// The number of bytes that a transaction can bring in. The peripheral drops all later bytes.
 pub const RECEIVE_BYTES: usize = REQUEST_SIZE + Uplink::SIZE + BEYOND_BYTES;
 
 /// The memory for the bytes that a transaction brings in.
@@ -152,8 +150,7 @@ impl SignOfLife {
         Self { transactions: 0, waited: Self::MOST - 1 }
     }
 
-    /// Whether to call the task so that it checks in, given the number of transactions so far. To be asked once a
-    /// cycle.
+    /// Whether to call the task so that it checks in, given the transactions so far. To be asked once a cycle.
     pub fn is_due(&mut self, transactions: u32, is_selected: bool) -> bool {
         let has_come = transactions != self.transactions;
         self.transactions = transactions;

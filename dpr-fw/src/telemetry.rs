@@ -47,8 +47,7 @@ firmware_common::counters! {
         rxe_to_publish_worst_us,
         /// SSI transactions that clocked out more bytes than their window had, and so read 0xFF at the end.
         ssi_over_reads,
-        /// SSI transactions that clocked in more bytes than a receive area holds, as every transaction of more than 80
-        /// bytes does.
+        /// SSI transactions that clocked in more than a receive area's 80 bytes, as every longer read does.
         ssi_overflows,
         /// How often an image expired in hardware because none replaced it in time.
         images_expired,

@@ -133,8 +133,7 @@ impl<T> Mutex for Own<'_, T> {
     }
 }
 
-/// The port does the same as the hardware: the first byte of a read overwrites the byte before the data, and the port
-/// restores that byte.
+/// As in hardware, the first byte of a read overwrites the byte before the data, which the port restores.
 struct SimPort {
     world: Rc<RefCell<World>>,
     buffer: Option<Filling<Buffer>>,
@@ -231,7 +230,6 @@ impl rf::FrontEndPort for SimPort {
     }
 }
 
-/// The images that were published, each with the instant of its publication.
 struct Album {
     filling: ImageMemory,
     published: Vec<(u64, ImageMemory)>,
@@ -309,8 +307,7 @@ impl<const N: usize> Dpr<N> {
         self.world.borrow_mut().send(at, payload, |_| ());
     }
 
-    /// Sends the frames of cycle number `cycle`, counted from 0, in their slots. Returns the instant, ns, of the last
-    /// bit.
+    /// Sends the frames of cycle number `cycle`, from 0, in their slots. Returns the instant, ns, of the last bit.
     fn send_cycle(&mut self, cycle: u64) -> u64 {
         let sent = profile_at::<N>(timestamp(cycle));
         let tick = FIRST_TICK_NS + CYCLE_NS * cycle;
@@ -339,7 +336,6 @@ impl<const N: usize> Dpr<N> {
         self.album.published.len()
     }
 
-    /// Lets virtual time pass, with each interrupt at its instant.
     fn run_to(&mut self, to: u64) {
         loop {
             let timer = self.receiver.port().timer_ns;

@@ -4,8 +4,7 @@
 //!
 //! A board in flight has no reader of its log, and its watchdog restarts it after 100 ms. So the cause of the stop is
 //! kept with a CRC in memory that the start-up code does not initialise (section `.uninit`). Without a right CRC there
-//! is no record, as after power-on. Only the first stop since a start is kept, so that a failure in the safe state does
-//! not replace it.
+//! is no record. Only the first stop since a start is kept, so that a failure in the safe state does not replace it.
 //!
 //! After the restart the firmware [takes](take) the record once, logs it, and keeps its [`code`] for the telemetry. A
 //! restart that no record explains (the supply, the reset pin, a task that hung) has code 0.
@@ -78,8 +77,7 @@ causes! {
 }
 
 impl Cause {
-    /// Whether the cause is a memory that reads otherwise than it was written: flash, code in RAM, guard words, RAM in
-    /// use.
+    /// Whether the cause is memory that reads otherwise than it was written: flash, code in RAM, guards, RAM in use.
     #[must_use]
     pub const fn is_memory_fault(self) -> bool {
         matches!(self, Self::Flash | Self::CodeInRam | Self::GuardWord | Self::Ram)
@@ -122,8 +120,7 @@ impl Place {
 pub struct Stop {
     /// The reason of the stop.
     pub cause: Cause,
-    /// The number of the exception whose handler ran; 0 for the start and the idle loop. Interrupt n is exception n +
-    /// 16 (ARMv7-M ARM B1.5.2).
+    /// The number of the exception whose handler ran; 0 for the start and the idle loop (ARMv7-M ARM B1.5.2).
     pub exception: u16,
     /// The CFSR of a fault; otherwise the detail that [`Cause`] describes.
     pub detail: u32,
@@ -166,8 +163,7 @@ impl FaultStatus {
         self.cfsr & Self::NO_FRAME == 0
     }
 
-    /// Returns the cause. Memory protection comes first, since an access that it refuses often makes the stacking fail
-    /// too.
+    /// Returns the cause. Memory protection comes first: an access that it refuses often makes the stacking fail too.
     const fn cause(self) -> Cause {
         if self.cfsr & Self::MEMORY != 0 {
             Cause::MemoryProtection
@@ -268,8 +264,7 @@ fn check_word(words: &[u32; WORDS]) -> u32 {
 
 fn fault_in_words(cause: Cause, cfsr: u32) -> &'static str {
     let bits: &[(u32, &str)] = match cause {
-        // An access that was refused before the exception's frame could not be stacked is the reason, so it comes
-        // first.
+        // The refused access comes first: it is also the reason why a frame could not be stacked.
         Cause::MemoryProtection => {
             &[(0, "execution"), (1, "data access"), (4, "exception entry"), (3, "exception return"), (5, "FPU state")]
         }

@@ -1,5 +1,4 @@
-//! The logger's critical section, which masks no interrupt while the idle loop logs. The feature `log-section` selects
-//! it.
+//! The logger's critical section, which masks no interrupt while the idle loop logs (feature `log-section`).
 //!
 //! # Design
 //!

@@ -2,8 +2,7 @@
 //!
 //! # Design
 //!
-//! Each board has two [`Table`]s of [`Region`]s, one for the start and one for the tasks. The tables are constants,
-//! checked at compile time.
+//! Each board has two [`Table`]s of [`Region`]s, one for the start and one for the tasks, checked at compile time.
 //!
 //! - *An address that no region opens is shut* (MPU_CTRL.PRIVDEFENA = 0, ARMv7-M ARM B3.5.5), also to privileged code,
 //!   as all of the firmware is. The bus at 0xE000_0000 is exempt (B3.5.1).
@@ -14,8 +13,7 @@
 //! - *The processor fetches exception vectors without the unit* (B3.5.1), so the vector table may be shut.
 //! - *The unit does not check DMA*, since it lies between the core and the bus.
 //!
-//! A violation raises the exception MemManage, which ends in the board's safe state
-//! ([`safe_state`](crate::safe_state)).
+//! A violation raises MemManage, which ends in the board's safe state ([`safe_state`](crate::safe_state)).
 
 /// The accesses that a region allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,8 +39,7 @@ pub enum Access {
     Execute,
 }
 
-/// The kind of memory in a region, which gives its attributes (ARMv7-M ARM, table B3-14, and PM0214, section 4.2.5, for
-/// a part without caches).
+/// The kind of memory in a region, which gives its attributes (ARMv7-M ARM, table B3-14; PM0214, section 4.2.5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Memory {
     /// Flash is normal memory, write-through.
@@ -70,8 +67,7 @@ impl Region {
     /// The size of the smallest region that has subregions, bytes (B3.5.3).
     const SMALLEST_OF_EIGHTHS: u32 = 256;
 
-    /// Returns a region of `size` bytes from `base` on, all of them open. `name` says what memory or peripherals these
-    /// are.
+    /// Returns a region of `size` bytes from `base` on, all of them open. `name` says in words what it is.
     ///
     /// # Panics
     ///

@@ -30,8 +30,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Compares the CRC of the program with the word after it. `words` are the program's words as the processor loads
-    /// them (little-endian).
+    /// Compares the CRC of the program's `words`, as the processor loads them, with the word after the program.
     pub fn of(words: impl Iterator<Item = u32>, stored: u32) -> Self {
         Self { computed: profile::crc::frame_of_words(words), expected: stored.swap_bytes() }
     }

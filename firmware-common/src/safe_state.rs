@@ -4,8 +4,7 @@
 //! the flight controller), and the cause is recorded ([`last_stop`](crate::last_stop)) and logged once. No code feeds
 //! the watchdog any more, so it resets the part.
 //!
-//! A firmware installs all handlers with [`install_safe_state!`](crate::install_safe_state), and calls `name_faults` at
-//! its start.
+//! A firmware installs the handlers with [`install_safe_state!`](crate::install_safe_state), and calls `name_faults`.
 //!
 //! # Faults
 //!
@@ -32,9 +31,8 @@ mod imp {
     /// Whether a cause has been logged or is being logged. A fault inside the logger must not be logged again.
     static LOGGED: AtomicBool = AtomicBool::new(false);
 
-    /// Enters the safe state by `enter`, records the stop that `stop` returns, logs it by `log`, and waits for the
-    /// watchdog. `enter` is called first, since `stop` may take long. No second cause is logged, and none within
-    /// another message.
+    /// Enters the safe state by `enter`, records the stop that `stop` returns, which may take long, logs it by `log`,
+    /// and waits for the watchdog. No second cause is logged, and none within another message.
     pub fn enter(enter: fn(), stop: impl FnOnce() -> Stop, log: impl FnOnce(&Stop)) -> ! {
         cortex_m::interrupt::disable();
         mpu::off();
@@ -57,8 +55,7 @@ mod imp {
         }
     }
 
-    /// Returns the number of the active interrupt's exception, or 0 for the start or the idle loop. Among several it is
-    /// the most urgent one.
+    /// Returns the number of the most urgent active exception, or 0 for the start or the idle loop.
     ///
     /// The number comes from the interrupt controller, since a stacked frame may be missing.
     #[must_use]
@@ -97,8 +94,7 @@ mod imp {
 #[cfg(target_os = "none")]
 pub use imp::{active_exception, enter, fault, name_faults};
 
-/// Installs the handlers of panics, of failed `defmt` assertions, of the four faults and of every exception or
-/// interrupt that has no handler of its own.
+/// Installs the handlers of panics, failed `defmt` assertions, faults, and exceptions without a handler.
 ///
 /// `$enter` is the `fn()` that puts the board into its safe state with all interrupts masked. It must not panic and
 /// must not wait without a bound. `$area` is a `fn(u32) -> &'static str` that returns the name of an address's area.

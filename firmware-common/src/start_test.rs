@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! [`start`](crate::start) calls `__test_memory` after the board's first instructions, before statics are set up and
-//! code is copied to RAM. The test is in assembler and uses only registers, since a stack or a static would lie in the
-//! memory that is tested.
+//! [`start`](crate::start) calls `__test_memory` after the board's first instructions, before statics and code in RAM
+//! are set up. The test is in assembler and uses only registers, since a stack or a static would lie in the tested
+//! memory.
 //!
 //! | RAM | test |
 //! |---|---|
@@ -27,8 +27,8 @@
 //! # Time
 //!
 //! A word takes [`HORUS_CYCLES`] or [`DPR_CYCLES`] at most, on the pessimistic clock. HORUS's 32 KiB take 20.5 ms at
-//! most (16 MHz, flash without a wait state). The DPR's 32 KiB and 64 KiB of code take 23.9 ms at most (64 MHz, flash
-//! with wait states). The watchdog already runs then, but its first period is longer: at least 340 ms (HORUS) and 98 ms
+//! most (16 MHz, flash without a wait state). The DPR's 32 KiB and 64 KiB of code take 23.9 ms at most (64 MHz, with
+//! wait states). The watchdog already runs then, but its first period is longer: at least 340 ms (HORUS) and 98 ms
 //! (DPR).
 //!
 //! # Result

@@ -98,8 +98,7 @@ pub(crate) struct InputPair {
     pub(crate) inactive: Pin,
 }
 
-/// The inputs of HORUS's state, the least severe first: relay (D56, D57), motor cut (D58, D59), emergency measure (D55,
-/// D54).
+/// The inputs of HORUS's state: relay (D56, D57), motor cut (D58, D59), emergency measure (D55, D54).
 pub(crate) const STATE_INPUTS: [InputPair; INPUTS] = [
     InputPair { active: Pin { port: GpioPort::E, number: 2 }, inactive: Pin { port: GpioPort::E, number: 4 } },
     InputPair { active: Pin { port: GpioPort::E, number: 5 }, inactive: Pin { port: GpioPort::E, number: 6 } },
@@ -108,7 +107,7 @@ pub(crate) const STATE_INPUTS: [InputPair; INPUTS] = [
 
 // ---- Front end
 
-/// The clock pin of the front end's SPI (SPI1). The next two constants are its data pins.
+/// The clock pin of the front end's SPI (SPI1).
 pub(crate) const SCK: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::A, number: 5 }, function: 5 };
 pub(crate) const MISO: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::A, number: 6 }, function: 5 };
 pub(crate) const MOSI: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::A, number: 7 }, function: 5 };
@@ -311,8 +310,7 @@ impl Hardware {
     }
 }
 
-/// Returns the receiver, from 0, to which the vector of `task` belongs, and the vector's meaning. For compile time
-/// only.
+/// Returns the receiver, from 0, of the vector of `task`, and the vector's meaning. For compile time only.
 ///
 /// # Panics
 ///

@@ -3,9 +3,8 @@
 //! # Design
 //!
 //! HORUS is meant to run on the external clock (HSE). Without HSE it runs on the internal RC oscillator (HSI), through
-//! the same PLL to the same 144 MHz, so that every divider, slot and baud rate register stays the same.
-//! Reported-Position's status then says so. Bounds in processor cycles still hold. Bounds that need a crystal do not:
-//! the cycle is as long as HSI makes it.
+//! the same PLL to the same 144 MHz, so that every divider, slot and baud rate register stays the same;
+//! Reported-Position's status says so. Bounds in processor cycles still hold, but the cycle is as long as HSI makes it.
 //!
 //! | | frequency | error |
 //! |---|---|---|
@@ -16,8 +15,7 @@
 //! deviation), so at room temperature HORUS still receives from them on HSI.
 //!
 //! HORUS chooses the oscillator once per start. If HSE fails later, the clock security system (`hw/clock.rs`) leads to
-//! the safe state and a reset, and the next start chooses HSI. HSE is used again from the first start at which it
-//! works.
+//! the safe state and a reset, and the next start chooses HSI.
 
 /// The frequency of the external clock (HSE), Hz.
 pub const EXTERNAL_HZ: u32 = 8_000_000;

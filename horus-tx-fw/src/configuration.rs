@@ -64,11 +64,9 @@ pub const ATTEMPTS: u8 = 3;
 /// How long no intact message comes on a UART before HORUS tries the factory's rate, ms. It is longer than any period
 /// that HORUS requests, and than a receiver takes to answer while it computes.
 pub const LISTEN_MS: u32 = 500;
-/// The pause after the message that sets the baud rate, ms: the message takes 5.2 ms, and the receiver has to change
-/// rate.
+/// The pause after the message that sets the baud rate, ms: it takes 5.2 ms, and the receiver has to change rate.
 pub const BAUD_MS: u32 = 200;
-/// The time after which a receiver that took its configuration counts as silent, ms: more than two of the longest
-/// period that HORUS requests.
+/// The time after which a configured receiver counts as silent, ms: more than two of the longest requested period.
 pub const SILENT_MS: u32 = 500;
 /// The time after which an unconfigured receiver counts as silent, ms: longer than the longest accepted period.
 pub const SILENT_AS_IT_IS_MS: u32 = 1_500;
@@ -232,7 +230,7 @@ pub struct Configuration {
     /// The number of this step's messages in a row that were not answered.
     unanswered: u8,
     standing: Standing,
-    /// The number of intact messages so far. The next field is the instant, ms, at which the last of them came.
+    /// The number of intact messages so far.
     messages: u32,
     last_heard: Option<u32>,
 }

@@ -2,9 +2,8 @@
 //!
 //! # Design
 //!
-//! [`Cycle::fill`] is called once per tick, and does the same work whatever the receivers have sent. It writes and
-//! seals every object in full, and replaces a value that is not valid by the NaN of the design with a selection instead
-//! of a branch.
+//! [`Cycle::fill`] is called once per tick, and does the same work whatever the receivers have sent: every object is
+//! written and sealed, and a value that is not valid is replaced by the design's NaN with a selection, not a branch.
 //!
 //! [`Cycle::vote`] is called in the cycle before the tick, after that cycle's slot, and seals Reported-Position, since
 //! a vote takes longer than the time between tick and slot. So a vote uses what the receivers have sent until 10 ms
@@ -56,7 +55,7 @@ pub struct Cycle<const N: usize> {
     memory_fault: bool,
     inputs: StateInputs,
     voter: Voter<N>,
-    /// The last vote. The next field is that vote's tick and sealed Reported-Position.
+    /// The last vote.
     verdict: Verdict,
     voted: Option<(u32, ReportedPosition)>,
 }

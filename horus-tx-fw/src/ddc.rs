@@ -4,8 +4,7 @@
 //!
 //! The port's registers 0xFD and 0xFE hold the number of bytes that wait (the high byte first), and 0xFF is the stream.
 //! The address counts up with each byte read and stays at 0xFF. So a cycle is: write 0xFD, restart, read two bytes;
-//! restart, read the bytes that wait, at most [`MOST`]; stop. If there is a message to send, a cycle writes the message
-//! instead.
+//! restart, read the bytes that wait, at most [`MOST`]; stop. A message to send takes the place of all this.
 //!
 //! ```text
 //! tick ── START ─ 0x84 0xFD ─ RESTART ─ 0x85 high low ─ RESTART ─ 0x85 byte … byte ─ STOP ── … ── tick
@@ -25,8 +24,7 @@
 //! The number of unexpected events is bounded too. BTF, for example, stays set until the repeated START after it is on
 //! the bus (RM0090, "I2C", status register 1), and calls the handler again until then. After [`MOST_SPURIOUS`] calls
 //! without progress, or [`MOST_BUS_ERRORS`] bus errors since the tick, events and errors call no handler until the next
-//! tick, so that a disturbed bus does not take the processor's time. They call none either while no transaction is
-//! under way.
+//! tick, so that a disturbed bus does not take the processor's time.
 //!
 //! # Sources
 //!
@@ -120,8 +118,7 @@ pub enum Order {
     Stop,
     /// Switch the interrupts of events and errors off.
     Mute,
-    /// Stop the stream, hold the peripheral in reset, disconnect both pins from it and release them; call [`Ddc::step`]
-    /// in [`STEP_US`].
+    /// Stop the stream, hold the peripheral in reset, release both pins from it; call [`Ddc::step`] in [`STEP_US`].
     Release,
     /// Drive the pins (false: low; true: released); call [`Ddc::step`] in [`STEP_US`].
     Drive {
@@ -232,9 +229,8 @@ impl Ddc {
         Ok(())
     }
 
-    /// Returns the number of bytes of the receiver's stream that are being read, unless they are to be dropped
-    /// ([`Backlog`]). If [`Ddc::poll`] then ends the transaction as failed, the bytes that have come still count, since
-    /// the receiver does not send them again.
+    /// Returns the number of bytes of the stream that are being read, unless they are to be dropped ([`Backlog`]). Even
+    /// of a failed transaction the bytes that have come count, since the receiver does not send them again.
     #[must_use]
     pub const fn stream_under_way(&self) -> Option<usize> {
         match self.state {

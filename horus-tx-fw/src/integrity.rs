@@ -11,9 +11,8 @@
 //! | a guard word has changed | safe state, [`Cause::GuardWord`] |
 //! | RAM in use does not hold what is written to it | safe state, [`Cause::Ram`]; also at the start |
 //!
-//! HORUS has no code in RAM. It seals a profile in every cycle, and the objects' CRCs protect the profile from then on,
-//! so it is not verified again. Values that are computed before the sealing have no CRC, so HORUS sends nothing once
-//! its RAM is faulty.
+//! HORUS has no code in RAM. A profile is sealed in every cycle, and its objects' CRCs protect it from then on. Values
+//! that are computed before the sealing have no CRC, so HORUS sends nothing once its RAM is faulty.
 //!
 //! # Time to detect
 //!
@@ -31,7 +30,7 @@ use crate::telemetry::Telemetry;
 /// The number of words that a slice verifies, which takes about 1 % of the processor's time on the pessimistic clock.
 pub const RATE: Rate = Rate { flash_words: 16, code_words: 0, ram_words: 6 };
 
-/// The size of the program's flash, bytes, as in `memory.x`. The next constant is the size of the RAM in use.
+/// The size of the program's flash, bytes, as in `memory.x`.
 pub(crate) const FLASH_BYTES: u32 = 112 * 1024;
 const RAM_BYTES: u32 = 32 * 1024;
 

@@ -30,8 +30,7 @@
 //! | [`telemetry`] | the counters that a debugger, or the bench, reads from RAM |
 //!
 //! This library has no `unsafe` code. The firmware itself is a table of interrupt tasks (`main.rs`), a table of pins,
-//! DMA streams, vectors and clocks (`board.rs`: add a receiver's interface there), and the registers (`hw/`, which
-//! alone has `unsafe` code).
+//! DMA streams, vectors and clocks (`board.rs`), and the registers (`hw/`, which alone has `unsafe` code).
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -55,8 +54,8 @@ pub mod telemetry;
 pub mod timing;
 pub mod transmitter;
 
-/// The number of GNSS receivers that are fitted, chosen by the cargo feature `gps-1` (no redundancy), `gps-2` (1oo2),
-/// `gps-3` (2oo3) or `gps-5` (3oo5).
+/// The number of GNSS receivers that are fitted, by the cargo feature `gps-1`, `gps-2` (1oo2), `gps-3` (2oo3) or
+/// `gps-5` (3oo5).
 pub const RECEIVERS: usize = {
     let chosen = cfg!(feature = "gps-1") as usize
         + cfg!(feature = "gps-2") as usize

@@ -2,8 +2,7 @@
 //!
 //! # Tasks
 //!
-//! The most urgent tasks come first. `build.rs` makes the table in [`horus_tx_fw::task`] from the tasks' attributes,
-//! which alone state priority and vector.
+//! The most urgent tasks come first. `build.rs` makes [`horus_tx_fw::task`]'s table from the tasks' attributes.
 //!
 //! | task | what calls it |
 //! |---|---|
@@ -30,19 +29,16 @@
 //! - `rf_timer` has no deadline: it does no harm if it is late.
 //! - `rf_slot` runs before the frame's end, 1.9 ms after the slot at the earliest.
 //! - `cycle` fills, seals and offers the profile early enough that the load ends before the slot (see `timing`).
-//! - `vote` votes for the next tick and ends within the cycle. It begins after the slot, whose interrupt a division of
-//!   the vote would delay.
+//! - `vote` votes for the next tick and ends within the cycle. It begins after the slot, which it would delay.
 //! - `gnss*` reads a UART ring's position within half a ring, 5.5 ms. I2C and SPI have no deadline: I2C stretches its
 //!   clock, SPI has its bytes in memory, and a transfer that has not ended by the next tick is ended as failed.
 //! - `parse` parses within one cycle all bytes that have come.
 //! - `idle` feeds the watchdog when all tasks have checked in, and logs when a message delays neither slot nor tick.
 //!
-//! The vectors of CAN1 and CAN2, peripherals that stay off, let a task call one of lower priority without a queue and
-//! without a lock.
+//! The vectors of CAN1 and CAN2, which stay off, let a task call one of lower priority without a queue and a lock.
 //!
 //! No task waits for the SPI except for the end of one byte, and no task allocates. A panic, a fault, a failing clock
-//! and a changed program all end in the safe state: the RF field is off, the reason is logged, and the watchdog resets
-//! the part.
+//! and a changed program all end in the safe state: field off, the reason is logged, and the watchdog resets the part.
 //!
 //! # Start
 //!

@@ -8,8 +8,7 @@
 //! | 0x2000_0000 to 192 KiB | SRAM: stack, statics, and what is left free | read, write | read, write |
 //! | 0x4000_0000 to 0x5FFF_FFFF | peripherals and their bit-band alias | all | those of `board.rs` that tasks use |
 //!
-//! *Stack*: it grows down from the statics (flip-link) to 0x2000_0000. No region opens the addresses below, so an
-//! overflow violates the memory protection.
+//! *Stack*: it grows down from the statics (flip-link) to 0x2000_0000. An overflow violates the memory protection.
 //!
 //! *Peripherals*: the tasks cannot access what only the start needs: reset and clock control, the flash interface (no
 //! task can erase or write flash), power control, and everything that the board does not use. An eighth of a region is

@@ -15,9 +15,8 @@
 //!
 //! **Age.** A value is *valid* until it is older than one period of its message and [`VALID_SLACK_MS`], and *stale*
 //! from one period and [`STALE_SLACK_MS`] on (docs/design.md#validity). The age counts from the moment at which the
-//! message's last byte was parsed. The epoch of the value is some tens of milliseconds earlier. A message that repeats
-//! the time of week of the previous one renews nothing: the values of a receiver that has frozen age like those of a
-//! silent one.
+//! message's last byte was parsed, some tens of ms after the value's epoch. A message that repeats the time of week of
+//! the previous one renews nothing: the values of a receiver that has frozen age like those of a silent one.
 //!
 //! **Period.** Each kind of message has its own period, learned from the steps of the receiver's time of week and
 //! accepted from 20 ms to 1 s. A slower receiver counts as one of 1 s, so that no receiver keeps a position valid for
@@ -25,8 +24,7 @@
 //! [`LONGER_STEPS`] steps in a row were longer, and then the shortest of these. So lost messages do not lengthen the
 //! period, and a step that is too short by chance is corrected.
 //!
-//! **Bounded work.** One call takes at most [`BYTES_PER_CALL`] bytes, and the parser reads at most [`BUFFER`] bytes of
-//! an unfinished message beyond these.
+//! **Bounded work.** One call takes at most [`BYTES_PER_CALL`] bytes and reads [`BUFFER`] bytes beyond these.
 //!
 //! **A damaged length** makes the parser wait for bytes that never come, although it may hold good messages already.
 //! After [`GAP_MS`] of silence the parser is given 0xFF until it drops the damaged message. (Zeros would not do: six
@@ -41,8 +39,7 @@ use profile::{FixType, ABSENT_F32, ABSENT_F64};
 
 use crate::configuration::{Answer, VALSET};
 
-/// The longest UBX message that can be taken in, bytes. NAV-PVT has 100 bytes; satellite lists are longer, but not
-/// needed.
+/// The longest UBX message that can be taken in, bytes: NAV-PVT has 100, and satellite lists are not needed.
 pub const BUFFER: usize = 256;
 /// The most bytes that one call of [`Receiver::receive`] takes.
 pub const BYTES_PER_CALL: usize = 64;
@@ -105,7 +102,7 @@ pub struct Pace {
     /// The time from the last message's time of week to its arrival, ms, modulo a week.
     lag_ms: u32,
     period_ms: u32,
-    /// The number of steps in a row that were longer than the period. The next field is the shortest of them, ms.
+    /// The number of steps in a row that were longer than the period.
     longer_steps: u32,
     shortest_longer_ms: u32,
 }
@@ -392,8 +389,7 @@ impl Solution {
 
     /// Takes the useful values of a message. Returns the message's length if it had useful values, otherwise 0.
     fn take(&mut self, message: &UbxPacket<'_>, now: u32) -> usize {
-        // The parser has more protocol versions if another crate of the build enables them; here it handles only
-        // version 27.
+        // If another crate enables them, the parser has more protocol versions; here it handles only version 27.
         #[allow(unreachable_patterns)]
         match message {
             UbxPacket::Proto27(PacketRef::NavPvt(pvt)) => {

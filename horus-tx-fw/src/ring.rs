@@ -61,8 +61,8 @@ impl Reader {
     /// Returns the next range to read when `written` bytes were ever written into a ring of `size` bytes. The range has
     /// at most `limit` bytes and never crosses the ring's end. Its bytes then count as read.
     ///
-    /// If the writer has overwritten unread bytes, the ring mixes old and new bytes: all of them are skipped and
-    /// counted in [`Reader::lost`].
+    /// If unread bytes were overwritten, the ring mixes old and new bytes: all are skipped and count as
+    /// [`Reader::lost`].
     pub fn take(&mut self, written: u32, size: usize, limit: usize) -> Span {
         let waiting = written.wrapping_sub(self.total) as usize;
         if waiting > size {

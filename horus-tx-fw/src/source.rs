@@ -145,8 +145,7 @@ impl Ring {
 pub enum Rate {
     /// The rate at which HORUS also receives, [`crate::timing::GNSS_BAUD`].
     Usual,
-    /// The rate of a receiver with factory settings, [`crate::timing::FACTORY_BAUD`]. HORUS cannot receive at this
-    /// rate.
+    /// The rate of a receiver with factory settings, [`crate::timing::FACTORY_BAUD`], at which HORUS cannot receive.
     Factory,
 }
 

@@ -11,8 +11,7 @@
 //! does not let 64 KiB of filler pass.
 //!
 //! *A message to the receiver* is at the start of a transfer: after more than CFG-SPI-MAXFF (factory setting: 50)
-//! filler bytes in a row the receiver ignores its input until chip select rises, or, by other documents, until a byte
-//! is not filler.
+//! filler bytes in a row the receiver may ignore its input until chip select rises.
 //!
 //! # Sources
 //!
@@ -214,8 +213,7 @@ impl Filter {
         matches!(self.0, Place::Outside | Place::Filler(_))
     }
 
-    /// The number of filler bytes in a row that mean that the receiver has no more data, since a single 0xFF may be
-    /// noise.
+    /// The number of filler bytes in a row that mean no more data; a single 0xFF may be noise.
     pub const NOTHING_MORE: u8 = 4;
 
     /// Whether the last [`Self::NOTHING_MORE`] bytes were filler. A 0xFF inside a message is not filler, and neither is

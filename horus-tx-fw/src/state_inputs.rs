@@ -4,8 +4,7 @@
 //!
 //! Three inputs tell whether the relay has switched to the redundant flight controller, whether the motors are cut, and
 //! whether the emergency measure has fired. Each input is a pair of pins with opposite levels, one high while the input
-//! is active, the other while it is not. Equal levels are a contradiction (a broken wire, a short). Decision 18 has the
-//! rules.
+//! is active, the other while it is not. Equal levels (a broken wire, a short) are a contradiction (decision 18).
 //!
 //! [`StateInputs::sample`] is called once per cycle. A pair's value is accepted when [`SAMPLES_TO_TAKE`] samples in a
 //! row agree. A pair without an accepted value for [`SAMPLES_UNSETTLED`] samples is a contradiction.
@@ -246,8 +245,7 @@ mod tests {
     }
 
     proptest! {
-        /// This states the rule in other words: three equal samples in a row decide, and ten samples without three such
-        /// are a contradiction.
+        /// Three equal samples in a row decide, and ten samples without three such are a contradiction.
         #[test]
         fn a_pair_follows_the_rule(samples in proptest::collection::vec(says(), 1..60)) {
             let mut pair = Pair::default();

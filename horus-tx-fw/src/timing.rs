@@ -22,8 +22,7 @@ use st25r3916::poller::{self, HEAD};
 
 use crate::{clock, FRAMES, RECEIVERS};
 
-/// The core clock, Hz. 144 MHz divides into the 72 MHz of the timer, the 9 MHz of the SPI and whole µs, and needs no
-/// over-drive.
+/// The core clock, Hz. 144 MHz divides into the timer's 72 MHz, the SPI's 9 MHz and whole µs, without over-drive.
 pub const CORE_HZ: u32 = 144_000_000;
 /// The APB1 clock, Hz (limit 45 MHz, DS9405).
 pub const APB1_HZ: u32 = 36_000_000;
@@ -37,8 +36,7 @@ pub const SPI_HZ: u32 = APB2_HZ / 8;
 pub const GNSS_BAUD: u32 = 460_800;
 /// The baud rate of a receiver with factory settings (u-blox, generation 9), 8N1.
 pub const FACTORY_BAUD: u32 = 38_400;
-/// The SPI clock of a GNSS receiver, Hz: APB2 / 128. A byte then takes 14.2 µs; a receiver needs at least 8 µs (see
-/// [`crate::spi`]).
+/// The SPI clock of a GNSS receiver, Hz: APB2 / 128. A byte takes 14.2 µs and needs at least 8 µs ([`crate::spi`]).
 pub const GNSS_SPI_HZ: u32 = APB2_HZ / 128;
 /// The shortest time for which SCL is low, ns: 2 µs (u-blox, NEO-M9N and ZED-F9T data sheets, I2C specifications; I2C
 /// itself requires only 1.3 µs).
@@ -244,8 +242,7 @@ mod tests {
         assert_eq!(air::send_slot_us::<RECEIVERS>(FRAMES), None);
     }
 
-    /// Returns the ticks served, the counter and its update flag at `instant`, in counts of the timer, if each tick is
-    /// served `late` counts after it.
+    /// Returns ticks served, counter and update flag at `instant`, if each tick is served `late` counts after it.
     fn at(instant: u32, late: u32) -> (u32, u32, bool) {
         let (cycle, count) = (instant / PERIOD_TICKS, instant % PERIOD_TICKS);
         let served = if cycle > 0 && count < late { cycle - 1 } else { cycle };

@@ -6,8 +6,8 @@
 //! the hardware, whose interrupts call [`Transmitter::poll`]. The transmitter owns the executor: it decides which frame
 //! the state machine prepares and loads, and when. No task ever waits for the SPI.
 //!
-//! When a frame was sent, the chip is prepared at once for the next frame. So only the load of the frame's head is left
-//! between the tick and the slot.
+//! When a frame was sent, the chip is prepared at once for the next one, so that only its head is loaded after the
+//! tick.
 //!
 //! The command that starts a frame must be sent at an exact instant. When the frame's head is loaded, the transmitter
 //! *arms* a [`Ticket`], which says for which cycle and frame the head was loaded, and starts no other transfer. The
@@ -15,8 +15,7 @@
 //! [`Transmitter::slot`], which starts the load of the rest. A slot without a ticket, or with that of another cycle or
 //! frame, sends nothing: no frame is sent late, or with data older than its cycle's.
 //!
-//! The state machine recovers from a fault of the chip by itself. A fault costs only the frames that fall into the
-//! recovery, each of which is counted.
+//! The state machine recovers from a fault of the chip by itself. Only the frames that fall into the recovery are lost.
 
 use core::ops::Range;
 

@@ -20,8 +20,7 @@ use ubx::{esf_ins, nav_att, NavPvt};
 const INACTIVE: Levels = Levels { active: false, inactive: true };
 
 trait Tick<const N: usize> {
-    /// Votes for a tick and fills its profile from `solutions`, which were all there at the vote. The inputs of HORUS's
-    /// state have settled as inactive.
+    /// Votes for a tick and fills its profile from `solutions`, with settled, inactive inputs of HORUS's state.
     fn voted_and_filled(&mut self, tick: u32, solutions: &[Solution; N]) -> Profile<N>;
 }
 
@@ -102,8 +101,7 @@ fn reported_position_is_the_majoritys_and_the_outvoted_is_excluded() {
     assert_eq!([reported.pitch, reported.yaw, reported.roll], [gps[1].pitch, gps[1].yaw, gps[1].roll]);
     // The bits mean: two receivers agree; position, attitude and acceleration valid; degraded; monitoring.
     assert_eq!(reported.status.bits(), 0b0111_1010 | 1 << 8);
-    // The bits mean: 3D fix, position valid, heard, excluded. The receiver's own object still has the values that it
-    // sends.
+    // The bits mean: 3D fix, position valid, heard, excluded. The receiver's own object still has its values.
     assert_eq!(gps[0].status.bits(), 0x0293);
     assert_eq!(gps[0].latitude, 1e-7);
     // The bits mean: 3D fix; position, attitude and acceleration valid; heard.

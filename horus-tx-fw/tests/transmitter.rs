@@ -244,8 +244,7 @@ fn is_whole(frame: &Sent) -> bool {
     objects.is_ok_and(|mut objects| objects.all(|(index, bytes)| Object::verify(index, bytes).is_ok()))
 }
 
-/// Asserts that every object of `frame` is intact and of the cycle in which it was sent. Returns the cycle and the
-/// frame's number in it.
+/// Asserts that every object of `frame` is intact and of its cycle. Returns the cycle and the frame's number in it.
 fn check(frame: &Sent) -> (u32, usize) {
     let tick = (frame.at / CYCLE_NS) as u32;
     let place = air::place::<RECEIVERS>(&frame.payload).expect("a length that a frame has");

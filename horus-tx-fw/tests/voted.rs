@@ -278,8 +278,7 @@ struct Outcome {
     unexplained: u32,
     /// The greatest error in height of all ticks with an altitude, m.
     worst_height_m: f64,
-    /// The number of ticks after [`SETTLED_MS`] with an attitude. The next field is the greatest error of their
-    /// headings, degrees.
+    /// The number of ticks after [`SETTLED_MS`] with an attitude.
     oriented: u32,
     worst_heading: f64,
     /// The time from the failure to the first tick with a result that is farther from the truth than the bound, ms.
@@ -356,8 +355,7 @@ fn run(seed: u64, failures: &mut [(usize, Failure)]) -> Outcome {
             };
             let error = off(reported.latitude, reported.longitude);
             outcome.worst_m = outcome.worst_m.max(error);
-            // A result beyond the bound can only be that of two wrong receivers that agree with each other and not with
-            // the right one.
+            // A result beyond the bound can only come from two wrong receivers that agree with each other alone.
             let of_two_wrong = failures.len() == 2 && agreeing == 2 && {
                 let wrong: Vec<_> = failures.iter().map(|(who, _)| &gps[*who]).collect();
                 wrong.iter().all(|gps| gps.status.position_valid() && !gps.status.excluded())

@@ -322,8 +322,7 @@ impl Answerer {
         step
     }
 
-    /// Reports a lost answer. The chip is brought up again unless the fault is light and the answer before was not
-    /// lost.
+    /// Reports a lost answer. The chip is brought up again unless the fault is light and the answer before was sent.
     fn fault(&mut self, fault: Fault) -> Step<AnswererEvent> {
         self.unanswered = self.unanswered.wrapping_add(1);
         if is_light(fault) && !self.lost {

@@ -635,8 +635,7 @@ impl BringUp {
         }
     }
 
-    /// The setting at `index` among those that are read back, in their order. [`CONFIGURATION_READ`] covers operation
-    /// control.
+    /// The setting at `index` among those that are read back. [`CONFIGURATION_READ`] covers operation control.
     fn in_force(&self, index: u8) -> Option<Setting> {
         match index {
             0 => Some(self.io()),

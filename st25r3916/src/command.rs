@@ -33,8 +33,7 @@ pub const ADJUST_REGULATORS: Short = Short::new([0xD6]);
 /// Measure the supply that [`crate::register::REGULATOR_CONTROL`] selects. The chip raises I_dct 25 µs later and has
 /// the result in [`crate::register::AD_RESULT`]. The oscillator must run.
 pub const MEASURE_SUPPLY: Short = Short::new([0xDF]);
-/// Clear the FIFO. The data sheet contradicts itself on whether this also clears the interrupt registers; the driver
-/// works in either case.
+/// Clear the FIFO. The data sheet does not settle whether this also clears interrupts; the driver works either way.
 pub const CLEAR_FIFO: Short = Short::new([0xDB]);
 /// Calibrate the RC oscillator (ST25R3916B only). The chip raises I_dct at the end, at most 5 ms later.
 pub const RC_CALIBRATION: Short = Short::new([0xEA]);

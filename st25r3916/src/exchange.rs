@@ -246,8 +246,7 @@ impl Exchange {
         }
     }
 
-    /// Whether the last step was [`ExchangeEvent::Ready`] or [`ExchangeEvent::Prepared`], so that [`Exchange::prepare`]
-    /// is possible.
+    /// Whether [`Exchange::prepare`] is possible: after [`ExchangeEvent::Ready`] or [`ExchangeEvent::Prepared`].
     #[must_use]
     pub const fn is_ready(&self) -> bool {
         matches!(self.state, ExchangeState::Polling) && self.poller.is_ready()
@@ -462,8 +461,8 @@ mod tests {
 
     #[test]
     fn the_no_response_timer_covers_window_preamble_and_sync() {
-        // 3 ms are 40 680 carrier periods. With 2 048 of preamble and sync and one step of jitter this gives 669 steps
-        // of 64.
+        // 3 ms are 40 680 carrier periods. With preamble, sync (2 048) and one step of jitter, they are 669 steps of
+        // 64.
         assert_eq!(NO_RESPONSE_STEPS, 669);
         let after_us = u32::from(NO_RESPONSE_STEPS) * 64 * 100 / 1_356;
         assert!(after_us < OPENS_US + AWAIT_US, "I_nre comes before the driver's own limit");

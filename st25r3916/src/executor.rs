@@ -195,8 +195,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         self.go_on(|machine| machine.step(Input::Start))
     }
 
-    /// Continues after an event with the step that `take` makes the machine take. While a transfer or a wait is under
-    /// way this call has no effect.
+    /// Continues after an event with the step that `take` makes. This has no effect during a transfer or a wait.
     pub fn go_on(&mut self, take: impl FnOnce(&mut M) -> Step<M::Event>) -> Option<M::Event> {
         if self.waiting != Waiting::Owner {
             return None;

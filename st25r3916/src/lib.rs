@@ -1,5 +1,4 @@
-//! Driver for ST's ST25R3916 and ST25R3916B NFC front ends: NFC-F at 424 kbit/s, poller and listener, in one direction
-//! or with one answer.
+//! Driver for ST's NFC front ends ST25R3916 and ST25R3916B: NFC-F at 424 kbit/s, poller and listener.
 //!
 //! A [`Poller`] keeps its field on and sends frames of 1 to 254 bytes; it never listens. A [`Listener`] receives them;
 //! it never answers, and its registers are set so that it cannot. There is no activation, no acknowledgement and no

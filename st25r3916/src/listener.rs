@@ -77,8 +77,8 @@
 //! | dead bus, stuck IRQ pin | [`Fault::Bus`], [`Fault::IrqStuck`], bring-up after a back-off |
 //!
 //! The back-off before a bring-up is 1 ms after the first fault and doubles with each fault up to 64 ms. Silence causes
-//! no back-off, in which the listener could not receive, since the poller may just be off. Only the next bring-up is
-//! postponed.
+//! no back-off, in which the listener could not receive, since the poller may just be off; the next bring-up comes
+//! later.
 //!
 //! # Settings read back while the chip runs
 //!
@@ -399,8 +399,7 @@ pub struct Listener {
     /// The time waited since the last delivered frame or since bring-up, µs; a lower bound of the time passed.
     silent_us: u32,
     counters: ListenerCounters,
-    /// The flags of the last delivered frame. The next step counts them, so that the counting does not delay the
-    /// delivery.
+    /// The flags of the last delivered frame. The next step counts them, so that counting delays no delivery.
     uncounted: Option<FrameFlags>,
 }
 

@@ -78,18 +78,16 @@ pub enum Input<'a> {
     /// After a [`Transfer::Short`] the bytes are those clocked in, as many as were sent (the first is meaningless).
     /// After a [`Transfer::Read`] they are the bytes just read. After a [`Transfer::Load`] there are none.
     Done(&'a [u8]),
-    /// The IRQ pin is high. This is a level, not an edge: if the pin is high when a machine returns [`Step::Wait`],
-    /// this input is due at once.
+    /// The IRQ pin is high: a level, not an edge. If it is high when a machine returns [`Step::Wait`], this is due at
+    /// once.
     Irq,
     /// The time of a [`Step::Wait`] or [`Step::Delay`] is over.
     Timeout,
-    /// The requested transfer could not be made, for example because of a DMA or bus error. It leads to [`Fault::Bus`]
-    /// and a new bring-up.
+    /// The requested transfer could not be made. This leads to [`Fault::Bus`] and a new bring-up.
     Failed,
 }
 
-/// A machine's request to its executor. Every call to a machine returns exactly one step and costs a bounded number of
-/// instructions.
+/// A machine's request to its executor. Every call to a machine returns one step in a bounded number of instructions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[must_use = "the machine stands still until its step is carried out"]

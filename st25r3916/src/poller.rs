@@ -108,8 +108,7 @@ pub struct PollerConfig {
     pub receiver: ReceiverMode,
     /// After a frame, fail with [`Fault::FifoCount`] if bytes are left in the FIFO.
     pub check_left_over: bool,
-    /// Between frames, fail with [`Fault::FieldDropped`] if the auxiliary display shows that oscillator or transmitter
-    /// is off.
+    /// Between frames, fail with [`Fault::FieldDropped`] if the display shows oscillator or transmitter off.
     pub check_field: bool,
 }
 
@@ -253,8 +252,7 @@ impl Poller {
         self.counters
     }
 
-    /// Whether the last step was [`PollerEvent::Ready`] or [`PollerEvent::Prepared`], so that [`Poller::prepare`] is
-    /// possible.
+    /// Whether [`Poller::prepare`] is possible: after [`PollerEvent::Ready`] or [`PollerEvent::Prepared`].
     #[must_use]
     pub const fn is_ready(&self) -> bool {
         matches!(self.state, PollerState::Ready | PollerState::Sending(SendState::Prepared))

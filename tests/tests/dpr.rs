@@ -1,5 +1,4 @@
-//! The suite that runs on the DPR (nRF52840): it tests the profile's code, the rotation and the scrub of buffers, and
-//! measures their cycles.
+//! The suite of the DPR (nRF52840): the profile's code, the rotation and the scrub of buffers, and their cycles.
 #![no_std]
 #![no_main]
 

@@ -45,8 +45,7 @@ mod tests {
     #[test]
     fn the_watchdog_bites_once(start: &mut Start) {
         if start.bitten {
-            // The reset also cleared a debugger's breakpoints and settings. The delay gives the runner time to make
-            // them again.
+            // The reset also cleared a debugger's breakpoints and settings, which the runner makes again meanwhile.
             cortex_m::asm::delay(AGAIN);
             return;
         }

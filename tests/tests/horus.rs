@@ -1,5 +1,4 @@
-//! The suite that runs on HORUS (STM32F429): it tests the profile's code and the filling of a cycle's objects, and
-//! measures their cycles.
+//! The suite of HORUS (STM32F429): the profile's code, the filling of a cycle's objects, and their cycles.
 #![no_std]
 #![no_main]
 

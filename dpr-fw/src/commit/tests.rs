@@ -30,8 +30,7 @@ impl Album {
     fn link<const N: usize>(&self) -> LinkValues {
         self.last::<N>().link.expect("Link-Status is intact").values()
     }
-    /// Returns the number and timestamp of each object in the newest image. All other bytes of HORUS's objects must be
-    /// zero.
+    /// Returns number and timestamp of each object in the newest image, in which all other bytes of HORUS's are zero.
     fn stamps<const N: usize>(&self) -> Vec<(usize, u32)> {
         let image: &[u8] = bytemuck::cast_slice(self.published.last().expect("an image was published"));
         let shown = (0..=N).filter_map(|index| {
@@ -83,8 +82,7 @@ impl<const N: usize> Bench<N> {
         bench.commit.begin(0, &bench.health, &mut bench.album);
         bench
     }
-    /// Returns a bench that is in sequence and has kept no image. The last cycle had timestamp 40 and was sampled at 40
-    /// ms.
+    /// Returns a bench that is in sequence: the last cycle had timestamp 40 and was sampled at 40 ms.
     fn in_sequence() -> Self {
         let mut bench = Self::new();
         for cycle in 1..=4 {

@@ -13,10 +13,9 @@
 //!
 //! Each peripheral is a type that owns the memory that its DMA may access. [`RfPort`] holds a receive buffer while
 //! SPIM0 may write it, and [`SsiPort`] holds the image and the receive area while SPIS1 may access them. All are
-//! `&'static mut`, so no other code can access them meanwhile, and they leave the type only after the peripheral has
-//! ended. All of this memory is in RAM, as EasyDMA requires (PS v1.7, 6.3). Compiler fences before each start and after
-//! each end keep accesses to a buffer from moving across. The Cortex-M4 has no data cache and completes its stores in
-//! order, so only the compiler could reorder them.
+//! `&'static mut`, so no other code can access them meanwhile. They are in RAM, as EasyDMA requires (PS v1.7, 6.3).
+//! Compiler fences before each start and after each end keep accesses to a buffer from moving across; the Cortex-M4
+//! itself has no data cache and completes its stores in order.
 //!
 //! # Anomalies
 //!
@@ -108,7 +107,6 @@ macro_rules! take_event {
 }
 pub(crate) use take_event;
 
-/// The hardware that the tasks own.
 pub(crate) struct Board {
     pub(crate) rf: RfPort,
     pub(crate) rf_edge: RfEdge,
@@ -120,7 +118,6 @@ pub(crate) struct Board {
     pub(crate) debug_port: DebugPort,
 }
 
-/// The static memory that DMA uses.
 pub(crate) struct DmaMemory {
     pub(crate) spi_tx: &'static mut [u8; Short::MAX],
     /// The bytes that SPIM0 receives in a short transfer.
@@ -129,7 +126,6 @@ pub(crate) struct DmaMemory {
     pub(crate) ssi_rx: (Filling<AreaBuffer>, SsiEnd<'static, AreaBuffer>),
 }
 
-/// The registers that control the protection of the debug port (PS v1.7, "Debug and trace").
 struct Protection<'a> {
     ficr: &'a pac::FICR,
     uicr: &'a pac::UICR,
@@ -168,7 +164,6 @@ pub(crate) fn init(
     memory: DmaMemory,
     receive: Filling<ReceiveBuffer>,
 ) -> Board {
-    // The debug port is opened first, so that a debugger reaches a board whose firmware stops early.
     let debug_port = debug_port::open(&mut Protection { ficr: &p.FICR, uicr: &p.UICR });
 
     // The watchdog already runs: the first instructions (`start_up`) have started it, or it ran on over a soft reset.
@@ -209,9 +204,8 @@ pub(crate) fn init(
     Board { rf, rf_edge: RfEdge::new(gpiote), ssi, deadline, watchdog, reset_reason, debug_port }
 }
 
-/// Starts the 32 MHz crystal and waits for it, [`crystal::START_MAX_MS`] at most. If it does not start, the DPR enters
-/// the safe state: without the crystal its clock is too coarse to judge HORUS's clock
-/// (docs/decisions/0023-start-and-clocks.md).
+/// Starts the 32 MHz crystal and waits for it. Without it the DPR enters the safe state, since its clock would be too
+/// coarse to judge HORUS's clock (docs/decisions/0023-start-and-clocks.md).
 fn start_crystal(clock: &pac::CLOCK) {
     // The event HFCLKSTARTED may still be set from an earlier start (anomaly 36).
     clock.events_hfclkstarted.reset();

@@ -21,7 +21,6 @@ use crate::board::{call, RfPins, EDGE_CAPTURE, WAIT_COMPARE};
 /// The number of polls within which SPIM0 must have stopped. It stops at the end of a byte, within 1 µs.
 const STOP_POLLS: u32 = 1_000;
 
-/// The interrupt that the rising edge of the front end's IRQ pin raises.
 pub(crate) struct RfEdge(Gpiote);
 
 impl RfEdge {
@@ -43,8 +42,7 @@ enum Transfer {
     Short {
         len: usize,
     },
-    /// A read of the FIFO. The transfer overwrites one byte of the buffer before `offset`; `kept` is the value of that
-    /// byte.
+    /// A read of the FIFO. It overwrites the byte of the buffer before `offset`, whose value is `kept`.
     Read {
         offset: usize,
         len: usize,
@@ -108,8 +106,7 @@ impl RfPort {
     ///
     /// # Safety
     ///
-    /// `into` must be valid for `receive` bytes of RAM that are owned by `self` until the transfer has ended or was
-    /// stopped.
+    /// `into` must be valid for `receive` bytes of RAM that `self` owns until the transfer has ended or was stopped.
     unsafe fn start(&mut self, send: usize, into: *mut u8, receive: usize) {
         // SAFETY: (pointers and counts) `self` owns `tx`, and the callers see to it that `send` is at most its length;
         // the caller guarantees that `into` is valid. Counts fit 16 bits.
@@ -212,8 +209,7 @@ impl Port for RfPort {
         self.timer.cc[WAIT_COMPARE].write(|w| unsafe { w.bits(self.timer_from.wrapping_add(us)) });
         self.timer.events_compare[WAIT_COMPARE].reset();
         if now_us().wrapping_sub(self.timer_from) >= us {
-            // If the task was preempted for long, the counter has already passed the compare value, so no interrupt
-            // comes.
+            // If the task was preempted for long, the counter has passed the compare value, and no interrupt comes.
             call(Task::rf_timer);
         }
     }

@@ -30,16 +30,14 @@ const FRESH_US: u32 = 2;
 pub(crate) struct SsiDoorbell;
 
 impl SsiDoorbell {
-    /// Whether the SSI is set up. Before that, every transaction reads 0xFF, and the tasks of SPIS1 must not be
-    /// triggered.
+    /// Whether the SSI is set up. Before that the tasks of SPIS1 must not be triggered.
     pub(crate) fn is_enabled() -> bool {
         // SAFETY: the pointer to the peripheral is valid for ever, and reading a register races with nothing.
         let spis = unsafe { &*pac::SPIS1::ptr() };
         spis.enable.read().enable().is_enabled()
     }
 
-    /// Whether the SPIS owns the buffers. After the semaphore was asked for, this means that a transaction is under
-    /// way.
+    /// Whether the SPIS owns the buffers, which means a transaction under way if the semaphore was asked for.
     fn is_under_way() -> bool {
         // SAFETY: the pointer to the peripheral is valid for ever, and only a read-only register is read, which races
         // with nothing.
@@ -63,8 +61,7 @@ impl SsiDoorbell {
         }
     }
 
-    /// Calls both tasks of the SSI so that they check in, unless the end of a transaction has called them or will do
-    /// so.
+    /// Calls both tasks of the SSI so that they check in, unless the end of a transaction calls them anyway.
     pub(crate) fn ask_for_sign_of_life(sign: &mut SignOfLife) {
         // SAFETY: the pointer to the port is valid for ever, and reading its input register races with nothing.
         let levels = unsafe { &*pac::P1::ptr() }.in_.read().bits();
@@ -101,8 +98,7 @@ impl Doorbell for SsiDoorbell {
         gpiote.tasks_set[FRESH_CHANNEL].write(|w| unsafe { w.bits(1) });
         // SAFETY: 1 is a valid value of a task register.
         timer.tasks_clear.write(|w| unsafe { w.bits(1) });
-        // The counter was just cleared and the next compare is 25 ms away, so the event that is cleared here is an old
-        // one.
+        // The counter was just cleared and the next compare is 25 ms away, so the cleared event is an old one.
         timer.events_compare[EXPIRY_COMPARES[0]].reset();
     }
 }

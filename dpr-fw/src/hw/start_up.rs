@@ -1,12 +1,11 @@
 //! The first instructions after a reset ([`firmware_common::start`]): the reasons of the reset, then the watchdog.
 //!
 //! RESETREAS collects reasons until each is cleared by writing a one (PS v1.7, 5.3.7.8). All are cleared before the
-//! watchdog starts. Otherwise a restart by the watchdog could show the bit of the reset pin as well, and then no other
-//! bit counts (anomaly 136).
+//! watchdog starts. Otherwise a restart by it could show the bit of the reset pin, too, and no other would count
+//! (anomaly 136).
 //!
-//! The watchdog runs on over a soft reset and a lockup. Its registers are then locked, so it is left as it is.
-//! Otherwise it is set up in assembler, since the HAL's code cannot run before statics are set up. The HAL recovers its
-//! handle from the running peripheral.
+//! The watchdog runs on over a soft reset and a lockup, with its registers locked. Otherwise it is set up here in
+//! assembler, since the HAL's code cannot run before statics are set up; the HAL recovers its handle later.
 
 use firmware_common::start::RESET_FLAGS;
 

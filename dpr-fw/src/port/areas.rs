@@ -4,8 +4,7 @@
 //!
 //! Three areas rotate as the receive buffers of the RFID side do, with the same types ([`triple`](crate::triple)): one
 //! is lent to the peripheral, one waits or is being judged, one is clean. An area is scrubbed between two transactions,
-//! so the bytes of one are never taken for those of another. Besides, only as many bytes of an area are read as the
-//! peripheral reports.
+//! so the bytes of one are never taken for those of another.
 //!
 //! The SSI task has the highest priority, and a flight controller waits for it. So it moves areas through two queues
 //! that need no lock, gets the next area before a transaction ends, uses the queues only when the flight controller no
@@ -61,8 +60,7 @@ impl<B> Areas<B> {
 }
 
 impl<B: Memory> Areas<B> {
-    /// Scrubs the areas. Returns the first area to receive into, the SSI task's end of the queues, the port task's end,
-    /// and the result of the scrubs.
+    /// Scrubs the areas. Returns the first area to receive into, both ends of the queues, and the scrubs' result.
     pub fn split(&mut self, areas: [B; AREAS]) -> (Filling<B>, SsiEnd<'_, B>, PortEnd<'_, B>, Scrubbed) {
         let mut found = Scrubbed::default();
         let [first, rest @ ..] = areas.map(|area| {
@@ -152,8 +150,7 @@ impl<B: Memory> PortEnd<'_, B> {
         self.brought.dequeue()
     }
 
-    /// Scrubs the area of a transaction that has been judged. The area then waits for the SSI task, unless it is taken
-    /// out of use. Returns the result of the scrub.
+    /// Scrubs the area of a judged transaction, which then waits for the SSI task unless it is taken out of use.
     pub fn done(&mut self, brought: Brought<B>) -> Scrubbed {
         let (clean, found) = self.in_use.admit(brought.done().scrub());
         if let Some(clean) = clean {

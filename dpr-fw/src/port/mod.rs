@@ -102,8 +102,7 @@ impl<W: WritesUplink> Slot<W> {
     /// age, ms, saturating; `u32::MAX` / 1000 if none was stored.
     fn show(&mut self, now_us: u64, area: &mut PortArea) -> u32 {
         let age_us = self.stored_us.map_or(u64::MAX, |stored| now_us.wrapping_sub(stored));
-        // The processor divides 32 bits in a dozen cycles, and 64 bits in some hundreds. 32 bits of µs last longer than
-        // the 16 bits of the result in ms.
+        // A division of 64 bits takes some hundreds of cycles. 32 bits of µs are enough for 16 bits of ms.
         let age_ms = u32::try_from(age_us).unwrap_or(u32::MAX) / 1000;
         if age_ms >= Uplink::EXPIRY_MS {
             self.stored = Uplink::EMPTY;
@@ -113,7 +112,6 @@ impl<W: WritesUplink> Slot<W> {
     }
 }
 
-/// The state of the self-test, which the idle loop carries out.
 #[derive(Clone, Copy, Debug, Default)]
 struct SelfTest {
     running: bool,
@@ -170,8 +168,7 @@ impl WritePort {
     pub fn transaction(&mut self, transaction: Transaction, area: &ReceiveArea, now_us: u32) -> bool {
         self.clock.advance(now_us);
         let total = self.total;
-        // Areas are scrubbed, so bytes that did not come in are zero. Only zeros mean that the transaction just read,
-        // as most do.
+        // Areas are scrubbed, so only zeros mean that no byte came in: the transaction just read, as most do.
         if area.iter().all(|word| *word == 0) {
             return false;
         }

@@ -1,7 +1,6 @@
 //! Decides which timestamps of a writer are newer than those already accepted ([`profile::Uplink`] has the rule).
 
-/// The number of refused timestamps in a row, each newer than the one before, of which the last is accepted. So a
-/// writer that has restarted is accepted again.
+/// The number of refused timestamps in a row, each newer than the one before, of which the last is accepted.
 pub const ROW: u8 = 3;
 
 /// The last timestamps of one writer's objects of one kind.

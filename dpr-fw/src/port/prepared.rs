@@ -6,9 +6,9 @@ use profile::map::PortArea;
 
 /// The newest Port-Status and uplinks that are ready.
 ///
-/// The port task fills another area and then [exchanges](Prepared::exchange) the two, which moves two references. The
-/// commit task, of higher priority, [reads](Prepared::newest) the newest. So the commit task always finds a whole area,
-/// and waits no longer than the exchange takes.
+/// The port task fills another area and then [exchanges](Prepared::exchange) two references. The commit task, of higher
+/// priority, [reads](Prepared::newest) the newest. So it always finds a whole area, and waits no longer than the
+/// exchange.
 #[derive(Clone, Copy, Debug)]
 pub struct Prepared<A>(A);
 

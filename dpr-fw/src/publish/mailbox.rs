@@ -50,7 +50,6 @@ impl<B: Memory> Scrubbable for Mailbox<B> {
     }
 }
 
-/// What is known of the image that the SSI task took out of the mailbox.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Taken {
     /// Whether the image is newer than the one that was streamed before it.
@@ -60,8 +59,7 @@ pub(crate) struct Taken {
 
 /// The operations on the SSI's hardware that the commit task needs.
 pub trait Doorbell {
-    /// Asks for the semaphore, and calls the SSI task. Returns whether a transaction is under way, at whose end the
-    /// semaphore comes.
+    /// Asks for the semaphore, and calls the SSI task. Returns whether a transaction is under way and still has it.
     fn request(&mut self) -> bool;
     /// Raises FRESH, which also restarts the time until the image expires.
     fn announce(&mut self);
@@ -83,8 +81,7 @@ pub struct Outbox<'a, M, B, D> {
 }
 
 impl<M: Mutex<T = Mailbox<B>>, B: ImageBuffer, D: Doorbell> Outbox<'_, M, B, D> {
-    /// Takes the buffer for the next image, and scrubs it if the scrub task has not. To be called after publishing, so
-    /// that neither step delays the next image.
+    /// Takes the buffer for the next image, and scrubs it if necessary, before this would delay that image.
     pub fn prepare(&mut self) {
         let _ = self.filling();
     }

@@ -12,23 +12,20 @@
 //!
 //! - While no transaction is under way, the commit task asks for the semaphore and calls the SSI task. The SSI task
 //!   takes the new image, raises FRESH, then releases. A transaction that begins before the release reads 0xFF.
-//! - While a transaction is under way, the SSI task takes the newest image before the next one. So the commit task
-//!   raises FRESH itself. It masks the SSI task from the check whether a transaction is under way until FRESH has
-//!   risen, so no buffer is released in between.
+//! - While a transaction is under way, the SSI task takes the newest image before the next one, so the commit task
+//!   raises FRESH itself. It masks the SSI task from the check for a transaction until FRESH has risen.
 //!
 //! **Expiry.** FRESH restarts a timer in hardware. If the timer is not restarted in time, it takes the semaphore from
 //! the SPIS without the processor's help (a compare, through PPI to the task ACQUIRE), and every later transaction
-//! reads 0xFF. The SSI task releases an image again only if its time is not over. That time can end between the check
-//! and the release. Therefore the timer has a second compare, [`EXPIRY_AGAIN_US`] after the first, which comes after
-//! the release.
+//! reads 0xFF. The SSI task releases an image again only if its time is not over. That time can end between check and
+//! release; therefore the timer has a second compare, [`EXPIRY_AGAIN_US`] after the first.
 //!
 //! **Every order.** `tests/interleavings` runs these types in every order of both tasks, the scrub, DMA, the flight
 //! controller and the timer (`docs/decisions/0012-exhaustive-interleavings.md`).
 //!
 //! **Bounds.** A pause after each transaction and the number of transactions that are granted ([`ssi`](crate::ssi))
-//! bound how often the SSI task runs. A transaction that ends within the pause is served at the pause's end, or earlier
-//! if the commit task calls the SSI task. The SSI task waits for the commit task only while that task holds the
-//! mailbox, which takes as long as moving a few pointers.
+//! bound how often the SSI task runs. The SSI task waits for the commit task only while that task holds the mailbox,
+//! which takes as long as moving a few pointers.
 
 mod mailbox;
 mod server;

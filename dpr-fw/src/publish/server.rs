@@ -30,13 +30,11 @@ pub trait Ssi {
     /// The type of an image buffer.
     type Buffer: ImageBuffer;
 
-    /// Returns what has happened since the last call, and clears it. The semaphore must be read before the end of a
-    /// transaction: if a transaction ends between the two reads, this call returns its end, and the next call returns
-    /// the semaphore. After a transaction has ended, the peripheral's events do not call the task until the pause that
-    /// [`Ssi::pass_on`] begins is over.
+    /// Returns what has happened since the last call, and clears it. Must read the semaphore before the end of a
+    /// transaction: if a transaction ends between the two reads, the next call returns the semaphore. After an end, the
+    /// peripheral's events do not call the task until the pause that [`Ssi::pass_on`] begins is over.
     fn take_events(&mut self) -> Events<'_>;
-    /// Takes the bytes that the ended transaction brought, with its request, for the port task. Called before the next
-    /// release.
+    /// Takes the bytes and the request of the ended transaction for the port task. Called before the next release.
     fn hand_over(&mut self, asked: Asked) -> HandedOver;
     /// Passes the taken bytes on to the port task, calls that task, and begins the pause of
     /// [`PAUSE_US`](crate::ssi::PAUSE_US) anew. Called after the next release, for which the flight controller waits.
@@ -70,8 +68,7 @@ impl<const LEN: usize> Server<LEN> {
         Self { windows: Windows::new(), budget: Budget::new() }
     }
 
-    /// Serves a call of the SSI task: a transaction has ended, there is a newer image, an image has expired, or the
-    /// task only has to check in.
+    /// Serves a call of the SSI task: an ended transaction, a newer image, an expired image, or only a check-in.
     pub fn serve<S: Ssi>(
         &mut self,
         ssi: &mut S,

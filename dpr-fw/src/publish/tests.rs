@@ -1,5 +1,4 @@
-//! Tests the commit and SSI tasks on a model of the SPIS's semaphore. The flight controller, the timer and the SSI task
-//! interrupt them at every access to hardware.
+//! Tests the commit and SSI tasks on a model of the SPIS's semaphore, with interruptions at every hardware access.
 
 use std::{cell::RefCell, collections::VecDeque, ops::Range, rc::Rc};
 
@@ -90,7 +89,7 @@ struct SsiModel {
     world: Rc<RefCell<World>>,
     image: Option<Received<Buffer, ()>>,
     received: Vec<u8>,
-    /// The request of each transaction. The next two fields record what happened to the bytes of each transaction.
+    /// The request of each transaction.
     asked: Vec<Asked>,
     passed_on: usize,
     handed_over: HandedOver,
@@ -374,9 +373,8 @@ fn happening() -> impl Strategy<Value = Happening> {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(4_000))]
-    /// This test draws longer runs than `tests/interleavings` explores, at random. Each transaction reads the image
-    /// that FRESH announced last, whole and in time, or 0xFF. After the last event a transaction reads the newest
-    /// image.
+    /// This test draws longer runs than `tests/interleavings` explores. Each transaction reads the image that FRESH
+    /// announced last, whole and in time, or 0xFF. After the last event a transaction reads the newest image.
     #[test]
     fn a_transaction_reads_the_announced_image_or_nothing(
         happenings in prop::collection::vec(happening(), 0..60), scrubs in prop::collection::vec(any::<bool>(), 6),

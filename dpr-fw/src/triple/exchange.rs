@@ -15,8 +15,7 @@ pub const IMAGES: usize = 4;
 /// although FRESH may have risen for it.
 pub const IMAGES_LEAST: usize = 3;
 
-/// The triple buffer between the commit task and the SSI. Only the newest image waits; images do not queue as frames
-/// do.
+/// The triple buffer between the commit task and the SSI. Only the newest image waits.
 #[derive(Debug)]
 pub struct Exchange<B> {
     newest: Option<Received<B, ()>>,

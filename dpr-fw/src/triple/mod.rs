@@ -3,8 +3,7 @@
 //! # Design
 //!
 //! There are three receive buffers: the RFID side writes one, one is read into the image, one is scrubbed. The roles
-//! rotate at each frame, so that *old data can never be read as new*. The compiler enforces these ways from state to
-//! state:
+//! rotate at each frame, so that *old data can never be read as new*. The compiler enforces these ways between states:
 //!
 //! ```text
 //!            Clean::receive            Filling::received             Received::done
@@ -14,18 +13,15 @@
 //!     └──────────────────────────────── Dirty::scrub ────────────────────────────────────┘
 //! ```
 //!
-//! Each state is a type that owns the buffer, no state can be cloned, and the arrows above are the only ways from one
-//! to the next. So a frame is only received into a buffer of which every bit was just scrubbed, only a received frame
-//! can be read, and it can be read only once.
+//! Each state is a type that owns the buffer, and no state can be cloned. So a frame is only received into a buffer of
+//! which every bit was just scrubbed, only a received frame can be read, and it can be read only once.
 //!
-//! [`Rotation`] holds the buffers that wait for a task. Its operations move a few words, so tasks may call them in a
-//! critical section.
+//! [`Rotation`] holds the buffers that wait for a task. Its operations are short enough for a critical section.
 //!
 //! # Scrub
 //!
 //! The paper fills with 0x00 or 0xFF. This firmware fills with both in turn and reads the buffer back each time, so a
-//! scrub also finds stuck bits. A scrub ends with 0x00, which no CRC with initial value 0xFFFFFFFF accepts. The work is
-//! the same whatever the memory holds.
+//! scrub also finds stuck bits. A scrub ends with 0x00, which no CRC with initial value 0xFFFFFFFF accepts.
 //!
 //! # Buffers out of use
 //!
@@ -35,8 +31,7 @@
 //! shows the fault, and the buffers out of use are counted
 //! ([`Telemetry::buffers_out_of_use`](crate::telemetry::Telemetry::buffers_out_of_use)).
 //!
-//! A task that scrubs a buffer because no other is left goes on with that buffer even if it is faulty. The scrub task
-//! finds the fault again at its next scrub.
+//! A task that scrubs a buffer because no other is left uses the buffer even if it is faulty.
 //!
 //! # Every order
 //!

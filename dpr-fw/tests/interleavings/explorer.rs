@@ -56,15 +56,14 @@ struct Search {
     /// The number of choices at the start of `path` that this run has repeated so far.
     made: usize,
     seen: HashSet<u64>,
-    /// The digests of this run in their order. The next field is the number of them that the run has asked for.
+    /// The digests of this run in their order.
     digests: Vec<u64>,
     asked: usize,
     trace: Vec<&'static str>,
 }
 
 impl Explorer {
-    /// Chooses one of `of` continuations, whose numbers begin with 0. `state` gives a digest of everything on which the
-    /// future depends.
+    /// Chooses one of `of` continuations, numbered from 0. `state` digests everything on which the future depends.
     pub(crate) fn choose(&self, of: usize, state: impl FnOnce() -> u64) -> usize {
         if of == 1 {
             return 0;
@@ -86,8 +85,7 @@ impl Explorer {
         0
     }
 
-    /// Returns the digest that `compute` gives. A run that repeats the previous run uses the digests of that run again,
-    /// since computing them is most of the work.
+    /// Returns the digest that `compute` gives, or that of the previous run while this run repeats it.
     pub(crate) fn remember(&self, compute: impl FnOnce() -> u64) -> u64 {
         let mut search = self.search.borrow_mut();
         let asked = search.asked;

@@ -105,13 +105,13 @@ pub(crate) struct Hardware {
     pub(crate) ending: bool,
     /// Whether the pause masks END and ACQUIRED, so that they do not call the SSI task.
     pub(crate) masked: bool,
-    /// Whether the compare that ends the pause is still to come. The next field is the event of that compare.
+    /// Whether the compare that ends the pause is still to come.
     pub(crate) pause_runs: bool,
     pub(crate) pause_over: bool,
     pub(crate) pause_begins: bool,
     /// The buffer and the window that TXD points to.
     pub(crate) txd: Option<(usize, Window)>,
-    /// The bytes that the SPIS has written into the SSI task's memory. The next field is the number of these bytes.
+    /// The bytes that the SPIS has written into the SSI task's memory.
     pub(crate) rxd: [u8; 8],
     pub(crate) amount: usize,
     pub(crate) transaction: Option<Transaction>,
@@ -125,10 +125,10 @@ pub(crate) struct Hardware {
     pub(crate) just_cleared: bool,
     /// Whether the first compare came while the SSI task ran, and that run of the task has not ended.
     pub(crate) expired_in_task: bool,
-    /// The newest generation that was published. The next field is the newest generation that FRESH has announced.
+    /// The newest generation that was published.
     pub(crate) published: u8,
     pub(crate) announced: u8,
-    /// The receive buffer that is being written. The next field is the number of halves of a frame that it holds.
+    /// The receive buffer that is being written.
     pub(crate) receiving: usize,
     pub(crate) arrived: u8,
     /// The number of the frame that is arriving or comes next.
@@ -209,8 +209,7 @@ impl Hardware {
             Some(1) if !self.expired_in_task => with(Step::ExpireAgain),
             _ => {}
         }
-        // While the SSI task runs, the only difference is whether the compare comes before or after the task begins the
-        // pause anew.
+        // While the SSI task runs, it only matters whether the compare comes before the task begins the pause anew.
         if self.pause_runs && (level < Task::Ssi as u8 || self.pause_begins) {
             with(Step::PauseEnd);
         }

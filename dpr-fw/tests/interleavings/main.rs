@@ -39,7 +39,6 @@ mod hardware;
 use board::OneRun;
 use explorer::{Counterexample, Explored, Explorer};
 
-/// The number of bytes of an image. The next constant is the number of bytes of its lower half.
 const LEN: usize = 4 * dpr_fw::IMAGE_WORDS;
 const HALF_BYTES: usize = 4 * (dpr_fw::IMAGE_WORDS / 2);
 

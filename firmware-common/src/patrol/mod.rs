@@ -24,8 +24,7 @@
 //! - in flash: at the end of the first pass that begins after the change, so in two passes ([`Rate::flash_detect_us`]);
 //! - in code in RAM: when its word has its turn, so in one pass at most ([`Rate::code_detect_us`]);
 //! - in guard words: in one slice;
-//! - in RAM in use: if the bit is stuck or does not change, when its word has its turn, so in one pass at most
-//!   ([`Rate::ram_pass_us`]).
+//! - in RAM in use, if the bit is stuck or does not change: in one pass at most ([`Rate::ram_pass_us`]).
 
 use core::ops::Range;
 
@@ -54,8 +53,7 @@ pub trait Memory {
     fn load_shut(&self, address: u32) -> u32;
     /// Stores `word` at `address`, which belongs to a guard word.
     fn store(&mut self, address: u32, word: u32);
-    /// Inverts and restores the word at `address` of RAM and the next one, without an interruption. Returns the bits
-    /// that did not read as they were written.
+    /// Inverts and restores two words from `address` on, uninterrupted. Returns the bits that read wrong.
     fn exercise(&mut self, address: u32) -> u32;
 }
 
@@ -123,8 +121,7 @@ impl Pace {
         Self { last_us: now_us }
     }
 
-    /// Returns the number of slices due at `now_us`, which then count as done. The last call must be less than 71
-    /// minutes ago.
+    /// Returns the number of slices due at `now_us`, less than 71 minutes after the last call. They then count as done.
     pub fn due(&mut self, now_us: u32) -> u32 {
         let due = now_us.wrapping_sub(self.last_us) / SLICE_US;
         if due > MOST_SLICES {
@@ -156,7 +153,7 @@ pub struct Slice {
 pub struct Patrol {
     layout: Layout,
     rate: Rate,
-    /// The address of the next word of flash. The next field is the CRC of the words before it.
+    /// The address of the next word of flash.
     flash_at: u32,
     crc: u32,
     code_at: u32,

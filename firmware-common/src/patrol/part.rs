@@ -10,8 +10,7 @@ use crate::memory::{self, address};
 pub struct PartMemory(());
 
 impl PartMemory {
-    /// Returns the access to memory. To be called once, by code that runs in thread mode with no interrupt masked and
-    /// then does the slices.
+    /// Returns the access to memory. To be called once, in thread mode with no interrupt masked, as for the slices.
     #[must_use]
     pub fn take() -> Self {
         Self(())

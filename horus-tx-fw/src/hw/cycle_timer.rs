@@ -7,8 +7,7 @@
 //! it. The same instructions send a slot's command every time, before all other work.
 //!
 //! The timer itself makes the pin TICK fall with each tick: channel 3 in PWM mode 2 (RM0090, "TIMx_CCMR2") is active
-//! from its compare value to the update. So an observer outside of the board sees the tick without any delay by the
-//! processor.
+//! from its compare value to the update. So an observer sees the tick without any delay by the processor.
 //!
 //! From `FrontEndPort::arm` to the slot only the slot's interrupt uses the SPI; [`ARMED`] says for which slot.
 //!
@@ -179,8 +178,7 @@ pub fn is_quiet() -> bool {
     timing::quiet(tim2().cnt().read().cnt().bits())
 }
 
-/// Runs `log` if it would delay neither a slot nor the next tick, and returns whether it ran. All interrupts are masked
-/// from the check to the end of the message.
+/// Runs `log`, with all interrupts masked, if it would delay neither a slot nor the next tick. Returns whether it ran.
 pub fn when_quiet(log: impl FnOnce()) -> bool {
     cortex_m::interrupt::free(|_| {
         let quiet = is_quiet();

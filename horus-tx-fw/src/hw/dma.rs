@@ -46,7 +46,7 @@ pub(super) struct Transfer {
 
 pub(super) struct Flags(u32);
 
-/// The mask of all five flags of one stream. The next two constants are two of these flags.
+/// The mask of all five flags of one stream.
 const ALL_FLAGS: u32 = 0x3D;
 const TRANSFER_ERROR: u32 = 1 << 3;
 const TRANSFER_COMPLETE: u32 = 1 << 5;
@@ -170,9 +170,8 @@ pub(super) fn left(stream: Stream) -> usize {
 #[derive(Debug)]
 pub(super) struct StillOn;
 
-/// The number of times that [`stop`] asks whether the stream is off. Each poll takes at least 6 core cycles, so 128
-/// polls take 5 µs. At most one byte is under way then, which needs one access to the peripheral and one to memory,
-/// each of a few cycles of its bus.
+/// How often [`stop`] asks whether the stream is off. Each poll takes at least 6 core cycles, so 128 polls take 5 µs.
+/// At most one byte is under way then, which needs one access to the peripheral and one to memory.
 const STOP_POLLS: u32 = 128;
 
 /// Switches the stream off, if it is on, and waits until it is off. Its peripheral must still answer.

@@ -6,8 +6,7 @@
 //! The SPI has two users at different times: the slot's interrupt from [`transmitter::FrontEndPort::arm`] to the slot,
 //! and otherwise the tasks of the front end, which have one priority.
 //!
-//! The SPI runs in mode 1 (CPOL 0, CPHA 1; DS13541, SPI interface) at 72 MHz / 8 = 9 MHz, with eight bits, most
-//! significant bit first.
+//! The SPI runs in mode 1 (CPOL 0, CPHA 1; DS13541, SPI interface) at 72 MHz / 8 = 9 MHz, most significant bit first.
 //!
 //! [`field_off`] relies on no earlier set-up, so that it also works in the first instructions of the start, and after
 //! the clock security system has switched the PLL off. The SPI then runs at 2 or 1 MHz. The bounds of its waits, in
@@ -351,8 +350,7 @@ impl transmitter::FrontEndPort for Radio {
 /// most. All interrupts must be masked for good.
 pub(super) fn field_off() {
     enable_clocks();
-    // A stream that does not stop has no further request to serve once CR2 is cleared, and the field has to go off in
-    // any case.
+    // A stream that does not stop has no request to serve once CR2 is cleared, and the field has to go off anyway.
     let _ = (dma::stop(SPI_OUT), dma::stop(SPI_IN));
     spi().cr2().write(|w| w);
     deselect();

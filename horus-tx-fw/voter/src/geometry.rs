@@ -38,8 +38,7 @@ pub(crate) struct Place {
     longitude_e7: i32,
     sine: f32,
     cosine: f32,
-    /// The radius of curvature along the meridian, m, at the place's own height. The next field is the radius across
-    /// it.
+    /// The radius of curvature along the meridian, m, at the place's own height.
     along: f32,
     across: f32,
 }

@@ -46,7 +46,7 @@ impl<T: Mark> Hold<T> {
     /// The state in which no result was shown yet, so that the first result is shown.
     pub(crate) const NEW: Self = Self { shown: None, held: None };
 
-    /// Whether the result `mark` is shown at `now_ms`. It must exist (`is_there`), and other rules must allow it
+    /// Whether the result `mark` is shown at `now_ms`, if there is one (`is_there`) and other rules allow it
     /// (`may_show`).
     pub(crate) fn take(&mut self, now_ms: u32, mark: T, is_there: bool, may_show: bool) -> bool {
         let next = At { ms: now_ms, mark };

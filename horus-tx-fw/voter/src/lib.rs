@@ -75,8 +75,7 @@ pub const LATENCY_SPREAD_MS: i32 = 50;
 pub const WEEK_MS: u32 = 7 * 24 * 3_600 * 1_000;
 /// How much a latency may be off [`LATENCY_MS`], s. An accuracy grows by this times the speed (decision 15).
 pub const LATENCY_UNCERTAINTY_S: f32 = 0.05;
-/// Half of the greatest acceleration, m/s². An accuracy grows by this times the square of the age (decision 15: half of
-/// 4 m/s²).
+/// Half of the greatest acceleration, 4 m/s². An accuracy grows by this times the square of the age (decision 15).
 pub const HALF_ACCELERATION_M_S2: f32 = 2.0;
 
 /// Two receivers agree within this multiple of the root of their accuracies' squares' sum (decision 15, agreement).
@@ -86,15 +85,12 @@ pub const HORIZONTAL_LIMITS_M: [f32; 2] = [5.0, 30.0];
 /// The least and the greatest distance within which two receivers agree, vertically, m (decision 15, agreement).
 pub const VERTICAL_LIMITS_M: [f32; 2] = [8.0, 50.0];
 
-/// The greatest difference of two attitudes that agree, for pitch, yaw and roll, rad: 5, 10 and 5 degrees (decision 15,
-/// attitude and acceleration).
+/// The greatest difference of two attitudes that agree, pitch, yaw and roll, rad: 5, 10 and 5 degrees (decision 15).
 pub const ATTITUDE_LIMITS_RAD: [f32; 3] = [PI / 36.0, PI / 18.0, PI / 36.0];
-/// The greatest difference of two accelerations that agree, along each axis, m/s² (decision 15, attitude and
-/// acceleration).
+/// The greatest difference of two accelerations that agree, along each axis, m/s² (decision 15).
 pub const ACCELERATION_LIMIT_M_S2: f32 = 2.0;
 
-/// How long a place or an altitude that cannot be reached from the last one shown must last before it is shown, ms
-/// (decision 15, jumps).
+/// How long a place or altitude out of reach of the last one shown must last before it is shown, ms (decision 15).
 pub const HELD_BACK_MS: u32 = 1_000;
 
 /// The largest angle that is used, rad in either direction: more than UBX NAV-ATT can hold, which is 375 rad.
@@ -196,7 +192,7 @@ struct Brought {
     step: [f32; 2],
     /// How far the candidate has moved upwards since its position's epoch, m.
     climb: f32,
-    /// The horizontal accuracy, m, with the error of the extrapolation. The next field is the vertical accuracy.
+    /// The horizontal accuracy, m, with the error of the extrapolation.
     horizontal: f32,
     vertical: f32,
 }
@@ -273,9 +269,8 @@ impl<const N: usize> Voter<N> {
         }
     }
 
-    /// Updates the excluded receivers for the next tick: adds the `outvoted`, and removes those that have agreed for
-    /// long enough with all `members`. Without a result it is enough to have agreed with one of the `eligible`, if
-    /// there are any.
+    /// Updates the excluded receivers: adds the `outvoted`, and removes those that have agreed for long enough with all
+    /// `members`, or without a result with one of the `eligible`, if there are any.
     fn remember(&mut self, members: u8, outvoted: u8, eligible: u8, friends: &[u8; N], now_ms: u32) {
         let mut returned = 0;
         for (index, (since, friends)) in self.agreeing_since.iter_mut().zip(friends).enumerate() {
@@ -416,8 +411,7 @@ fn apart((place, step): (&Place, [f32; 2]), (other, other_step): (&Place, [f32; 
     ([north, east], off_north * off_north + off_east * off_east + up * up)
 }
 
-/// The place of a result: a step, m north and east, from a member's place; and the accuracy of the result's least
-/// accurate member, m.
+/// The place of a result: a step, m north and east, from a member's place, and the least accurate member's accuracy, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Spot {
     place: Place,

@@ -10,8 +10,7 @@ const PARTS_PER_METRE: f32 = (1 << 20) as f32;
 const MOST_PARTS: u32 = (1 << 26) - 1;
 const SUM_BITS: u32 = 29;
 
-/// The weight that each member adds to a set. The next constant is added for a member of the set that won last. The
-/// number of a receiver adds less than 2^8, a lower number more.
+/// The weight that each member adds to a set. The number of a receiver adds less than 2^8, a lower number more.
 const MEMBER: u32 = 1 << 16;
 const KEPT: u32 = 1 << 8;
 
@@ -20,7 +19,6 @@ const KEPT: u32 = 1 << 8;
 ///
 /// `friends[i]` are the receivers that agree with receiver `i`, including itself. Every set is examined once, made from
 /// a smaller set by adding the receiver with the highest number.
-/// made from a smaller set by adding the receiver with the highest number.
 pub(crate) fn winner<const N: usize>(friends: &[u8; N], eligible: u8, last: u8, accuracies: &[f32; N]) -> u8 {
     let mut weights = [0; N];
     let mut parts = [0; N];

@@ -137,8 +137,7 @@ fn the_age_of_a_message_follows_from_its_lag_behind_the_others() {
         ([100, 400_000, 110], [40, 50, 50]),
         ([400_000, 100, 110], [50, 40, 50]),
         ([0, WEEK_MS / 2 - 9, WEEK_MS / 2], [50, 50, 59]),
-        // In this row, times of week lie just before and after half a week from the first, which is wrong, so none can
-        // be compared.
+        // In this row, times of week lie around half a week from the first, which is wrong, so none can be compared.
         ([0, WEEK_MS / 2, WEEK_MS / 2 + 9], [50, 50, 50]),
         // In these rows the week ends between the receivers' times of week.
         ([5, LAST, LAST - 20], [56, 50, 30]),
@@ -312,8 +311,7 @@ fn of_equal_triples_of_five_the_lowest_numbers_win() {
     assert_eq!(once(at([4.8, 0.0, 9.6, 2.4, 7.2])).members, 0b01011, "1, 2 and 4 before 1, 3 and 5");
 }
 
-/// Votes with three receivers, the third of which is wrong until `wrong_until`. Returns the tick at which it is no
-/// longer excluded.
+/// Votes with three receivers, the third wrong until `wrong_until`. Returns the tick from which it is not excluded.
 fn returns(step: u32, wrong_until: u32, third: impl Fn(u32) -> Report, start: u32) -> Option<u32> {
     let mut voter = Voter::new();
     for at in (0..5_000).step_by(step as usize) {
@@ -585,8 +583,8 @@ fn who_contradicts_a_quorum_of_altitudes_is_excluded_beside_members_without_one(
     // Two altitudes are no quorum of five, so nobody can tell which one is right.
     let verdict = once([FLAT, FLAT, GOOD, GOOD, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b01111, None, 0));
-    // A receiver without an altitude contradicts no other, and one that agrees with a member that has an altitude may
-    // still take part.
+    // A receiver without an altitude contradicts no other. One that agrees with a member that has an altitude may still
+    // take part.
     let verdict = once([FLAT.moved(7.0, 0.0), FLAT.moved(4.0, 0.0), GOOD, GOOD, GOOD]);
     assert_eq!((verdict.members, verdict.excluded), (0b11110, 0));
     let verdict = once([FLAT, GOOD, GOOD, GOOD.raised(-7.0), GOOD.raised(9.0).stating(1_500, 100)]);
@@ -862,8 +860,7 @@ fn wrong() -> impl Strategy<Value = Report> {
 proptest! {
     #![proptest_config(seeded(4_000))]
 
-    /// The result lies between the two right receivers, or at most as far from one of them as two that agree can be
-    /// apart.
+    /// The result lies between the right receivers, or as far from one of them as two that agree can be apart.
     #[test]
     fn one_wrong_receiver_of_three_moves_the_position_within_bounds(
         wrongs in prop::collection::vec(wrong(), 1..6),

@@ -378,7 +378,6 @@ impl Chip {
             }
             0x40..=0x7F => {
                 // Each register is read when its own byte begins, since a frame may end between two of them.
-                // between two of them.
                 self.advance(self.now + first as u64);
                 for (offset, slot) in miso[first..].iter_mut().enumerate() {
                     *slot = self.read(space, usize::from(head & 0x3F) + offset);
@@ -393,8 +392,7 @@ impl Chip {
                 self.needs_oscillator("FIFO read");
                 let mut dry = false;
                 for slot in &mut miso[1..] {
-                    // A byte leaves the FIFO when it is clocked out, which is after the command and the bytes before
-                    // it.
+                    // A byte leaves the FIFO when it is clocked out, after the command and the bytes before it.
                     self.advance(self.now + 1);
                     match self.fifo.pop_front() {
                         Some(byte) => *slot = byte,
@@ -487,7 +485,7 @@ impl Chip {
                 (self.sending, self.receiving) = (true, false);
                 let ntx = usize::from(self.a[0x22]) << 5 | usize::from(self.a[0x23]) >> 3;
                 self.sent.push((self.now, vec![]));
-                // `after` is the time, µs, of preamble, sync and this number of bytes; a bit lasts 32 periods of 13.56
+                // `after` is the time, µs, of preamble, sync and this number of bytes; a bit is 32 periods of 13.56
                 // MHz.
                 let after = |bytes: usize| (48 + 16 + 8 * bytes as u64) * 3_200 / 1_356;
                 for byte in 0..ntx {
@@ -671,8 +669,7 @@ impl Rig {
         }
     }
 
-    /// Runs a listener for at most `steps` steps. Returns its next event, if one came; the next call continues from
-    /// there.
+    /// Runs a listener for at most `steps` steps, to its next event, if one comes; the next call continues.
     pub(crate) fn listener_within(&mut self, machine: &mut Listener, steps: u32) -> Option<ListenerEvent> {
         for _ in 0..steps {
             let given = self.carry_out(self.outstanding);

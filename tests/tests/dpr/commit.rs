@@ -19,8 +19,7 @@ use rtic_core::Mutex;
 
 use super::frames::{Case, CASES, CLASSES, SIZE};
 
-/// The number of a frame's bytes, LEN included, that have arrived at the listener's first, second and third read of its
-/// FIFO.
+/// The number of a frame's bytes, LEN included, that have arrived at the listener's three reads of its FIFO.
 const READS: [usize; 3] = [16, SIZE + 3 - st25r3916::listener::BODY, SIZE + 3 - st25r3916::listener::TAIL];
 /// The number of cycles before the timed one; the sequence is found with the fourth.
 const CYCLES_BEFORE: u32 = 6;

@@ -24,8 +24,7 @@ pub(crate) enum Case {
     Swapped,
     /// This object is that of the cycle before, with valid CRCs.
     OfTheCycleBefore(usize),
-    /// The latitude of Reported-Position was changed and its frame CRC calculated anew, so that its position CRC is
-    /// wrong.
+    /// The latitude of Reported-Position and its frame CRC were changed, so its position CRC is wrong.
     Position,
     /// Every byte of the payload is 0x00.
     Zeros,

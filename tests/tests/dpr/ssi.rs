@@ -111,8 +111,7 @@ impl<'a> Ssi for Wires<'_, 'a, '_> {
     }
     fn hand_over(&mut self, asked: Asked) -> HandedOver {
         let Some(mut area) = self.area.take() else { return HandedOver::Empty };
-        // The fourth word of an area holds the object's identifier and status, which is examined when the area is
-        // dropped.
+        // The fourth word of an area, identifier and status, is examined when the area is dropped.
         area.memory()[3] = 0x5A5A_5A5A;
         let (next, handed_over) = self.areas.hand_over(area, Transaction { asked, bytes: self.mosi.len() });
         self.area = Some(next);
@@ -255,8 +254,7 @@ pub(crate) fn rotation(cycles: &Cycles) {
     done.assert("Rotation::done", bounds(35, 30, 45, 8));
 }
 
-/// Times `WritePort::transaction` and `WritePort::prepare`, which have a bound only: no task but the idle loop waits
-/// for them.
+/// Times `WritePort::transaction` and `WritePort::prepare`. Only the idle loop waits for them, so no spread counts.
 pub(crate) fn port(cycles: &Cycles) {
     let (base, own) = (Writer::<BaseStation>::claim(), Writer::<FlightController>::claim());
     let values = |timestamp| UplinkValues { timestamp, payload: [0xA5; Uplink::PAYLOAD], ..UplinkValues::default() };

@@ -19,8 +19,7 @@ fn solution(valid: bool, value: f64) -> Solution {
     }
 }
 
-/// Returns the solution of a receiver that at `now` ms has sent an intact NAV-PVT with a fix at `latitude` (1e-7
-/// degrees).
+/// Returns the solution of a receiver whose intact NAV-PVT has a fix at `latitude` (1e-7 degrees) at `now` ms.
 fn located(now: u32, latitude: i32, velocity: [i32; 3]) -> Solution {
     let mut receiver = Receiver::new();
     let message = nav_pvt(latitude, velocity);

@@ -50,8 +50,7 @@ impl At {
         self.call(|called| called.commit = true);
     }
 
-    /// Runs the tasks `commit` and `deadline` ([`dpr_fw::intake`]): publishes an image for each frame that waits, or
-    /// one without objects if none waits.
+    /// Runs `commit` and `deadline` ([`dpr_fw::intake`]): an image for each frame that waits, or one without objects.
     pub(super) fn commit(&self) {
         self.see(self.0.digests.get()[FILLING]);
         let mut filling = self.0.filling.borrow_mut().take();
