@@ -210,7 +210,6 @@ pub struct Acceptance<const N: usize> {
     sequence: Sequence,
     /// The objects that the frames of the current cycle carried, accepted or not.
     seen: Objects,
-    /// Whether the current cycle is in sequence.
     in_sequence: bool,
 }
 

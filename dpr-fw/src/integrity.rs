@@ -127,7 +127,6 @@ impl<const N: usize> ImageCheck<N> {
     /// The number of objects: Link-Status, Reported-Position, GPS1 to GPSn, Port-Status, two uplinks.
     pub const OBJECTS: usize = N + 5;
 
-    /// The index of Port-Status.
     const PORT_STATUS: usize = N + 2;
 
     /// Returns a check that begins with Link-Status.

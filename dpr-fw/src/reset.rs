@@ -5,13 +5,10 @@
 
 use profile::ResetReason;
 
-/// The reset pin has bit 0.
 const RESETPIN: u32 = 1;
-/// The watchdog has bit 1.
 const DOG: u32 = 1 << 1;
 /// A reset by software or by a debugger (AIRCR.SYSRESETREQ) has bit 2.
 const SREQ: u32 = 1 << 2;
-/// A lockup has bit 3.
 const LOCKUP: u32 = 1 << 3;
 
 /// Returns the reason for the RESETREAS value `bits`. `ram_kept` says whether the word of RAM has kept its value.

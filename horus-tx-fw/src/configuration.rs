@@ -230,7 +230,6 @@ pub struct Configuration {
     /// The number of this step's messages in a row that were not answered.
     unanswered: u8,
     standing: Standing,
-    /// The number of intact messages so far.
     messages: u32,
     last_heard: Option<u32>,
 }

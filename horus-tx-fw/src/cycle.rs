@@ -55,7 +55,6 @@ pub struct Cycle<const N: usize> {
     memory_fault: bool,
     inputs: StateInputs,
     voter: Voter<N>,
-    /// The last vote.
     verdict: Verdict,
     voted: Option<(u32, ReportedPosition)>,
 }

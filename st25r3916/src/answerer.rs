@@ -162,7 +162,6 @@ pub struct Answerer {
     listener: Listener,
     sender: Sender,
     state: AnswererState,
-    /// Whether the last answer was lost.
     lost: bool,
     answered: u32,
     unconfirmed: u32,

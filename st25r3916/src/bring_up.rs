@@ -351,9 +351,7 @@ enum Operation {
     Send(Short),
     /// Sends a command or a write, then waits for the interrupt at its end.
     Run(Short, Awaited),
-    /// Reads the identity.
     Identify,
-    /// Reads the result of the supply measurement.
     ReadSupply,
     /// Reads these registers back.
     ReadBack(Setting),
@@ -361,7 +359,6 @@ enum Operation {
     Verify,
     /// Does nothing, since this chip type needs no operation here.
     Skip,
-    /// Marks the end of this part of the list.
     End,
 }
 

@@ -182,7 +182,6 @@ pub struct ExchangeCounters {
 pub struct Exchange {
     poller: Poller,
     state: ExchangeState,
-    /// The answer that is being received.
     frame: Option<Frame>,
     /// The result of the exchange, which is reported when the receiver is masked.
     result: Result<(usize, FrameFlags), NoAnswer>,

@@ -110,7 +110,6 @@ pub trait Port {
 /// The condition for which an executor waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Waiting {
-    /// The end of a transfer.
     Transfer,
     /// The IRQ pin or the timer, whichever comes first.
     IrqOrTime,

@@ -58,7 +58,6 @@ pub(crate) enum Sending {
     Transfer(SendState, Transfer),
     /// Wait for the IRQ pin, at most this many µs.
     Wait(SendState, u32),
-    /// The FIFO is empty and the length is set.
     Prepared,
     /// The FIFO holds the first bytes, and the transmit command is due.
     Loaded,

@@ -89,7 +89,6 @@ struct SsiModel {
     world: Rc<RefCell<World>>,
     image: Option<Received<Buffer, ()>>,
     received: Vec<u8>,
-    /// The request of each transaction.
     asked: Vec<Asked>,
     passed_on: usize,
     handed_over: HandedOver,

@@ -36,7 +36,6 @@ pub(crate) struct Transaction {
     generation: u8,
     /// The number of halves of the transaction's bytes that EasyDMA has carried.
     carried: u8,
-    /// The window that the transaction requests.
     asks: Window,
 }
 
@@ -54,11 +53,9 @@ pub(crate) enum Step {
     Expire,
     /// The expiry timer's second compare comes and triggers ACQUIRE again.
     ExpireAgain,
-    /// The compare that ends the pause after a transaction comes.
     PauseEnd,
     /// EasyDMA writes the next half of a frame into the receive buffer.
     Arrive,
-    /// The frame that is arriving has ended.
     FrameEnd,
     /// The frame that is arriving is lost and will not be delivered.
     FrameLost,
@@ -119,16 +116,13 @@ pub(crate) struct Hardware {
     asked: Window,
     /// The number of compares since the expiry timer was cleared; `None` before the timer's first start.
     pub(crate) expired: Option<u8>,
-    /// The event of the expiry timer's first compare.
     pub(crate) compare: bool,
     /// Whether the expiry timer was cleared and its event is not cleared yet.
     pub(crate) just_cleared: bool,
     /// Whether the first compare came while the SSI task ran, and that run of the task has not ended.
     pub(crate) expired_in_task: bool,
-    /// The newest generation that was published.
     pub(crate) published: u8,
     pub(crate) announced: u8,
-    /// The receive buffer that is being written.
     pub(crate) receiving: usize,
     pub(crate) arrived: u8,
     /// The number of the frame that is arriving or comes next.

@@ -58,7 +58,6 @@ struct Bounds {
     mutation: Mutation,
 }
 
-/// A rule that is broken on purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mutation {
     None,

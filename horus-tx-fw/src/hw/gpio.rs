@@ -78,7 +78,6 @@ fn configure(pin: Pin, mode: u32, speed: Speed, pull: Pull) {
     }
 }
 
-/// Connects a pin to the peripheral of its alternate function.
 pub(super) fn alternate(alternate: AlternatePin, speed: Speed, pull: Pull) {
     let AlternatePin { pin, function } = alternate;
     let port = block(pin.port);

@@ -155,7 +155,6 @@ pub struct Radio {
     len: usize,
     response: [u8; Short::MAX],
     failed: bool,
-    /// The range of [`FRAME`]'s bytes that is loaded.
     frame: Range<usize>,
     /// Whether the time for which the timer was started is over.
     over: bool,

@@ -26,9 +26,7 @@ pub(crate) enum Case {
     OfTheCycleBefore(usize),
     /// The latitude of Reported-Position and its frame CRC were changed, so its position CRC is wrong.
     Position,
-    /// Every byte of the payload is 0x00.
     Zeros,
-    /// Every byte of the payload is 0xFF.
     Ones,
     /// The frame is good, but its timestamp is that of the cycle before.
     Repeated,
@@ -86,7 +84,6 @@ impl Case {
         }
     }
 
-    /// Returns the payload of the cycle with `timestamp`.
     pub(crate) fn payload(self, timestamp: u32) -> [u8; SIZE] {
         let good = |timestamp| {
             let (reported, gps) = suite::inputs(timestamp);
