@@ -1,5 +1,5 @@
-//! Puts `memory.x` where the linker looks for it, in this firmware's own folder, since two firmwares share one target
-//! directory. Links the firmware with the word that holds the program's CRC. Makes the table of the tasks.
+//! Gives the linker this firmware's own `memory.x`, since two firmwares share one target directory, and the script of
+//! the program's CRC. Makes the table of the tasks.
 
 use std::{env, error::Error, fs, path::PathBuf};
 
@@ -7,8 +7,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(env::var("OUT_DIR")?);
     fs::copy("memory.x", out.join("memory.x"))?;
     println!("cargo:rustc-link-search={}", out.display());
-    // This script has the word for the program's CRC; `firmware-common` puts the script where the linker looks for it.
-    // The host's binary needs no script, since it only prints what the firmware is.
+    // The script is that of `firmware-common`. The host's binary needs none, since it only prints what the firmware is.
     if env::var("CARGO_CFG_TARGET_OS")? == "none" {
         println!("cargo:rustc-link-arg-bins=-Tprogram_crc.x");
     }

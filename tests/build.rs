@@ -3,10 +3,9 @@
 use std::path::PathBuf;
 use std::{env, fs};
 
-/// The changes of the firmware's linker scripts for the DPR's suite, each as the script, the text in it, and the text
-/// that replaces it. Generic and small functions are compiled in the suite's own crates instead of the firmware's
-/// library, and have to run from RAM as they do in the firmware. Therefore the suite needs more room than the firmware
-/// has.
+/// The changes of the firmware's linker scripts for the DPR's suite: the script, the text in it, and the text that
+/// replaces it. Generic and small functions are compiled in the suite's own crates instead of the firmware's library,
+/// and have to run from RAM as in the firmware, so the suite needs more room.
 const CHANGES: [(&str, &str, &str); 6] = [
     ("hot.x", "__shot = .;", "__shot = .;\n    *(.text.*3dpr* .text.*15on_target_tests*);"),
     ("memory.x", "FLASH : ORIGIN = 0x00000000, LENGTH = 96K", "FLASH : ORIGIN = 0x00000000, LENGTH = 256K"),

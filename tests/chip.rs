@@ -1,5 +1,5 @@
-//! A model of an ST25R3916B, with as much of it as the driver's state machines need to set the chip up: its registers
-//! read back as they were written.
+//! A model of an ST25R3916B with what the driver's state machines need to set the chip up: its registers read back as
+//! they were written.
 
 use st25r3916::Short;
 
@@ -13,9 +13,7 @@ const IDENTITY: usize = 0x3F;
 
 /// The bit I_osc of the main interrupt register, which is also I_dct of the timer's interrupt register.
 const DONE: u8 = 0x80;
-/// The command that gives access to the registers of space B.
 const SPACE_B: u8 = 0xFB;
-/// The bit in a register's address that requests a read.
 const READ: u8 = 0x40;
 
 /// Interrupts, errors and FIFO level of the chip, as the driver reads them in one status read.
@@ -64,7 +62,7 @@ impl Chip {
         }
     }
 
-    /// Carries out a short transfer of the bytes `out` and returns the bytes that the driver clocks in.
+    /// Carries out a short transfer of the bytes `out`. Returns the bytes that the driver clocks in.
     pub fn respond(&mut self, out: &[u8]) -> [u8; Short::MAX] {
         let mut into = [0; Short::MAX];
         let (space, header) = if out[0] == SPACE_B { (&mut self.space_b, 1) } else { (&mut self.registers, 0) };

@@ -6,8 +6,8 @@ use core::hint::black_box;
 
 use cortex_m::peripheral::{DCB, DWT};
 
-/// The cost of a core cycle where the suite runs: that of one of the bench's clocks (`emulator/cortex-m4/src/cost.rs`),
-/// or that of hardware.
+/// The clock on which a suite runs, which gives the cost of a core cycle: one of the bench's clocks
+/// (`emulator/cortex-m4/src/cost.rs`), or that of hardware.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clock {
     /// The bench counts one cycle for each halfword of code.
@@ -31,9 +31,8 @@ pub const CLOCK: Clock = match option_env!("ON_TARGET_CLOCK") {
     },
 };
 
-/// The cycles by which a board's flash cache and prefetch may increase the spread. A few wait states depend on where
-/// code lies in the lines of the flash and on what was fetched before. The bench has no such wait states on its fast
-/// and optimistic clocks.
+/// The cycles by which a board's flash cache and prefetch may increase the spread: a few wait states depend on where
+/// code lies in the flash and on what was fetched before. The bench's fast and optimistic clocks have none.
 const HARDWARE_SPREAD: u32 = 64;
 
 /// The most cycles that some work may take, on each clock.
@@ -45,13 +44,11 @@ pub struct Bounds {
     pub optimistic: u32,
     /// The bound on [`Clock::Pessimistic`] and [`Clock::Hardware`], in cycles.
     pub pessimistic: u32,
-    /// The most cycles by which the data may change the time, on each of the bench's clocks; `u32::MAX` if only the
-    /// bound counts.
+    /// The most cycles by which the data may change the time on the bench; `u32::MAX` if only the bound counts.
     pub spread: u32,
 }
 
-/// Returns the bounds of some work for the fast, optimistic and pessimistic clock; the data may change its time by
-/// `spread` cycles.
+/// Returns the bounds for the fast, optimistic and pessimistic clock, and the allowed spread, in cycles.
 #[must_use]
 pub const fn bounds(fast: u32, optimistic: u32, pessimistic: u32, spread: u32) -> Bounds {
     Bounds { fast, optimistic, pessimistic, spread }
@@ -99,8 +96,7 @@ impl Cycles {
         Self(dwt)
     }
 
-    /// Returns the cycles that one call of `work` takes, including a few for the reading of the counter, and the call's
-    /// result.
+    /// Returns the cycles of one call of `work`, including a few for the reading of the counter, and its result.
     pub fn timed<T>(&self, work: impl FnOnce() -> T) -> (u32, T) {
         let began = self.0.cyccnt.read();
         let result = black_box(work());
@@ -118,8 +114,8 @@ impl Cycles {
         self.over_prepared(inputs, |_| (), |input, ()| work(input))
     }
 
-    /// Returns the times of work over several inputs, as [`Cycles::over`] does, for work that changes its state.
-    /// `prepare` makes the state anew for each input and is not timed.
+    /// Returns the times as [`Cycles::over`] does, for work that changes its state. `prepare` makes the state anew for
+    /// each input and is not timed.
     #[inline(always)]
     pub fn over_prepared<I, S, T>(
         &self,
@@ -128,8 +124,7 @@ impl Cycles {
         mut work: impl FnMut(&I, &mut S) -> T,
     ) -> Taken {
         let mut taken = Taken::NONE;
-        // The work is called at one place in the code only, so every input, timed or not, runs the same copy of the
-        // work.
+        // The work is called at one place in the code only, so every input, timed or not, runs the same copy of it.
         let mut turn = |input: &I| {
             let mut state = black_box(prepare(black_box(input)));
             self.of(|| work(black_box(input), black_box(&mut state)))
@@ -173,8 +168,7 @@ impl Taken {
             self.spread(),
             spread
         );
-        // Fewer than four cycles mean that the work was not done: the optimiser removed it, or the counter stands
-        // still.
+        // Fewer than four cycles mean that the optimiser removed the work, or that the counter stands still.
         defmt::assert!(self.min >= 4, "{=str} took {=u32} cycles, which is no work at all", what, self.min);
         defmt::assert!(self.max <= bound, "{=str} took {=u32} cycles, more than {=u32}", what, self.max, bound);
         defmt::assert!(self.spread() <= spread, "{=str} depends on its data: {}", what, self);
@@ -187,8 +181,7 @@ impl Taken {
     }
 }
 
-/// Shows that a dependence of the time on the data is detected: a comparison of two arrays stops at the first
-/// difference.
+/// Shows that a dependence on data is detected: a comparison of two arrays stops at the first difference.
 pub fn a_dependence_is_seen(cycles: &Cycles) {
     const LENGTH: usize = 64;
     let differing_at = |place: usize| {

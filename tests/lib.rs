@@ -1,10 +1,9 @@
 //! Code that both boards' suites share: a cycle counter, and the bounds that the profile's code must keep.
 //!
 //! A suite is one program for each board. `cargo xtask test` runs it on the bench and, with `--on hardware`, on the
-//! board. A suite is built for one clock (`cycles::CLOCK`). Bounds are in core cycles, read from DWT CYCCNT, and stated
-//! for each of the bench's clocks; on a board the bounds of the pessimistic clock hold. `docs/timing.md` has their
-//! table. On a board, cycles include wait states of the flash, so the *spread* between data, which shows that the work
-//! is constant, may be somewhat greater there.
+//! board. It is built for one clock (`cycles::CLOCK`). Bounds are in core cycles, read from DWT CYCCNT, and stated for
+//! each of the bench's clocks (table in `docs/timing.md`); on a board those of the pessimistic clock hold. The *spread*
+//! between data shows that the work is constant. On a board it may be greater because of wait states of the flash.
 #![cfg_attr(target_os = "none", no_std)]
 #![forbid(unsafe_code)]
 

@@ -17,7 +17,6 @@ pub fn check_values() {
     defmt::assert_eq!(crc::position(CHECK), 0xEA87_07AB);
 }
 
-/// Returns values that differ in every field.
 fn values(timestamp: u32) -> GpsValues {
     GpsValues {
         status: GpsStatus::new().with_position_valid(true),
@@ -94,7 +93,6 @@ pub fn bounds(cycles: &Cycles, seal: Bounds, verify: Bounds) {
     bytes[1] = bytes[0];
     bytes[1][9] ^= 1; // the first object is damaged in its position
     bytes[2] = [0xFF; Profile::<RECEIVERS>::SIZE];
-    // The last of the four objects is scrubbed.
     cycles
         .over(bytes, |bytes| Profile::<RECEIVERS>::read(bytes).map(|reading| reading.complete()).unwrap_or(false))
         .assert("Profile::verify", verify);

@@ -2,26 +2,22 @@
 //!
 //! # Design
 //!
-//! Each object is accepted or rejected by itself: the frame's length tells where in the profile each object lies, then
-//! the object's CRCs, identifier and timestamp decide (black channel; paper, section 2.3). The errors that the front
-//! end reports of a frame (CRC-16, framing, overflow) are counted elsewhere and decide nothing. Only a wrong length
-//! rejects a whole frame, since then it is not known where an object lies.
+//! Each object is accepted or rejected by itself: the frame's length tells where each object lies, then the object's
+//! CRCs, identifier and timestamp decide (black channel; paper, section 2.3). The errors that the front end reports of
+//! a frame (CRC-16, framing, overflow) are only counted, elsewhere. A frame of a wrong length is rejected as a whole,
+//! since its length does not tell where an object lies.
 //!
-//! All frames of a cycle carry one timestamp: one frame for up to three receivers, two for five. The timestamp of a
-//! frame is that of its first intact object; an intact object with another timestamp is rejected, so no image ever
-//! mixes cycles. Objects are accepted only if their cycle is in sequence ([`profile::sequence`]); a frame without an
-//! intact object has no timestamp and leaves the sequence as it is.
+//! A cycle has one frame for up to three receivers and two for five, all with one timestamp. The timestamp of a frame
+//! is that of its first intact object; an intact object with another timestamp is rejected, so no image ever mixes
+//! cycles. Objects are accepted only if their cycle is in sequence ([`profile::sequence`]).
 //!
-//! The sequence compares timestamps with the DPR's clock, at the instant of the cycle's sample: the end of the frame
-//! less the time that HORUS takes from sample to last bit, which is a constant of each frame of the profile
-//! ([`air::age_at_end_us`]). So either of a cycle's two frames gives the same instant. The verdict on the first frame
-//! of a cycle also holds for the second, if the second has the same timestamp, carries objects that have not come yet,
-//! and was sampled at the same instant within [`SAME_SAMPLE_US`]. Without the last condition a second frame that was
-//! held back for any time would be accepted. Any other frame with a timestamp is judged as another cycle, even if it
-//! repeats the timestamp.
+//! The sequence compares timestamps with the DPR's clock at the instant of the cycle's sample. This instant is the end
+//! of the frame less the time from sample to last bit, which is a constant of each frame of the profile
+//! ([`air::age_at_end_us`]). The verdict on the first frame of a cycle also holds for the second frame if three
+//! conditions are met: the second frame has the same timestamp, carries objects that have not come yet, and was sampled
+//! at the same instant within [`SAME_SAMPLE_US`]. The last condition keeps out a second frame that was held back. Any
+//! other frame with a timestamp is judged as another cycle, even if it repeats the timestamp.
 //!
-//! The work is the same whatever the data say: all objects are verified, with no early exit, and the caller copies the
-//! accepted ones under a mask.
 
 use core::hint::black_box;
 
@@ -32,14 +28,13 @@ use profile::{
     Object, Profile, Rejection, MAX_RECEIVERS,
 };
 
-/// The most objects that a profile can have.
+/// The largest number of objects that a profile can have.
 pub const MAX_OBJECTS: usize = MAX_RECEIVERS + 1;
 
-/// The most by which the two frames of a cycle may differ in the instant of their sample, µs: the tolerance that the
-/// sequence has for two equal timestamps.
+/// The largest difference between the sample instants of a cycle's two frames, µs (the sequence's tolerance).
 pub const SAME_SAMPLE_US: u32 = sequence::TOLERANCE_US;
 
-/// Whether two instants at which samples were taken, µs, are the same within [`SAME_SAMPLE_US`].
+/// Whether two samples were taken at the same instant, within [`SAME_SAMPLE_US`]. Both instants are in µs.
 #[must_use]
 pub const fn same_sample(one_us: u64, other_us: u64) -> bool {
     one_us.wrapping_sub(other_us).cast_signed().unsigned_abs() <= SAME_SAMPLE_US as u64
@@ -53,13 +48,13 @@ impl Objects {
     /// The empty set.
     pub const NONE: Self = Self(0);
 
-    /// Returns all objects of a profile of `receivers` receivers.
+    /// Returns the set of all objects of a profile with `receivers` receivers.
     #[must_use]
     pub const fn all(receivers: usize) -> Self {
         Self(((2_u16 << receivers) - 1) as u8)
     }
 
-    /// Returns the objects that a frame carries which begins at `place` in the profile.
+    /// Returns the objects of a frame that has this place in the profile.
     #[must_use]
     pub const fn at(place: Place) -> Self {
         Self((((1_u16 << place.count()) - 1) << place.first()) as u8)
@@ -71,7 +66,7 @@ impl Objects {
         index < MAX_OBJECTS && self.0 >> index & 1 == 1
     }
 
-    /// Returns the objects that are in either of two sets.
+    /// Returns the objects that are in at least one of the two sets.
     #[must_use]
     pub const fn union(self, other: Self) -> Self {
         Self(self.0 | other.0)
@@ -89,20 +84,19 @@ impl Objects {
         self.0.count_ones()
     }
 
-    /// Returns the set with object number `index` added if `on`.
     const fn with(self, index: usize, on: bool) -> Self {
         Self(self.0 | (on as u8) << index)
     }
 }
 
-/// The relation of a frame to the cycles that were received before it.
+/// The relation of a frame to the frames that were received before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cycle {
     /// No object of the frame is intact, so no timestamp is known.
     Unknown,
-    /// The frame was still missing from the current cycle; the verdict on the cycle's first frame holds for it too.
+    /// The frame belongs to the current cycle, so the verdict on the cycle's first frame holds for it too.
     Same,
-    /// The frame belongs to another cycle, of which the sequence gives this judgement.
+    /// The frame belongs to another cycle than the frame before it. The sequence gave this judgement on that cycle.
     Next(Judgement),
 }
 
@@ -111,9 +105,9 @@ pub enum Cycle {
 pub struct Verdict {
     /// The place of the frame's objects in the profile.
     pub place: Place,
-    /// The instant at which the frame's sample was taken, µs on the DPR's clock: from the frame's number in its cycle.
+    /// The instant, µs on the DPR's clock, at which HORUS took the frame's sample. It is computed from the frame's end.
     pub sampled_us: u64,
-    /// The relation of the frame to the cycles before it.
+    /// The relation of the frame to the frames before it.
     pub cycle: Cycle,
     /// The objects of the frame that were accepted.
     pub accepted: Objects,
@@ -133,7 +127,7 @@ impl Verdict {
     }
 }
 
-/// Returns the number of a frame in its cycle from its place in the profile: 0 with Reported-Position, otherwise 1.
+/// Returns the number of a frame in its cycle: 0 for the frame with Reported-Position, otherwise 1.
 const fn frame_number(place: Place) -> usize {
     if place.first() == 0 {
         0
@@ -142,18 +136,15 @@ const fn frame_number(place: Place) -> usize {
     }
 }
 
-/// The objects of a frame that were verified while it was still arriving.
-///
-/// Verifying is most of the work on a frame, and all of the frame but the last bytes of its last object is in the
-/// buffer before the frame ends.
+/// The results of verifying a frame's objects while the frame is still arriving, so that less work is left at its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Early {
     timestamps: [u32; MAX_OBJECTS],
-    /// The frame CRC of the next object to be verified, over those of its bytes that have arrived.
+    /// The frame CRC of the next object to be verified, over the bytes of that object that have arrived.
     begun: Begun,
-    /// The payload length that LEN announced, bytes; 0 if nothing has arrived. It is a `u8` as tasks pass it on.
+    /// The payload length that LEN announced, bytes; 0 if no byte has arrived.
     length: u8,
-    /// The number of objects of the frame that are verified, counted from the front.
+    /// The number of the frame's objects that are verified, counted from the front.
     done: u8,
     intact: Objects,
 }
@@ -169,14 +160,13 @@ impl Early {
         Self { length, done: 0, intact: Objects::NONE, timestamps: [0; MAX_OBJECTS], begun: Begun::NOTHING }
     }
 
-    /// Returns the number of objects verified so far.
+    /// Returns the number of verified objects.
     #[must_use]
     pub const fn done(&self) -> usize {
         self.done as usize
     }
 
-    /// Verifies the objects that are complete and were not verified yet. `arrived` is what has arrived of the frame so
-    /// far, beginning with LEN, in a buffer that only grows until the frame is over.
+    /// Verifies the objects that are complete and not verified yet. `arrived` is the frame so far, LEN included.
     pub fn follow<const N: usize>(&mut self, arrived: &[u8]) {
         let Some((&len, payload)) = arrived.split_first() else { return };
         if self.length == 0 {
@@ -186,7 +176,7 @@ impl Early {
         self.advance::<N>(payload);
     }
 
-    /// Verifies the objects that are complete in `payload`, the part of the frame's payload that has arrived.
+    /// Verifies the objects that are complete in `payload`, the bytes of the frame's payload that have arrived.
     fn advance<const N: usize>(&mut self, payload: &[u8]) {
         let places = (0..air::frames(N)).filter_map(Place::of_frame::<N>);
         let Some(place) = places.into_iter().find(|place| place.length() == usize::from(self.length)) else { return };
@@ -205,7 +195,7 @@ impl Early {
             let begun = core::mem::replace(&mut self.begun, Begun::NOTHING);
             // The barrier keeps the compiler from making a branch between intact and damaged objects.
             self.intact = self.intact.with(index, black_box(Object::verify_begun(index, bytes, begun).is_ok()));
-            // Every object begins with its timestamp; the timestamp of a damaged object is not used.
+            // A damaged object's timestamp is stored too, but never used.
             if let (Some(timestamp), Some(bytes)) = (self.timestamps.get_mut(index), bytes.first_chunk()) {
                 *timestamp = u32::from_le_bytes(*bytes);
             }
@@ -214,33 +204,31 @@ impl Early {
     }
 }
 
-/// What is kept of past cycles, for a profile of `N` receivers.
+/// The state from past cycles by which frames are accepted, for a profile of `N` receivers.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Acceptance<const N: usize> {
     sequence: Sequence,
-    /// The objects of the current cycle whose frame has been received.
+    /// The objects that the frames of the current cycle carried, accepted or not.
     seen: Objects,
-    /// Whether the current cycle is in sequence.
     in_sequence: bool,
 }
 
 impl<const N: usize> Acceptance<N> {
-    /// The age of the sample at the end of each frame of a cycle, µs.
+    /// The age of the sample at the end of each frame, µs. The second value is not used if a cycle has one frame.
     const AGE_AT_END_US: [u32; 2] = {
         let first = air::age_at_end_us::<N>(0).expect("a cycle has at least one frame");
-        // A cycle of one frame has no second frame, so this value is not used then.
         let second = if air::frames(N) == 2 { air::age_at_end_us::<N>(1).expect("of two frames") } else { first };
         [first, second]
     };
 
-    /// The state before anything was received.
+    /// Returns the state before any frame was received.
     #[must_use]
     pub const fn new() -> Self {
         Self { sequence: Sequence::new(), seen: Objects::NONE, in_sequence: false }
     }
 
-    /// Judges a frame that ended at `ended_us` on the DPR's clock, µs, and of which `early` has verified a part. Frames
-    /// must be judged in the order of their ends.
+    /// Judges a frame with this `payload`, which ended at `ended_us` (µs on the DPR's clock). `early` holds the results
+    /// for objects that were already verified. Frames must be judged in the order of their ends.
     ///
     /// # Errors
     ///
@@ -248,8 +236,8 @@ impl<const N: usize> Acceptance<N> {
     pub fn judge(&mut self, payload: &[u8], early: &Early, ended_us: u64) -> Result<Verdict, Rejection> {
         let place = air::place::<N>(payload)?;
         let sampled_us = ended_us.wrapping_sub(u64::from(Self::AGE_AT_END_US[frame_number(place)]));
-        // If the objects were verified while LEN announced another length than the whole frame has, they count as not
-        // verified. Every payload length of this profile is below 256 bytes.
+        // If LEN announced another length than the whole frame has, the early results do not count. Every payload
+        // length of this profile is below 256 bytes.
         let length = payload.len() as u8;
         let mut early = if early.length == length { *early } else { Early::of(length) };
         early.advance::<N>(payload);
@@ -275,7 +263,7 @@ impl<const N: usize> Acceptance<N> {
         &self.sequence
     }
 
-    /// Records that a frame with this timestamp came, with the objects `places`.
+    /// Records a frame that carries `places` and whose first intact object has `timestamp`.
     fn enter(&mut self, timestamp: Option<u32>, sampled_us: u64, places: Objects) -> Cycle {
         let Some(timestamp) = timestamp else { return Cycle::Unknown };
         let current = self.sequence.last();
@@ -302,7 +290,7 @@ mod tests {
         sampled_us + u64::from(air::age_at_end_us::<N>(frame).expect("a frame of the cycle"))
     }
 
-    /// Judges frame number `frame` of the cycle `timestamp`, which was sampled at `sampled_us`.
+    /// Judges frame number `frame` of the cycle with this timestamp, which was sampled at `sampled_us`.
     fn judge<const N: usize>(acceptance: &mut Acceptance<N>, timestamp: u32, frame: usize, sampled_us: u64) -> Verdict {
         let sent = profile::<N>(timestamp);
         let payload = air::split(&sent).nth(frame).expect("a frame of the cycle");
@@ -328,7 +316,6 @@ mod tests {
         assert_eq!((place(0), place(1)), (Objects(0b111), Objects(0b11_1000)));
         let set = Objects(0b0110);
         assert_eq!([0, 1, 2, 3, 6, 8, 9].map(|index| set.has(index)), [false, true, true, false, false, false, false]);
-        // No object has bit 6 of the set.
         assert!(!Objects(1 << 6).has(6));
         assert_eq!(set.union(Objects(0b1010)), Objects(0b1110));
         assert!(set.is_disjoint(Objects(0b1001)) && !set.is_disjoint(Objects(0b0100)));
@@ -416,7 +403,7 @@ mod tests {
     fn two_frames_of_a_cycle_in_the_wrong_order_are_not_accepted() {
         let mut acceptance = in_sequence::<5>();
         assert_eq!(judge(&mut acceptance, 50, 1, 50_000).accepted, Objects(0b11_1000));
-        // This instant is the earliest end of a cycle's first frame if HORUS sent that frame after the second one.
+        // At this sample instant the first frame would have been sent in the slot after that of the second frame.
         let sampled_us = 50_000 + u64::from(air::send_slot_us::<5>(1).expect("a second frame"));
         let verdict = judge(&mut acceptance, 50, 0, sampled_us);
         assert_eq!((verdict.cycle, verdict.accepted), (Cycle::Next(Judgement::Frozen), Objects::NONE));
@@ -424,7 +411,7 @@ mod tests {
 
     #[test]
     fn it_does_not_matter_which_frames_of_a_cycle_are_heard() {
-        // In each cycle the first frame, the second or both are received; the first four cycles find the sequence.
+        // The first four cycles find the sequence, whether the first frame, the second or both are received.
         for heard in 0..3_usize.pow(6) {
             let mut acceptance = Acceptance::<5>::new();
             for cycle in 1..=6_u32 {
@@ -539,7 +526,7 @@ mod tests {
 
     #[test]
     fn bytes_beyond_the_length_of_a_frame_are_no_objects() {
-        // GPS3 follows the last object of a cycle's first frame; it is intact and has the right offset in the profile.
+        // The bytes beyond the first frame's length are GPS3, intact and at the right offset, but no part of it.
         let sent = profile::<5>(70);
         let mut arrived = vec![185];
         arrived.extend(&sent.as_bytes()[..244]);
@@ -556,7 +543,7 @@ mod tests {
         arrived.extend(sent.as_bytes());
         let mut early = Early::default();
         early.follow::<3>(&arrived[..65]);
-        // An object is judged by the bytes that had arrived when it was verified.
+        // The byte is changed after the object was verified, so the object is still accepted.
         let mut payload = sent.as_bytes().to_vec();
         payload[63] ^= 1;
         let verdict = in_sequence::<3>().judge(&payload, &early, end::<3>(50_000, 0)).expect("the length is right");

@@ -1,7 +1,6 @@
-//! Wires and allocated peripherals of the DPR's board: an nRF52840-DK with an ST25R3916 expansion board on its Arduino
-//! header.
+//! The pins and peripherals of the DPR's board: an nRF52840-DK with an ST25R3916 expansion board.
 //!
-//! To move a signal to another pin, or to use another peripheral, change this file: only it names pins and peripherals.
+//! Only this file names pins and peripherals, so only it changes if a signal moves to another pin or peripheral.
 //!
 //! | signal | pin | Arduino header | direction |
 //! |---|---|---|---|
@@ -46,24 +45,21 @@ use nrf52840_hal::{
 
 dpr_fw::each_task!(firmware_common::task_vectors);
 
-/// The pin of the SSI's chip select in port 1: P1.04.
 pub(crate) const SSI_SELECT_PIN: u8 = 4;
-/// The GPIOTE channel of FRESH.
 pub(crate) const FRESH_CHANNEL: usize = 1;
-/// The compare register of TIMER0 for the waits of the front end's driver.
+/// TIMER0's compare register for the waits of the front end's driver.
 pub(crate) const WAIT_COMPARE: usize = 0;
-/// The capture register of TIMER0 for the IRQ's edge.
+/// TIMER0's capture register for the rising edge of the front end's IRQ.
 pub(crate) const EDGE_CAPTURE: usize = 1;
-/// The capture register of TIMER0 for the present time.
+/// TIMER0's capture register for the present time.
 pub(crate) const NOW_CAPTURE: usize = 3;
-/// The compare registers of TIMER2 for the expiry of the image.
+/// TIMER2's compare registers for the expiry of the image.
 pub(crate) const EXPIRY_COMPARES: [usize; 2] = [0, 1];
-/// The compare register of TIMER2 for the end of the FRESH pulse.
+/// TIMER2's compare register for the end of the FRESH pulse.
 pub(crate) const PULSE_COMPARE: usize = 2;
-/// The compare register of TIMER3 for the end of the pause after a transaction.
+/// TIMER3's compare register for the end of the pause after a transaction.
 pub(crate) const PAUSE_COMPARE: usize = 0;
 
-/// The pins of the front end.
 pub(crate) struct RfPins {
     pub(crate) select: Pin<Output<PushPull>>,
     pub(crate) mosi: Pin<Output<PushPull>>,
@@ -72,7 +68,6 @@ pub(crate) struct RfPins {
     pub(crate) irq: Pin<Input<PullDown>>,
 }
 
-/// The pins of the SSI.
 pub(crate) struct SsiPins {
     pub(crate) clock: Pin<Input<Floating>>,
     pub(crate) mosi: Pin<Input<Floating>>,
@@ -80,7 +75,6 @@ pub(crate) struct SsiPins {
     pub(crate) select: Pin<Input<PullUp>>,
 }
 
-/// All pins of the board.
 pub(crate) struct Pins {
     pub(crate) rf: RfPins,
     pub(crate) ssi: SsiPins,
@@ -88,7 +82,7 @@ pub(crate) struct Pins {
 }
 
 impl Pins {
-    /// Configures the pins as the table says. Chip select is high and FRESH is low before they become outputs.
+    /// Configures the pins. Chip select of the front end is high and FRESH low before these pins become outputs.
     pub(crate) fn new(port0: pac::P0, port1: pac::P1) -> Self {
         let port0 = p0::Parts::new(port0);
         let port1 = p1::Parts::new(port1);
@@ -111,8 +105,7 @@ impl Pins {
     }
 }
 
-/// Configures both GPIOTE channels and the PPI as the tables say. The timers and SPIS1 may be configured later, since
-/// nothing happens before they produce events.
+/// Configures GPIOTE and PPI. The timers and SPIS1 may be configured later, since they produce no event before.
 pub(crate) fn connect(
     gpiote: pac::GPIOTE,
     ppi: pac::PPI,

@@ -2,27 +2,24 @@
 //!
 //! # Design
 //!
-//! Each image is built from scratch in a scrubbed buffer: accepted objects are copied in, and all else stays zero,
-//! which no CRC accepts. Nothing is ever carried over from the previous image.
+//! Each image is built in a scrubbed buffer: accepted objects are copied in, and all other bytes stay zero, which no
+//! CRC accepts. Nothing is carried over from the previous image.
 //!
-//! - Up to three receivers: a cycle is one frame, so each frame is published at once, even if none of its objects was
-//!   accepted.
+//! - Up to three receivers: a cycle is one frame, so each frame is published at once, even if all its objects were
+//!   rejected.
 //! - Five receivers: the image is published with the cycle's second frame. Two frames belong together if their ends
 //!   give the same instant of the sample ([`accept::SAME_SAMPLE_US`](crate::accept::SAME_SAMPLE_US)), even if one of
-//!   them is damaged and its timestamp unknown; if both timestamps are known, they must be equal. If the second frame
-//!   does not come, the first one's objects are published when the second one's deadline has passed
-//!   ([`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US)) or a frame arrives that does not belong to the first. A
-//!   second frame whose first was lost is published at once.
-//! - Silence: at each deadline an image without objects is published, so that values that were valid once do not stay
-//!   readable.
+//!   them is damaged and its timestamp unknown; if both timestamps are known, they must be equal. The objects of the
+//!   first frame are published without the second when the second frame's deadline has passed
+//!   ([`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US)), or when a frame arrives that does not belong to the
+//!   first. A second frame whose first was lost is published at once.
+//! - Silence: at each deadline an image without objects is published, so that the last objects do not stay readable.
 //!
-//! The deadline is an instant on the DPR's µs counter, counted from the end of the last frame. This module decides from
-//! that instant alone whether the deadline has passed, never from the interrupt that reports it: the task that a frame
-//! starts and the task that the timer starts do the same three things. They take in the frames that wait, call
+//! The deadline is an instant on the DPR's µs counter, counted from the end of the last frame. The task that a frame
+//! starts and the task that the timer starts do the same: they take in the frames that wait, call
 //! [`Commit::check_deadline`], and set the timer to [`Commit::deadline_us`]. A deadline that passed before a frame
-//! ended is dealt with before that frame, so the images are the same in either order of the two tasks.
+//! ended is handled before that frame, so the images do not depend on the order of the two tasks.
 //!
-//! Objects are copied under a mask, so that copying costs the same whether they are accepted or not.
 
 use core::hint::black_box;
 
@@ -38,48 +35,47 @@ use crate::{
     ImageMemory,
 };
 
-/// The right to write HORUS's objects: what comes over the air was written by HORUS.
+/// HORUS wrote what comes over the air.
 const HORUS: Writer<Horus> = Writer::claim();
-/// The right to write the DPR's objects: the DPR itself writes Link-Status.
+/// The DPR writes Link-Status.
 const DPR: Writer<Dpr> = Writer::claim();
 
-/// The place to which the commit task's images go.
+/// The destination of the images that the commit task makes.
 pub trait Images {
-    /// Returns the image being filled. It stays the same until it is published, and is clean when first returned.
+    /// Returns the image being filled. It stays the same until it is published, and holds only zeros at first.
     fn filling(&mut self) -> &mut ImageMemory;
-    /// Copies Port-Status and the uplinks, which the port task has sealed, to their place in the image being filled,
-    /// which has the layout of a map for `N` receivers.
+    /// Copies Port-Status and the uplinks to their place in the image being filled, in a map for `N` receivers.
     fn place_port<const N: usize>(&mut self);
-    /// Makes the image that was filled the newest one, which the next SSI transaction gets.
+    /// Publishes the image being filled, so that the next SSI transaction gets it.
     fn publish(&mut self);
 }
 
-/// A frame that was received, in its receive buffer.
+/// A received frame in its receive buffer.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a> {
     /// The frame's payload, as received.
     pub payload: &'a [u8],
-    /// The µs counter's value when the front end reported the frame's end, which is before [`Commit::frame`] is called.
+    /// The value of the µs counter at the frame's end.
     pub ended_us: u32,
-    /// The part of the frame that was verified while it arrived.
+    /// The results for the objects that were verified while the frame arrived.
     pub early: &'a Early,
 }
 
-/// The commit task's state, for a profile of `N` receivers.
+/// The state of the commit task, for a profile of `N` receivers.
 #[derive(Clone, Copy, Debug)]
 pub struct Commit<const N: usize> {
     acceptance: Acceptance<N>,
     monitor: Monitor<N>,
     link: Link,
-    /// The objects of HORUS in the image being filled.
+    /// The objects of HORUS that are in the image being filled.
     shown: Objects,
-    /// The instant, µs since start, of the sample in the image being filled, while its second frame is awaited.
+    /// The instant, µs since start, of the sample of a first frame whose second frame is awaited.
     open: Option<u64>,
     /// Whether Port-Status and the uplinks have been copied into the image being filled.
     port_placed: bool,
 }
 
-/// Copies the bits of `from` that are set in `mask`, word by word, five words per turn of the loop.
+/// Copies the bits of `from` that are set in `mask`. The loop copies five words per turn, for speed.
 fn copy_masked(to: &mut [u8], from: &[u8], mask: u32) {
     const TURN: usize = 20;
     let copy = |to: &mut [u8], from: &[u8]| {
@@ -92,7 +88,7 @@ fn copy_masked(to: &mut [u8], from: &[u8], mask: u32) {
     for (to, from) in turns.iter_mut().zip(from_turns) {
         copy(to, from);
     }
-    // The sizes of Reported-Position and of a GPS object are both multiples of four.
+    // The sizes of Reported-Position and of a GPS object are multiples of four, so no byte is left over.
     copy(rest, from_rest);
 }
 
@@ -103,10 +99,9 @@ impl<const N: usize> Default for Commit<N> {
 }
 
 impl<const N: usize> Commit<N> {
-    /// The number of objects in a profile.
     const OBJECTS: usize = N + 1;
 
-    /// The state before anything was received.
+    /// Returns the state before any frame was received.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -119,23 +114,21 @@ impl<const N: usize> Commit<N> {
         }
     }
 
-    /// Publishes an image without objects at the DPR's start, so that the flight controller can read Link-Status from
-    /// now on. `now_us` is the value of the DPR's µs counter, here and in the other methods; it never goes back from
-    /// one call to the next.
+    /// Publishes an image without objects at the DPR's start. `now_us` is the value of the DPR's µs counter in all
+    /// methods, and never goes back from one call to the next.
     pub fn begin(&mut self, now_us: u32, health: &Health, images: &mut impl Images) {
         self.link.advance(now_us);
         self.monitor.begin(now_us);
         self.publish(health, images);
     }
 
-    /// Takes a frame in, and restarts the deadline from the frame's end. Frames must be taken in in the order of their
-    /// ends. Returns how many images were published: one, or none if the second frame of a cycle is waited for; and one
+    /// Takes in a frame, and restarts the deadline from the frame's end. Frames must be taken in in the order of their
+    /// ends. Returns how many images were published: usually one, none if the cycle's second frame is awaited, and one
     /// more if an earlier image had to be published first.
     ///
     /// # Errors
     ///
-    /// [`Rejection::Length`] if no frame of this profile has that length; then nothing has changed and the deadline
-    /// stands.
+    /// [`Rejection::Length`] if no frame of this profile has that length; then nothing has changed.
     pub fn frame(
         &mut self,
         frame: Frame<'_>,
@@ -147,7 +140,7 @@ impl<const N: usize> Commit<N> {
         let ended_us = self.link.clock().instant_us(frame.ended_us);
         let mut verdict = self.acceptance.judge(frame.payload, frame.early, ended_us)?;
         if health.flash_fault {
-            // A flash fault means that the code that judges the objects is not the program that was built.
+            // After a flash fault the code that judges objects cannot be trusted.
             verdict.accepted = Objects::NONE;
         }
 
@@ -159,7 +152,7 @@ impl<const N: usize> Commit<N> {
             let other_slot = first || !same_sample(sampled_us, verdict.sampled_us);
             let other_cycle = matches!(verdict.cycle, Cycle::Next(_)) && self.shown != Objects::NONE;
             if other_slot || other_cycle {
-                // The image is published with the status of the cycle whose objects it has.
+                // The open image gets the Link-Status of its own cycle, so it is published before the new frame counts.
                 self.publish(health, images);
                 published += 1;
             }
@@ -175,17 +168,15 @@ impl<const N: usize> Commit<N> {
         Ok(published)
     }
 
-    /// Publishes an image if the deadline has passed at `now_us`: with the objects of a cycle whose second frame has
-    /// not come, or without objects if no frame has come. Moves the deadline on. To be called once all frames that wait
-    /// were taken in; the work is the same however long ago the deadline has passed. Returns whether an image was
-    /// published.
+    /// Publishes an image if the deadline has passed at `now_us`, and moves the deadline on. The image has the objects
+    /// of a cycle whose second frame has not come, or no objects if no frame has come. To be called after all waiting
+    /// frames were taken in. Returns whether an image was published.
     pub fn check_deadline(&mut self, now_us: u32, health: &Health, images: &mut impl Images) -> bool {
         self.link.advance(now_us);
         self.lapse(now_us, health, images)
     }
 
-    /// Puts Port-Status and the uplinks, as they are ready now, into the image being filled. To be called while a frame
-    /// arrives; otherwise this is done when the image is published.
+    /// Copies Port-Status and the uplinks into the image. A call while a frame arrives saves work at the frame's end.
     pub fn prepare(&mut self, images: &mut impl Images) {
         if !self.port_placed {
             images.place_port::<N>();
@@ -193,8 +184,8 @@ impl<const N: usize> Commit<N> {
         }
     }
 
-    /// Publishes an image without objects at once, because the one that the flight controller reads was found damaged.
-    /// Returns whether it was published. It is not if another image is about to replace the damaged one:
+    /// Publishes an image without objects at once, because the image that the flight controller reads was found
+    /// damaged. Returns false, and publishes none, if another image is about to replace the damaged one:
     ///
     /// - while the image being filled holds objects of a newer cycle, since it is published within
     ///   [`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US);
@@ -209,26 +200,24 @@ impl<const N: usize> Commit<N> {
         true
     }
 
-    /// Returns the next deadline: a value of the DPR's µs counter, to be compared wrapping. It moves with each frame
-    /// and with each deadline that passes.
+    /// Returns the next deadline, a value of the DPR's µs counter, which wraps.
     #[must_use]
     pub const fn deadline_us(&self) -> u32 {
         self.monitor.deadline_us()
     }
 
-    /// Returns what is counted and shown of the link.
+    /// Returns the counters and states for Link-Status.
     #[must_use]
     pub const fn link(&self) -> &Link {
         &self.link
     }
 
-    /// Handles each deadline that has passed by `until_us`. Returns whether a deadline had passed, so that an image was
-    /// published.
+    /// Publishes an image if a deadline has passed by `until_us`, and returns whether one has.
     fn lapse(&mut self, until_us: u32, health: &Health, images: &mut impl Images) -> bool {
         let Some(lapse) = self.monitor.lapse(until_us) else { return false };
         self.link.missed(lapse.missed);
         if lapse.silent {
-            // The objects in an image that waits for a second frame are too old by now.
+            // The first frame's objects are too old by now.
             images.filling().fill(0);
             self.port_placed = false;
             self.shown = Objects::NONE;
@@ -237,13 +226,12 @@ impl<const N: usize> Commit<N> {
         true
     }
 
-    /// Copies the accepted objects into the image, and zeros in place of the rejected ones, in the same time.
+    /// Copies the accepted objects into the image, and zeros for the rejected ones in the same time.
     fn deposit(&mut self, payload: &[u8], verdict: &Verdict, images: &mut impl Images) {
         let image: &mut [u8] = bytemuck::cast_slice_mut(images.filling());
         let Ok(objects) = air::objects::<N>(payload) else { return };
         for (index, object) in objects {
-            // The barrier hides from the compiler which of the two masks it is; otherwise the compiler might copy in
-            // one case and clear in the other, which take different times.
+            // Without the barrier the compiler might make a copy and a clear, which take different times.
             let mask = black_box(if verdict.accepted.has(index) { u32::MAX } else { 0 });
             let Some(place) = map::profile_object_mut::<_, N>(HORUS, image, index) else { return };
             copy_masked(place, object, mask);
@@ -251,7 +239,6 @@ impl<const N: usize> Commit<N> {
         self.shown = self.shown.union(verdict.accepted);
     }
 
-    /// Seals Link-Status into the image and publishes the image.
     fn publish(&mut self, health: &Health, images: &mut impl Images) {
         let status = self.link.seal(self.shown, Objects::all(N), health);
         let image: &mut [u8] = bytemuck::cast_slice_mut(images.filling());
@@ -272,7 +259,7 @@ const _: () = assert!(GpsObject::SIZE.is_multiple_of(4) && ReportedPosition::SIZ
 pub(crate) mod testing {
     use profile::{air, GpsStatus, GpsValues, Profile, ReportedStatus, ReportedValues};
 
-    /// Returns a sealed profile in which every value tells the profile's timestamp and the value's place.
+    /// Returns a sealed profile whose values depend on its timestamp and, in the GPS objects, on the receiver's number.
     pub(crate) fn profile<const N: usize>(timestamp: u32) -> Profile<N> {
         let reported = ReportedValues {
             timestamp,
@@ -303,7 +290,6 @@ pub(crate) mod testing {
         Profile::seal(&reported, &gps)
     }
 
-    /// Returns the two frames of a profile with five receivers.
     pub(crate) fn frames(timestamp: u32) -> [Vec<u8>; 2] {
         let profile = profile::<5>(timestamp);
         let frames: Vec<_> = air::split(&profile).map(<[u8]>::to_vec).collect();

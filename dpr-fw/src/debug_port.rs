@@ -3,37 +3,35 @@
 //! # Design
 //!
 //! The nRF52840 can lock its debug port (access port protection, PS v1.7 and later, "Debug and trace"). Parts up to
-//! build code Dxx are open unless UICR.APPROTECT says otherwise. Parts of build code Fxx and later, Nordic's revision
-//! 3, lock it at every power-on, pin reset, brown-out and watchdog reset, and open it only if both values are set:
+//! build code Dxx are open unless UICR.APPROTECT locks them. Parts of build code Fxx and later (Nordic's revision 3)
+//! lock the debug port at every power-on, pin reset, brown-out and watchdog reset. They open it only if both of these
+//! values are set:
 //!
 //! | what | value | who writes it |
 //! |---|---|---|
 //! | UICR.APPROTECT, 0x1000_1208 | 0x5A, HwDisabled | the flashing tool, once: `cargo xtask flash dpr` |
 //! | APPROTECT.DISABLE, 0x4000_0558 | 0x5A, SwDisable | the firmware, after every reset |
 //!
-//! So a part whose firmware does not write APPROTECT.DISABLE can be flashed once. After the next power-on no debugger
-//! can connect to it any more, until everything is erased.
+//! Without the write of APPROTECT.DISABLE no debugger could connect after the next power-on.
 //!
 //! [`open`] does the same as Nordic's own start-up code (NordicSemiconductor/nrfx, `system_nrf52_approtect.h`,
-//! `nrf52_handle_approtect`): on a part of revision 3, UICR.APPROTECT decides. A board that was locked on purpose, by
-//! another value in that register, stays locked. The firmware never writes UICR, which is non-volatile memory; a part
-//! whose UICR is erased has no debugger attached that could need it.
+//! `nrf52_handle_approtect`): on a part of revision 3, UICR.APPROTECT decides. A board that another value in that
+//! register locks on purpose stays locked. The firmware never writes UICR, which is non-volatile memory.
 //!
 //! # How a part is recognised
 //!
-//! FICR.INFO.VARIANT holds the last two letters of the package variant and the two characters of the build code in
-//! ASCII, for example 0x4141_4630 for AAF0. Build codes from F on count as locked by default, as in embassy-rs/embassy
-//! (`embassy-nrf/src/chips/nrf52840.rs`, `APPROTECT_MIN_BUILD_CODE`). Nordic's code reads two words of FICR instead,
-//! which the product specification does not describe (nrfx, `nrf52_erratas.h`, `nrf52_configuration_249`). Both treat a
-//! part that is newer than those they list as one that starts locked.
+//! FICR.INFO.VARIANT holds in ASCII the last two letters of the package variant and the two characters of the build
+//! code, for example 0x4141_4630 for AAF0. Build codes from F on count as locked by default, as in embassy-rs/embassy
+//! (`embassy-nrf/src/chips/nrf52840.rs`, `APPROTECT_MIN_BUILD_CODE`). Nordic's code reads two words of FICR that the
+//! product specification does not describe (nrfx, `nrf52_erratas.h`, `nrf52_configuration_249`).
 
-/// The value of UICR.APPROTECT, bits 7..0, that opens the hardware's half of the lock (HwDisabled).
+/// The value of UICR.APPROTECT, bits 7..0, by which the hardware allows an open debug port (HwDisabled).
 pub const HW_DISABLED: u32 = 0x5A;
 
-/// The value of APPROTECT.DISABLE that opens the software's half of the lock (SwDisable).
+/// The value of APPROTECT.DISABLE by which the software opens the debug port (SwDisable).
 pub const SW_DISABLE: u32 = 0x5A;
 
-/// The first letter of the lowest build code of parts that start locked.
+/// The first character of the lowest build code of parts that start with a locked debug port.
 const FIRST_LOCKED: u8 = b'F';
 
 /// The registers that decide about the debug port.
@@ -44,23 +42,23 @@ pub trait Registers {
     /// Reads UICR.APPROTECT, 0x1000_1208.
     fn uicr_approtect(&self) -> u32;
 
-    /// Writes [`SW_DISABLE`] to APPROTECT.DISABLE, 0x4000_0558. Called only on parts that have that register.
+    /// Writes [`SW_DISABLE`] to APPROTECT.DISABLE, 0x4000_0558. Not called on older parts without that register.
     fn disable_protection(&mut self);
 }
 
-/// The state of the debug port, which the part and its UICR determine.
+/// The state of the debug port after a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DebugPort {
-    /// The hardware alone decides, by UICR.APPROTECT, since the part has no APPROTECT.DISABLE.
+    /// The hardware alone decides by UICR.APPROTECT, since this older part has no APPROTECT.DISABLE.
     ByHardware,
-    /// The firmware has to open the debug port, and may do so.
+    /// The firmware has to open the debug port, and UICR.APPROTECT allows that.
     ToBeOpened,
-    /// The debug port is locked, and the firmware leaves it so, since UICR.APPROTECT does not allow to open it.
+    /// The debug port is locked, and UICR.APPROTECT does not allow the firmware to open it.
     Locked,
 }
 
 impl DebugPort {
-    /// Returns the state of the debug port on a part whose registers have these two values.
+    /// Returns the state of the debug port for these values of FICR.INFO.VARIANT and UICR.APPROTECT.
     #[must_use]
     pub const fn of(variant: u32, uicr_approtect: u32) -> Self {
         let [_, build_code, ..] = variant.to_le_bytes();
@@ -74,8 +72,8 @@ impl DebugPort {
     }
 }
 
-/// Opens the debug port if the part needs it and UICR allows it. To be called once after every reset, before anything
-/// that could fail, so that a debugger reaches a board whose firmware does not get far.
+/// Opens the debug port if the part needs that and UICR allows it. To be called first after every reset, so that a
+/// debugger reaches a board whose firmware stops early.
 pub fn open(registers: &mut impl Registers) -> DebugPort {
     let port = DebugPort::of(registers.variant(), registers.uicr_approtect());
     if port == DebugPort::ToBeOpened {

@@ -1,11 +1,10 @@
-//! How frames that wait become published images; both tasks `commit` and `deadline` do this.
+//! Turns the frames that wait into published images. Both tasks `commit` and `deadline` do this.
 //!
 //! # Design
 //!
 //! Both tasks run the same function at the same priority: first they take in every frame that waits, then they check
-//! the deadline. So it does not matter which of the two tasks was called. A frame that came in time has moved the
-//! deadline before the deadline is checked, even if the timer's interrupt came first. A frame of a wrong length does
-//! not move the deadline, so it cannot keep a passed deadline from being noticed.
+//! the deadline. A frame that came in time has moved the deadline before the check, even if the timer's interrupt came
+//! first. A frame of a wrong length does not move the deadline.
 
 use core::borrow::BorrowMut;
 
@@ -23,9 +22,9 @@ use crate::{
     ReceiveMemory,
 };
 
-/// The DPR's µs counter, and the timer that calls the task `deadline` by that counter.
+/// The DPR's µs counter, and the timer that calls the task `deadline`.
 pub trait Timer {
-    /// Returns the counter's value.
+    /// Returns the value of the µs counter.
     fn now_us(&self) -> u32;
     /// Makes the timer call the task `deadline` at counter value `at_us`, or at once if that value has passed.
     fn set(&mut self, at_us: u32);
@@ -39,7 +38,7 @@ pub struct Notices<'a, S> {
     pub frame_arrives: bool,
     /// The state of the front end.
     pub front_end: FrontEnd,
-    /// The findings of the idle loop, which verifies the memory.
+    /// The findings of the idle loop, which verifies memory.
     pub integrity: &'a Integrity,
     /// The image that the flight controller reads at present.
     pub shown: S,
@@ -54,15 +53,15 @@ pub struct Intake<const N: usize> {
 }
 
 impl<const N: usize> Intake<N> {
-    /// Returns the state after a start of the DPR, whose cause was `reset_reason`.
+    /// Returns the state after a start of the DPR for this reason.
     #[must_use]
     pub const fn new(reset_reason: ResetReason) -> Self {
         Self { commit: Commit::new(), started: false, reset_reason }
     }
 
-    /// Serves a call of either task: publishes the first image at the first call, takes in the frames that wait, checks
-    /// the deadline, and withdraws an image that the idle loop wants withdrawn. Then it sets the timer anew and begins
-    /// the next image. Returns whether it did any of these; if not, it prepares an image at most.
+    /// Serves a call of either task. It publishes the first image at the first call, takes in the frames that wait,
+    /// checks the deadline, and withdraws an image that the idle loop found damaged. Then it sets the timer and begins
+    /// the next image. Returns whether there was any such work; otherwise it prepares an image at most.
     pub fn serve<B, I, M, D, S>(
         &mut self,
         rotation: impl Mutex<T = Rotation<B, FrameInfo>>,
@@ -85,7 +84,7 @@ impl<const N: usize> Intake<N> {
         }
         let before = telemetry.publications.get();
         called_for |= take_in(&mut self.commit, rotation, || timer.now_us(), &health, outbox, telemetry);
-        // An image that was just published has replaced the one that the flight controller read.
+        // If an image was just published, the flight controller no longer reads the damaged one.
         let replaced = telemetry.publications.get() != before;
         if notices.integrity.take_withdrawal(notices.shown.generation()) && !replaced {
             called_for |= self.commit.withdraw(timer.now_us(), &health, outbox);
@@ -114,9 +113,8 @@ impl<const N: usize> Intake<N> {
     }
 }
 
-/// Takes in every frame that waits in `rotation`, then publishes an image without objects if the deadline has passed.
-/// `now_us` reads the µs counter. [`Commit::deadline_us`] then gives the next deadline. Returns whether there was a
-/// frame or the deadline had passed.
+/// Takes in every frame that waits in `rotation`, then publishes an image if the deadline has passed. `now_us` reads
+/// the µs counter. Returns whether there was a frame or the deadline had passed.
 pub fn take_in<const N: usize, B: Memory + BorrowMut<ReceiveMemory>>(
     commit: &mut Commit<N>,
     mut rotation: impl Mutex<T = Rotation<B, FrameInfo>>,

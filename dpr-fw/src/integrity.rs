@@ -5,10 +5,10 @@
 //! The idle loop does all of the verifying, in one [slice](firmware_common::patrol) every 2.5 ms:
 //!
 //! - *The published image*, object by object ([`ImageCheck`]): an object must have a right CRC, or be zero throughout
-//!   where nothing was accepted. The idle loop copies the object's words first, and uses the copy only if the image is
-//!   of the same *generation* before and after: the SSI task counts the generation up whenever it exchanges the image.
-//!   So the idle loop holds no lock, and never delays the SSI or the commit. A wrong object is read a second time
-//!   before it counts as wrong, so that a wrong copy is not taken for a wrong image.
+//!   where no object was accepted. The idle loop copies the object's words first, and uses the copy only if the image
+//!   is of the same *generation* before and after. The SSI task increments the generation whenever it exchanges the
+//!   image. So the idle loop needs no lock. A wrong object is read a second time before it counts as damaged, since the
+//!   first copy may have been wrong.
 //! - *Flash, code in RAM, guard words, RAM in use*: [`firmware_common::patrol`] verifies them.
 //!
 //! Each finding has a consequence:
@@ -21,21 +21,18 @@
 //! | a guard word | safe state, [`Cause::GuardWord`] |
 //! | RAM in use does not hold what is written to it, also at the start | Link-Status says "RAM fault" |
 //!
-//! *Why faulty RAM does not stop the DPR:* every object in an image has a CRC, a timestamp and an identifier of its
-//! writer, which the reader verifies. So faulty RAM can make the DPR lose an object, or show no objects, but it cannot
-//! change an object unnoticed. Buffers are scrubbed and taken out of use by themselves ([`triple`](crate::triple)); the
-//! test of RAM leaves out the RAM that DMA reaches.
+//! *Why faulty RAM does not stop the DPR:* every object in an image has a CRC, a timestamp and an identifier, which the
+//! reader verifies. So faulty RAM can make the DPR lose objects, but cannot change one unnoticed. Buffers in faulty RAM
+//! are taken out of use ([`triple`](crate::triple)); the test of RAM leaves out the RAM that DMA accesses.
 //!
-//! *Why the image that replaces a damaged one has no objects:* an image with the other objects would have to be built
-//! from the damaged image or from a copy of it. But each image is built from scratch out of objects that were just
-//! accepted, and nothing is ever carried over from the previous image ([`commit`](crate::commit)). Otherwise FRESH
-//! would announce objects of an older cycle a second time, and they would stay readable for longer than one image may.
-//! The loss is the rest of one cycle, 10 ms at most; then the next frame brings all objects into another buffer.
+//! *Why the image that replaces a damaged one has no objects:* the other objects would have to come from the damaged
+//! image or a copy of it. FRESH would then announce objects of an older cycle a second time, and they would stay
+//! readable for longer than one image may. The loss is the rest of one cycle, 10 ms at most.
 //!
 //! # Time to detect
 //!
 //! [`IMAGE_DETECT_US`], [`FLASH_DETECT_US`], [`CODE_DETECT_US`] and [`RAM_DETECT_US`] are the bounds. They hold while
-//! the idle loop gets its slices; if it gets none for 100 ms, the watchdog resets the part.
+//! the idle loop runs; if it does not run for 100 ms, the watchdog resets the part.
 
 use core::{
     ops::Range,
@@ -55,27 +52,26 @@ use profile::{
 
 use crate::{link::FRAME_DEADLINE_US, protection::NULL_PAGE_END, telemetry::Telemetry};
 
-/// The number of words of each memory that a slice verifies. Together with an object of the image they take about 1 %
-/// of the processor's time on the pessimistic clock.
+/// The number of words of each memory in a slice, which takes about 1 % of the time on the pessimistic clock.
 pub const RATE: Rate = Rate { flash_words: 8, code_words: 4, ram_words: 2 };
 
-/// The number of slices that the idle loop does at a time, instead of one, while a self-test runs.
+/// The number of slices that the idle loop does in place of one while a self-test runs.
 pub const SELF_TEST_SLICES: u32 = 3;
 
-/// The end of the lowest part of flash, the null page, which the memory protection unit denies to all accesses.
+/// The end of the null page in flash, bytes. The memory protection unit denies all accesses to that page.
 pub const SHUT_END: u32 = NULL_PAGE_END;
 
-/// The sizes (`memory.x`), bytes: the program's flash, the RAM that holds code, and the RAM for stack and statics.
+/// The sizes of program, RAM that holds code, and RAM for stack and statics, bytes, as in `memory.x`.
 const FLASH_BYTES: u32 = 96 * 1024;
 const CODE_BYTES: u32 = 64 * 1024;
 const RAM_BYTES: u32 = 32 * 1024;
 
-/// The number of objects of the published image that a slice verifies. With three receivers all eight objects take four
-/// slices, which last as long as an image is shown while frames come.
+/// The number of objects of the published image that a slice verifies. With three receivers all eight objects take 10
+/// ms.
 pub const OBJECTS_PER_SLICE: u32 = 2;
 
-/// The time from a flipped bit in the published image until another image replaces it, µs, for a profile of five
-/// receivers: each slice verifies two of the ten objects, and the idle loop may have slept until the next deadline.
+/// The longest time from a flipped bit in the published image until another image replaces it, µs, for five receivers:
+/// five slices of two objects, and a sleep of the idle loop until the next deadline.
 pub const IMAGE_DETECT_US: u32 =
     (ImageCheck::<5>::OBJECTS as u32).div_ceil(OBJECTS_PER_SLICE) * SLICE_US + FRAME_DEADLINE_US;
 
@@ -101,26 +97,24 @@ const _: () = {
     assert!(RAM_DETECT_US <= 10_300_000);
 };
 
-/// The image that the flight controller reads at present, for a task that may be interrupted by the task that exchanges
-/// the image.
+/// The image that the flight controller reads at present. The SSI task may exchange it at any time.
 pub trait Shown {
-    /// Returns how many images were streamed so far, 0 before the first. An equal count means the same image.
+    /// Returns how many images were streamed so far; 0 before the first. An equal number means the same image.
     fn generation(&self) -> u32;
 
-    /// Copies words of the image from word `first` on. If the image was exchanged meanwhile, the copy is arbitrary.
+    /// Copies words of the image from word `first` on. If the image is exchanged meanwhile, the copy is arbitrary.
     fn copy(&self, first: usize, words: &mut [u32]);
 }
 
 /// The length of the longest object of an image, words.
 const OBJECT_WORDS: usize = 16;
 
-/// Verifies the objects of the published map for `N` receivers again, one object per call.
+/// Verifies the objects of the published map for `N` receivers in turn.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ImageCheck<const N: usize> {
     next: usize,
 }
 
-/// The result of verifying one object of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Found {
     Intact,
@@ -130,10 +124,9 @@ enum Found {
 }
 
 impl<const N: usize> ImageCheck<N> {
-    /// The objects of the map: Link-Status, Reported-Position, GPS1 to GPSn, Port-Status, two uplinks.
+    /// The number of objects: Link-Status, Reported-Position, GPS1 to GPSn, Port-Status, two uplinks.
     pub const OBJECTS: usize = N + 5;
 
-    /// The number of Port-Status among the objects.
     const PORT_STATUS: usize = N + 2;
 
     /// Returns a check that begins with Link-Status.
@@ -155,12 +148,10 @@ impl<const N: usize> ImageCheck<N> {
         if found != Found::Unknown {
             self.next = (object + 1) % Self::OBJECTS;
         }
-        // The object is read once more before it counts as damaged.
         let damaged = found == Found::Damaged && Self::look(object, generation, shown) == Found::Damaged;
         damaged.then_some(generation)
     }
 
-    /// Returns the range of bytes that an object has in the image.
     fn place(object: usize) -> Option<Range<usize>> {
         if object == 0 {
             return Some(0..LinkStatus::SIZE);
@@ -194,18 +185,18 @@ impl<const N: usize> ImageCheck<N> {
     }
 }
 
-/// The findings of the idle loop, which the commit task and the port task read.
+/// The findings of the idle loop, for the commit task and the port task.
 #[derive(Debug)]
 pub struct Integrity {
     /// The generation of the image that was found damaged; 0 if none was.
     damaged: AtomicU32,
     flash_fault: AtomicBool,
-    /// Whether flash was found changed, and no image without objects was published since then.
+    /// Whether flash was found changed, and the image without objects that follows from this was not yet asked for.
     withdraw: AtomicBool,
     self_test: AtomicU32,
 }
 
-/// The states of a self-test. The states from [`PASSED`] on are results.
+/// The states of a self-test.
 const NONE: u32 = 0;
 const REQUESTED: u32 = 1;
 const RUNNING: u32 = 2;
@@ -219,7 +210,7 @@ impl Default for Integrity {
 }
 
 impl Integrity {
-    /// Returns the state before anything was found.
+    /// Returns the state in which nothing was found and no self-test was asked for.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -230,20 +221,19 @@ impl Integrity {
         }
     }
 
-    /// Whether flash was found changed and was not found intact since, so that images must have no objects.
+    /// Whether the last pass found flash changed, so that images must have no objects.
     #[must_use]
     pub fn flash_fault(&self) -> bool {
         self.flash_fault.load(Ordering::Relaxed)
     }
 
-    /// Whether the image of `generation`, which the flight controller reads now, has to be withdrawn. The commit task
-    /// asks this, and each withdrawal is returned only once.
+    /// Whether the image of `generation`, which is read now, has to be withdrawn. True only once for each finding.
     pub fn take_withdrawal(&self, generation: u32) -> bool {
         let damaged = self.damaged.swap(0, Ordering::Relaxed);
         self.withdraw.swap(false, Ordering::Relaxed) || damaged != 0 && damaged == generation
     }
 
-    /// Asks for a self-test: one whole pass over flash and one over RAM in use. A self-test under way begins anew.
+    /// Asks for a self-test: a whole pass over flash and one over the RAM in use. A self-test under way begins anew.
     pub fn request_self_test(&self) {
         self.self_test.store(REQUESTED, Ordering::Relaxed);
     }
@@ -254,16 +244,16 @@ impl Integrity {
         matches!(self.self_test.load(Ordering::Relaxed), REQUESTED | RUNNING)
     }
 
-    /// Returns whether the self-test that has ended passed; `None` if none has ended. Each result is returned once.
+    /// Returns whether the self-test that has ended passed, once for each; `None` if none has ended.
     pub fn take_result(&self) -> Option<bool> {
         let state = self.self_test.load(Ordering::Relaxed);
         let ended = state == PASSED || state == FAILED;
-        // The exchange does not lose a request for a self-test that comes between load and exchange.
+        // The exchange keeps a request for a self-test that comes after the load.
         let taken = ended && self.self_test.compare_exchange(state, NONE, Ordering::Relaxed, Ordering::Relaxed).is_ok();
         taken.then_some(state == PASSED)
     }
 
-    /// Serves a caller that wants a self-test while `wanted` is true: asks for one, and returns each result once.
+    /// Asks for a self-test while `wanted` and none runs. Returns whether a self-test has passed, once for each.
     pub fn serve_self_test(&self, wanted: bool) -> Option<bool> {
         if !wanted || self.is_self_test_running() {
             return None;
@@ -275,12 +265,10 @@ impl Integrity {
         result
     }
 
-    /// Records that the image of `generation` was found damaged.
     fn image_damaged(&self, generation: u32) {
         self.damaged.store(generation, Ordering::Relaxed);
     }
 
-    /// Records that a pass over flash is complete, and whether it found flash intact.
     fn flash_pass(&self, intact: bool) {
         if !intact && !self.flash_fault.load(Ordering::Relaxed) {
             self.withdraw.store(true, Ordering::Relaxed);
@@ -300,14 +288,13 @@ pub enum Consequence {
     Stop(Cause, u32),
 }
 
-/// The results of the passes that a self-test has made so far.
 #[derive(Clone, Copy, Debug, Default)]
 struct SelfTest {
     flash: Option<bool>,
     ram: Option<bool>,
 }
 
-/// Evaluates the findings of the idle loop's slices, and returns the consequence of each slice.
+/// Evaluates the idle loop's slices, and keeps the results of a self-test.
 #[derive(Debug, Default)]
 pub struct Judge {
     self_test: SelfTest,
@@ -320,7 +307,7 @@ impl Judge {
         Self { self_test: SelfTest { flash: None, ram: None } }
     }
 
-    /// Whether a self-test was asked for, so that the passes over flash and RAM have to begin anew.
+    /// Starts a self-test that was asked for. Returns whether one starts, so that the patrol has to begin anew.
     pub fn begin_self_test(&mut self, integrity: &Integrity) -> bool {
         let state = &integrity.self_test;
         let begins = state.compare_exchange(REQUESTED, RUNNING, Ordering::Relaxed, Ordering::Relaxed).is_ok();
@@ -330,7 +317,7 @@ impl Judge {
         begins
     }
 
-    /// Judges a slice. `damaged` is what [`ImageCheck::step`] returned in that slice.
+    /// Evaluates a slice. `damaged` is what [`ImageCheck::slice`] returned in that slice.
     pub fn judge(
         &mut self,
         slice: &Slice,
@@ -360,7 +347,7 @@ impl Judge {
             }
         }
         self.end_self_test(integrity);
-        // The worst finding comes last, so that its consequence is the one that is returned.
+        // The most severe findings come last, so that their consequence is the one that is returned.
         if let Some(address) = slice.code {
             consequence = Consequence::Stop(Cause::CodeInRam, address);
         }
@@ -373,7 +360,7 @@ impl Judge {
     fn end_self_test(&mut self, integrity: &Integrity) {
         let SelfTest { flash: Some(flash), ram: Some(ram) } = self.self_test else { return };
         let result = if flash && ram { PASSED } else { FAILED };
-        // If a self-test was asked for meanwhile, the exchange fails, and that request stays.
+        // If a self-test was asked for meanwhile, the exchange fails and keeps that request.
         let _ = integrity.self_test.compare_exchange(RUNNING, result, Ordering::Relaxed, Ordering::Relaxed);
     }
 }

@@ -24,8 +24,7 @@
 //! | [`crystal`] | the wait for the 32 MHz crystal | start |
 //! | [`telemetry`] | the counters that a debugger, or the bench, reads from RAM | every task |
 //!
-//! Constant time: the cost of a cycle does not depend on what the data say. Every object is verified, and copied under
-//! a mask whatever the verdict is, and no loop ends early.
+//! The cost of a cycle does not depend on the data: every object is verified, and copied under a mask either way.
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
@@ -69,12 +68,12 @@ pub const RECEIVERS: usize = if cfg!(feature = "gps-1") {
     3
 };
 
-/// The words of a receive buffer: [`rf::LEAD`] bytes, then LEN, payload and CRC-16 of the longest NFC-F frame.
+/// The length of a receive buffer, words: [`rf::LEAD`] bytes, then LEN, payload and CRC-16 of the longest NFC-F frame.
 pub const RECEIVE_WORDS: usize = (rf::LEAD + st25r3916::listener::BUFFER).div_ceil(4);
-/// The number of words of an image buffer: it holds the map for five receivers, which is the longest.
+/// The length of an image buffer, words: enough for the map of five receivers, which is the longest.
 pub const IMAGE_WORDS: usize = profile::map::Map::<5>::LEN.div_ceil(4);
 
-/// The memory of one air frame.
+/// The memory of one receive buffer.
 pub type ReceiveMemory = [u32; RECEIVE_WORDS];
-/// The memory of one image.
+/// The memory of one image buffer.
 pub type ImageMemory = [u32; IMAGE_WORDS];

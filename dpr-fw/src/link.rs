@@ -8,20 +8,18 @@ use profile::{
 
 use crate::accept::{Cycle, Objects, Verdict, SAME_SAMPLE_US};
 
-/// The time from the end of one frame to the latest end of the next, µs: the cycle and a quarter of it, for the drift
-/// of two crystals and the jitter of a start-up. It is measured from each frame anew, not by a local tick, so that
-/// drift never adds up.
+/// The time from the end of one frame to the latest end of the next, µs: a cycle and a quarter, for drift and jitter.
 pub const FRAME_DEADLINE_US: u32 = 12_500;
-/// The time before and after the expected end of a frame in which the DPR publishes nothing that can wait, µs. It is
-/// longer than publishing an image takes (`commit_worst_cycles`, 100 µs on the pessimistic clock) and longer than two
-/// crystals drift apart in a cycle.
+/// The time around the expected end of a frame in which the DPR publishes no image that can wait, µs. It is longer than
+/// publishing takes (`commit_worst_cycles`, 100 µs on the pessimistic clock) and than two crystals drift apart in a
+/// cycle.
 pub const FRAME_DUE_US: u32 = 200;
-/// The time in which one frame counts as missed while HORUS is silent, µs: the cycle.
+/// The period after which another cycle's frames count as missed while HORUS is silent, µs: one cycle.
 pub const SILENCE_US: u32 = 1_000 * CYCLE_MS;
 /// The time from the end of a cycle's first frame to the latest end of its second, µs (five receivers). The second ends
-/// 3.935 ms after the first, give or take [`SAME_SAMPLE_US`], and the next cycle's first frame 10 ms after the first.
+/// 3.935 ms after the first, give or take [`SAME_SAMPLE_US`], and the next cycle's first frame 10 ms after it.
 pub const SECOND_FRAME_US: u32 = 7_000;
-/// How long Link-Status shows that HORUS has restarted, µs: no control cycle can overlook it.
+/// How long Link-Status shows that HORUS has restarted, µs: long enough for every control cycle to see it.
 pub const RESTART_SHOWN_US: u32 = 1_000_000;
 
 const _: () = {
@@ -31,7 +29,7 @@ const _: () = {
     assert!(second - first + SAME_SAMPLE_US < SECOND_FRAME_US && SECOND_FRAME_US < FRAME_DEADLINE_US);
 };
 
-/// The DPR's time, 64 bits of µs, which a free-running counter of 32 bits of µs carries on.
+/// The DPR's time in 64 bits of µs, extended from a free-running counter of 32 bits of µs.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Clock {
     counter_us: u32,
@@ -47,8 +45,7 @@ impl Clock {
         Self { counter_us: 0, us: 0, below_ms_us: 0, ms: 0 }
     }
 
-    /// Moves the clock on to counter value `now_us`, which must not be before that of the last call. To be called at
-    /// least every 71 minutes; the DPR calls it every 12.5 ms.
+    /// Moves the clock on to counter value `now_us`, not before that of the last call. Due at least every 71 minutes.
     pub fn advance(&mut self, now_us: u32) {
         let passed = now_us.wrapping_sub(self.counter_us);
         self.counter_us = now_us;
@@ -70,7 +67,7 @@ impl Clock {
         self.us
     }
 
-    /// Returns the instant at which the counter had the value `counter_us`, less than 71 minutes ago, µs since start.
+    /// Returns the instant, µs since start, at which the counter had the value `counter_us`, less than 71 minutes ago.
     #[must_use]
     pub const fn instant_us(&self, counter_us: u32) -> u64 {
         self.us.wrapping_sub(self.counter_us.wrapping_sub(counter_us) as u64)
@@ -80,46 +77,43 @@ impl Clock {
 /// The frame for which the deadline waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Due {
-    /// The deadline waits for any frame; nothing was received yet, so none is missed.
+    /// The deadline waits for the first frame since start, and no frame counts as missed.
     Any,
     /// The deadline waits for the second frame of the current cycle.
     Second,
-    /// The deadline waits for the next cycle's first frame; the second frame of this cycle is counted as missed.
+    /// The deadline waits for the next cycle's first frame. The second frame of this cycle already counts as missed.
     First,
-    /// The deadline waits for one more cycle, while no frame comes.
+    /// The deadline waits for the next cycle.
     Cycle,
 }
 
-/// The cycle and the number of a frame that was received.
+/// The position in time of a frame that was received.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
     sampled_us: u64,
-    /// The number of the frame in its cycle.
     frame: u32,
 }
 
-/// What follows from the deadlines that have passed since the last call.
+/// The result of the deadlines that have passed since the last call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lapse {
     /// The number of frames that count as missed now.
     pub missed: u32,
-    /// Whether no frame came in time after the last one, so that images must have no objects any more. Otherwise only a
-    /// cycle's second frame is late.
+    /// Whether no frame came in time, so that images must have no objects. If false, only a second frame is late.
     pub silent: bool,
 }
 
-/// The missed-frame monitor: a deadline that each frame restarts, and the count of the frames that did not come.
+/// The missed-frame monitor: a deadline that each frame restarts, and the count of the missed frames.
 ///
-/// A frame is missed if its time has passed. While HORUS is silent, each deadline that passes counts. When a frame
-/// arrives, the instants of the samples tell how many frames were due between it and the previous one, and the missed
-/// frames that no deadline has counted are added. So the count does not depend on whether a damaged frame could be told
-/// apart from its neighbours: it counts as received.
+/// While HORUS is silent, each deadline that passes counts. When a frame arrives, the instants of the samples tell how
+/// many frames were due before it, and those that no deadline has counted are added. A damaged frame counts as
+/// received.
 #[derive(Clone, Copy, Debug)]
 pub struct Monitor<const N: usize> {
     due: Due,
     deadline_us: u32,
     last: Option<Slot>,
-    /// The number of frames that were counted as missed since the last frame arrived.
+    /// The number of missed frames that deadlines have counted since the last frame arrived.
     counted: u32,
 }
 
@@ -130,11 +124,10 @@ impl<const N: usize> Default for Monitor<N> {
 }
 
 impl<const N: usize> Monitor<N> {
-    /// The number of frames in a cycle.
     const FRAMES: u32 = air::frames(N) as u32;
     const CYCLE_US: u32 = 1_000 * CYCLE_MS;
 
-    /// Returns a monitor that waits for the first frame. Until a frame is received none is expected, so none is missed.
+    /// Returns a monitor that waits for the first frame.
     #[must_use]
     pub const fn new() -> Self {
         Self { due: Due::Any, deadline_us: 0, last: None, counted: 0 }
@@ -151,8 +144,8 @@ impl<const N: usize> Monitor<N> {
         self.deadline_us = now_us.wrapping_add(FRAME_DEADLINE_US);
     }
 
-    /// Takes a frame that ended at counter value `ended_us`, number `frame` of a cycle sampled at `sampled_us` on the
-    /// DPR's clock, and restarts the deadline. Returns the missed frames before it that no deadline has counted.
+    /// Records a frame that ended at counter value `ended_us`, and restarts the deadline. `frame` is its number in its
+    /// cycle, `sampled_us` the instant of its sample. Returns the missed frames before it that no deadline has counted.
     pub fn frame(&mut self, frame: usize, sampled_us: u64, ended_us: u32) -> u32 {
         let frame = frame as u32;
         let missed = self.last.map_or(0, |last| {
@@ -172,14 +165,14 @@ impl<const N: usize> Monitor<N> {
         missed
     }
 
-    /// Whether a cycle's first frame ends within [`FRAME_DUE_US`] of the counter value `now_us`, or has ended, if HORUS
-    /// keeps its cycle. More than a cycle after the last frame this may be true although no frame is due.
+    /// Whether a cycle's first frame is expected to end within [`FRAME_DUE_US`] before or after counter value `now_us`.
+    /// More than a cycle after the last frame this may be true although no frame is due.
     #[must_use]
     pub const fn is_frame_due(&self, now_us: u32) -> bool {
         if !matches!(self.due, Due::Cycle) {
             return false;
         }
-        // This is the time from the end of a cycle's first frame to the end of the cycle's last frame.
+        // This is the time from the end of a cycle's first frame to the end of its last.
         let frames_us = match (air::age_at_end_us::<N>(0), air::age_at_end_us::<N>(air::frames(N) - 1)) {
             (Some(first), Some(last)) => last - first,
             _ => 0,
@@ -188,14 +181,13 @@ impl<const N: usize> Monitor<N> {
         now_us.wrapping_sub(due_us).cast_signed().unsigned_abs() <= FRAME_DUE_US
     }
 
-    /// Whether the deadline has passed at counter value `now_us` or passes then; it must be less than 35 minutes ago.
+    /// Whether the deadline has passed at counter value `now_us`. It must be less than 35 minutes ago.
     #[must_use]
     pub const fn has_lapsed(&self, now_us: u32) -> bool {
         now_us.wrapping_sub(self.deadline_us).cast_signed() >= 0
     }
 
-    /// Returns what follows from the deadline and from all others that have passed by counter value `now_us`; `None` if
-    /// the deadline has not passed. The next deadline is then after `now_us`.
+    /// Handles all deadlines that have passed by counter value `now_us`, and moves on; `None` if none has.
     pub fn lapse(&mut self, now_us: u32) -> Option<Lapse> {
         if !self.has_lapsed(now_us) {
             return None;
@@ -208,7 +200,7 @@ impl<const N: usize> Monitor<N> {
         }
         let silent = self.has_lapsed(now_us);
         if silent {
-            // The deadline that has passed counts once, and once more for each further period.
+            // The passed deadline counts once, and once more for each further period.
             let more = now_us.wrapping_sub(self.deadline_us) / SILENCE_US;
             self.deadline_us = self.deadline_us.wrapping_add((more + 1) * SILENCE_US);
             let (due, frames) = match self.due {
@@ -224,16 +216,16 @@ impl<const N: usize> Monitor<N> {
     }
 }
 
-/// The state of the DPR that other tasks hold and Link-Status shows.
+/// The states that other tasks hold and Link-Status shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Health {
-    /// Whether a scrub has found a stuck bit since start.
+    /// Whether a fault of RAM was found since start.
     pub ram_fault: bool,
-    /// Whether the RFID front end is lost at the moment, so that no frame can be received.
+    /// Whether the RFID front end is out of order, so that no frame can be received.
     pub front_end_fault: bool,
-    /// Whether the RFID front end works and senses no field of the sender.
+    /// Whether the RFID front end works but senses no field of HORUS.
     pub no_field: bool,
-    /// Whether the program memory does not have the CRC that the build gave it.
+    /// Whether flash differs from the program that was built.
     pub flash_fault: bool,
     /// The reason for which the DPR last started.
     pub reset_reason: ResetReason,
@@ -243,11 +235,11 @@ pub struct Health {
     pub uplink_rejected: bool,
 }
 
-/// The values of Link-Status, kept from one publication to the next.
+/// The values of Link-Status that are kept from one publication to the next.
 #[derive(Clone, Copy, Debug)]
 pub struct Link {
     clock: Clock,
-    /// The instant at which the sample of the last accepted Reported-Position was taken, µs since start.
+    /// The instant, µs since start, at which the sample of the last accepted Reported-Position was taken.
     reported_us: Option<u64>,
     accepted: u32,
     rejected: u32,
@@ -255,7 +247,7 @@ pub struct Link {
     missed: u32,
     sequence: Sequence,
     frozen: bool,
-    /// The instant at which a restart of HORUS was last noticed, µs since start.
+    /// The instant, µs since start, at which a restart of HORUS was last noticed.
     restarted_us: Option<u64>,
 }
 
@@ -266,7 +258,7 @@ impl Default for Link {
 }
 
 impl Link {
-    /// Returns the state before anything was received: the age is saturated, and the sequence is searched for.
+    /// Returns the state before any frame was received: the age is saturated, and the link is out of sequence.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -293,7 +285,7 @@ impl Link {
         &self.clock
     }
 
-    /// Counts a frame; `sequence` is the sequence that includes this frame.
+    /// Counts a frame. `sequence` is the state of the sequence after this frame.
     pub fn frame(&mut self, verdict: &Verdict, sequence: &Sequence) {
         self.received = self.received.wrapping_add(1);
         self.accepted = self.accepted.wrapping_add(verdict.accepted.count());
@@ -315,10 +307,9 @@ impl Link {
         self.missed = self.missed.wrapping_add(frames);
     }
 
-    /// Returns the Link-Status of an image that shows `shown` of the `expected` objects and is published now.
+    /// Returns the Link-Status of an image that is published now, with the objects `shown` out of those `expected`.
     ///
-    /// The link is up if the cycle in the image brought at least one object that may be shown. The age is that of the
-    /// sample of the last Reported-Position that was accepted.
+    /// The link is up if the image has an object. The age is that of the last accepted Reported-Position's sample.
     #[must_use]
     pub fn seal(&self, shown: Objects, expected: Objects, health: &Health) -> LinkStatus {
         let held = self.sequence.is_held(self.clock.us());
@@ -347,15 +338,15 @@ impl Link {
         })
     }
 
-    /// Returns the numbers of objects accepted and rejected, and of frames received and missed; since start, wrapping.
+    /// Returns the numbers of objects accepted and rejected and of frames received and missed, since start, wrapping.
     #[must_use]
     pub const fn counters(&self) -> [u32; 4] {
         [self.accepted, self.rejected, self.received, self.missed]
     }
 
-    /// Returns the µs since `instant_us`. The result saturates, also if there was no such instant.
+    /// Returns the µs since `instant_us`, saturating; `u32::MAX` if there was no such instant.
     fn since_us(&self, instant_us: Option<u64>) -> u32 {
-        // The computation has no branch, so that it takes equally long if no such instant was recorded.
+        // No branch is used, so that the time is the same with and without an instant.
         let never = u64::from(instant_us.is_none()).wrapping_neg();
         let passed = self.clock.us().wrapping_sub(instant_us.unwrap_or_default()) | never;
         u32::try_from(passed).unwrap_or(u32::MAX)
@@ -431,7 +422,7 @@ mod tests {
         assert_eq!(monitor.deadline_us(), 32_500);
         assert_eq!(monitor.lapse(32_499), None);
         assert_eq!(monitor.lapse(32_500), OVERDUE(1, true));
-        // Three frames were due, at 20, 30 and 40 ms, two of which the deadlines have counted.
+        // Three frames were due, at 20, 30 and 40 ms; the deadlines have counted two of them.
         assert_eq!(monitor.frame(0, 45_000, 50_000), 1);
         assert_eq!(monitor.frame(0, 55_000, 60_000), 0);
         assert_eq!(monitor.deadline_us(), 72_500);
@@ -439,7 +430,7 @@ mod tests {
 
     #[test]
     fn frames_that_were_due_between_two_are_counted_by_their_slots() {
-        // Each row has the number and the sample in µs of two frames, and how many frames were missed between them.
+        // Each row has number and sample instant (µs) of two frames, and the number of missed frames between them.
         for (one, other, missed) in [
             ((0, 0), (1, 0), 0),
             ((1, 0), (0, 10_000), 0),
@@ -469,7 +460,7 @@ mod tests {
         assert_eq!(monitor.frame(0, 80_000, 85_000), 3);
     }
 
-    /// A first frame ends at 0, then none comes: its second (3.9 ms) is lost, and both frames of each later cycle.
+    /// A cycle's first frame ends at 0. Its second frame, due at 3.9 ms, and all frames of later cycles are lost.
     #[test]
     fn each_lost_frame_is_counted_when_its_time_has_passed() {
         let mut monitor = Monitor::<5>::new();
@@ -486,11 +477,11 @@ mod tests {
             }
         }
         assert_eq!(missed, 1 + 1 + 2 * 8);
-        // The tenth cycle's second frame comes: the ninth cycle's second frame was missed, and the tenth's first.
+        // The missed frames are the second frame of the cycle before and the first frame of this cycle.
         assert_eq!(monitor.frame(1, 100_000, 103_935), 2);
     }
 
-    /// Returns a verdict on the first frame of a cycle of three receivers, of whose objects `accepted` are accepted.
+    /// Returns a verdict on the first frame of a cycle of three receivers.
     fn verdict(accepted: Objects, cycle: Cycle, sampled_us: u64) -> Verdict {
         Verdict { place: Place::of_frame::<3>(0).expect("a frame"), sampled_us, cycle, accepted }
     }
@@ -550,12 +541,12 @@ mod tests {
             let status = judged(&mut link, 10 * cycle, 10_000 * cycle);
             assert_eq!(status, LinkStatusBits::new().with_out_of_sequence(out), "cycle {cycle}");
         }
-        // During this time no frame comes.
+        // No frame comes for 267.7 ms, and the sequence is lost only after that time.
         link.advance(40_000 + 267_700);
         assert!(!values(&link).status.out_of_sequence());
         link.advance(40_000 + 267_701);
         assert!(values(&link).status.out_of_sequence());
-        // The timestamp counts as frozen until the next cycle comes.
+        // The repeated timestamp counts as frozen until the next cycle comes.
         let frozen = LinkStatusBits::new().with_out_of_sequence(true).with_horus_frozen(true);
         assert_eq!(judged(&mut link, 40, 400_000), frozen);
         assert_eq!(judged(&mut link, 50, 410_000), LinkStatusBits::new().with_out_of_sequence(true));

@@ -1,5 +1,4 @@
-//! The firmware of the DPR. This file is the table of tasks; the library has what the tasks do, `hw` has the registers,
-//! and `board` has pins, vectors and channels.
+//! The firmware of the DPR: the table of tasks. The library has the tasks' work, `hw` the registers, `board` the pins.
 //!
 //! | task | when it is called | has to be done within |
 //! |---|---|---|
@@ -11,13 +10,12 @@
 //! | `port` | a transaction has brought something; an image was published | 10 ms |
 //! | `idle` | nothing else wants to run | 100 ms |
 //!
-//! The most urgent tasks come first. Only a task's attribute states its priority and vector; `build.rs` makes the table
-//! in [`dpr_fw::task`] of these attributes.
+//! The most urgent tasks come first. `build.rs` makes [`dpr_fw::task`]'s table from the tasks' attributes.
 //!
-//! The bounds have these reasons. After 10 µs the flight controller may select again. 40 µs are two bytes on the air; a
-//! task that verifies an object early takes about 30 µs, and the front end's FIFO holds what arrives meanwhile. 0.1 ms
-//! is what the design allows from the last bit to a readable image. After 10 ms the next frame needs the buffer. After
-//! 100 ms the watchdog resets the part.
+//! The bounds have these reasons. After 10 µs the flight controller may select again. 40 µs are two bytes on the air;
+//! verifying an object takes 30 µs, and the front end's FIFO holds what arrives meanwhile. 0.1 ms is the design's limit
+//! from the last bit to a readable image. After 10 ms the next frame needs the buffer. After 100 ms the watchdog
+//! resets.
 //!
 //! The priorities fall in the order SSI, RFID, commit, scrub, port, idle. A flight controller that makes transactions
 //! without end cannot keep the other tasks from running: the pause between two transactions that are served, and the
@@ -89,13 +87,12 @@ mod app {
 
     static INTEGRITY: Integrity = Integrity::new();
 
-    /// Whether the RFID task has called for an image to be prepared.
+    /// Whether the RFID task has asked the commit task to prepare an image.
     static FRAME_ARRIVES: AtomicBool = AtomicBool::new(false);
 
-    /// The least time between two calls of the tasks to make them check in, which are made once a cycle, µs.
+    /// The least time, µs, between two requests of the scrub task that all tasks check in.
     const SIGNS_OF_LIFE_US: u32 = 9_000;
 
-    /// The state that the tasks `commit` and `deadline` share; both have one priority.
     pub struct Committing {
         intake: Intake<RECEIVERS>,
         filling: Option<Filling<ImageBuffer>>,
@@ -201,8 +198,6 @@ mod app {
         )
     }
 
-    /// Has the lowest priority: verifies memory and the published image, logs changes and a summary each second, feeds
-    /// the watchdog, and sleeps.
     #[idle(local = [watchdog, patrol, memory], shared = [front_end])]
     fn idle(mut cx: idle::Context) -> ! {
         let mut shown = FrontEnd::Starting;
@@ -211,7 +206,7 @@ mod app {
         let mut judge = Judge::new();
         let mut image = ImageCheck::<RECEIVERS>::new();
         loop {
-            // Most interrupts leave this loop no work and cost it only this query of the pace.
+            // Most wake-ups find no work here, and so cost only this query.
             let due = pace.due(hw::now_us());
             if due == 0 {
                 cortex_m::asm::wfi();
@@ -228,7 +223,7 @@ mod app {
             let each = if INTEGRITY.is_self_test_running() { integrity::SELF_TEST_SLICES } else { 1 };
             for number in 0..due * each {
                 let slice = cx.local.patrol.slice(cx.local.memory);
-                // A self-test concerns flash and RAM, so the image is verified as often as at other times.
+                // A self-test does not verify the image, so the image gets its usual number of slices.
                 let damaged = if number < due { image.slice(&hw::ShownImage) } else { None };
                 match judge.judge(&slice, damaged, &INTEGRITY, &TELEMETRY) {
                     Consequence::None => {}
@@ -259,7 +254,6 @@ mod app {
         }
     }
 
-    /// Runs when a transaction has ended, or the semaphore has come for another reason.
     #[task(binds = SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1, priority = 5, local = [ssi, server], shared = [mailbox])]
     fn ssi_end(cx: ssi_end::Context) {
         let start = DWT::cycle_count();
@@ -268,21 +262,19 @@ mod app {
         TELEMETRY.ssi_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 
-    /// Runs when the pause after a transaction is over. The next end calls `ssi_end`, at once if it has already come.
+    /// Runs when the pause after a transaction is over, so that the next end of a transaction may call `ssi_end`.
     #[task(binds = TIMER3, priority = 5)]
     fn ssi_pause(_: ssi_pause::Context) {
         SsiDoorbell::end_pause();
         CHECK_IN.check_in(Task::ssi_pause);
     }
 
-    /// Runs when a transfer with the front end has ended.
     #[task(binds = SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0, priority = 4, shared = [receiver, rotation, front_end])]
     fn rf_spi(cx: rf_spi::Context) {
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
         CHECK_IN.check_in(Task::rf_spi);
     }
 
-    /// Runs when the front end's IRQ has risen.
     #[task(binds = GPIOTE, priority = 4, local = [rf_edge], shared = [receiver, rotation, front_end])]
     fn rf_irq(cx: rf_irq::Context) {
         cx.local.rf_edge.clear();
@@ -290,7 +282,6 @@ mod app {
         CHECK_IN.check_in(Task::rf_irq);
     }
 
-    /// Runs when a wait of the front end's driver is over.
     #[task(binds = TIMER0, priority = 4, shared = [receiver, rotation, front_end])]
     fn rf_timer(cx: rf_timer::Context) {
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
@@ -315,7 +306,6 @@ mod app {
         }
     }
 
-    /// Runs when a frame is in its buffer, and verifies, deposits and publishes it.
     #[task(binds = SWI0_EGU0, priority = 3, shared = [committing, rotation, mailbox, prepared, front_end])]
     fn commit(cx: commit::Context) {
         let commit::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
@@ -323,7 +313,6 @@ mod app {
         CHECK_IN.check_in(Task::commit);
     }
 
-    /// Runs when no frame came in time, so that objects that were valid once do not stay readable.
     #[task(binds = TIMER1, priority = 3, shared = [committing, rotation, mailbox, prepared, front_end])]
     fn deadline(cx: deadline::Context) {
         cx.shared.committing.deadline.clear();
@@ -354,19 +343,19 @@ mod app {
         }
     }
 
-    /// Scrubs buffers that were read or replaced, then calls the other tasks so that they check in, once a cycle.
+    /// Scrubs buffers that were read or replaced. Once a cycle it also calls the other tasks so that they check in.
     #[task(binds = SWI1_EGU1, priority = 2, local = [sign_of_life, asked_us: u32 = 0], shared = [rotation, mailbox])]
     fn scrub(cx: scrub::Context) {
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.rotation));
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.mailbox));
         CHECK_IN.check_in(Task::scrub);
-        // With five receivers a cycle has two frames, but one call per cycle is enough for the watchdog.
+        // With five receivers this task runs twice a cycle, but one check-in per cycle is enough for the watchdog.
         let now_us = hw::now_us();
         if now_us.wrapping_sub(*cx.local.asked_us) < SIGNS_OF_LIFE_US {
             return;
         }
         *cx.local.asked_us = now_us;
-        // Tasks that have checked in already, because a frame has called them, need no other call.
+        // A task that a frame has called has checked in already, so it is not called again.
         for task in [Task::rf_spi, Task::rf_irq, Task::rf_timer, Task::commit, Task::deadline] {
             if !CHECK_IN.has_checked_in(task) {
                 board::call(task);
@@ -376,13 +365,12 @@ mod app {
         board::call(Task::port);
     }
 
-    /// Runs when a transaction has brought something or an image was published: judges what came in and prepares
-    /// Port-Status and uplinks for the next image.
+    /// Judges what transactions have brought, and prepares Port-Status and uplinks for the next image.
     #[task(binds = SWI2_EGU2, priority = 1, local = [port, areas, spare, prepared_for: u32 = 0], shared = [prepared])]
     fn port(mut cx: port::Context) {
         let start = DWT::cycle_count();
         let port::LocalResources { port, areas, spare, prepared_for } = cx.local;
-        // At most as many transactions wait as the SSI task grants between two images.
+        // The loop is bounded, since the SSI task grants a bounded number of transactions between two images.
         let mut changed = false;
         while let Some(brought) = areas.take() {
             changed |= port.transaction(*brought.about(), brought.memory(), hw::now_us());

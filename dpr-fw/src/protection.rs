@@ -9,20 +9,19 @@
 //! | 0x2001_0000 to 256 KiB | RAM: stack, statics, and what is left free | read, write | read, write |
 //! | 0x4000_0000, 0x5000_0000 | peripherals | all | those of `board.rs` that tasks use |
 //!
-//! *Null page*: the processor fetches vectors without the memory protection unit, and nothing else uses the table. The
-//! code that verifies flash reads the table without the unit as well (`firmware_common::memory::load_shut`).
+//! *Null page*: the processor fetches vectors without the memory protection unit. The code that verifies flash reads
+//! the table without it as well (`firmware_common::memory::load_shut`).
 //!
-//! *Stack*: it grows down from the statics (flip-link) to 0x2001_0000. No region opens the RAM below that address, so
-//! an overflow violates the memory protection, whatever lies below.
+//! *Stack*: it grows down from the statics (flip-link) to 0x2001_0000. An overflow violates the memory protection.
 //!
-//! *Code in RAM* is copied to its place before the memory protection unit is switched on. Afterwards only a fault of
-//! the memory can change it, which the comparison with flash finds ([`integrity`](crate::integrity)).
+//! *Code in RAM* is copied before the memory protection unit is switched on. Afterwards only a fault of the memory can
+//! change it, which the comparison with flash finds ([`integrity`](crate::integrity)).
 //!
-//! *Peripherals*: the tasks cannot access what only the start needs: clock and power, the flash controller (so that no
-//! task erases or writes flash), the PPI (so that no task undoes the expiry of the image), and everything that the
-//! board does not use. In two regions each eighth has 4 KiB, which is one peripheral. In the region of the watchdog and
-//! TIMER3 each eighth has 8 KiB, which is two peripherals, since the unit has no region left. So RTC1 and TIMER4 are
-//! open beside those of the board: nothing starts them, and none of their interrupts or PPI channels is enabled.
+//! *Peripherals*: the tasks cannot access what only the start needs: clock and power, the flash controller (no task can
+//! erase or write flash), the PPI (no task can undo the expiry of the image), and everything that the board does not
+//! use. In two regions an eighth has 4 KiB, which is one peripheral. In the region of the watchdog and TIMER3 an eighth
+//! has 8 KiB, which is two peripherals, since the unit has no region left. So RTC1 and TIMER4 are open as well: no code
+//! starts them, and none of their interrupts or PPI channels is enabled.
 
 use firmware_common::mpu::{Access, Allowed, Memory, Region, Table};
 
@@ -35,14 +34,14 @@ const FLASH: Region = Region::new("flash", 0, 128 * KIB, Memory::Flash, Allowed:
 /// The address at which the null page ends.
 pub const NULL_PAGE_END: u32 = 256;
 
-/// The page of the vector table, which has 16 exceptions and 48 interrupts (PS v1.7, chapter 4.2.4).
+/// The null page holds the vectors of 16 exceptions and 48 interrupts (PS v1.7, chapter 4.2.4).
 const NULL_PAGE: Region = Region::new("null page", 0, NULL_PAGE_END, Memory::Flash, Allowed::Nothing);
 
-/// The RAM: all of its 256 KiB except the first 64 KiB are open.
+/// The RAM: all of its 256 KiB except the first 64 KiB, which hold code, are open.
 const RAM: Region = Region::new("RAM", 0x2000_0000, 256 * KIB, Memory::Ram, Allowed::ReadWrite)
     .only([false, false, true, true, true, true, true, true]);
 
-/// The first 64 KiB of RAM, at their addresses in the code region (PS v1.7, chapter 4.2.3).
+/// The RAM that holds code, at its addresses in the code region (PS v1.7, chapter 4.2.3).
 const CODE_RAM: Region = Region::new("code in RAM", 0x0080_0000, 64 * KIB, Memory::Ram, Allowed::ReadExecute);
 
 /// The regions that are open while the firmware starts.
@@ -60,13 +59,13 @@ pub const TASKS: Table<8> = Table::new([
     NULL_PAGE,
     RAM,
     CODE_RAM,
-    // Three eighths of this region are open: those of SPIM0, SPIS1 and GPIOTE.
+    // The open eighths are SPIM0, SPIS1 and GPIOTE.
     Region::new("serial interfaces and GPIOTE", 0x4000_0000, 32 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([false, false, false, true, true, false, true, false]),
-    // Three eighths of this region are open: those of TIMER0 to TIMER2.
+    // The open eighths are TIMER0 to TIMER2.
     Region::new("timers", 0x4000_8000, 32 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, true, false, false, false, false, false]),
-    // Two eighths of 8 KiB are open: that of the WDT and RTC1, and that of TIMER3 and TIMER4.
+    // The open eighths are the WDT with RTC1, and TIMER3 with TIMER4.
     Region::new("watchdog and pause", 0x4001_0000, 64 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, false, false, false, false, true, false, false]),
     Region::new("GPIO ports", 0x5000_0000, 4 * KIB, Memory::Peripheral, Allowed::ReadWrite),
@@ -118,7 +117,7 @@ mod tests {
     #[test]
     fn tasks_reach_only_the_boards_peripherals_and_two_neighbours() {
         let of_the_board = [0x3000, 0x4000, 0x6000, 0x8000, 0x9000, 0xA000, 0x1_0000, 0x1_A000];
-        // RTC1 and TIMER4 are open beside peripherals of the board, in the same eighths.
+        // RTC1 and TIMER4 share their eighths with peripherals of the board.
         let beside = [0x1_1000, 0x1_B000];
         for offset in (0..0x3_0000).step_by(0x1000) {
             let address = 0x4000_0000 + offset;
@@ -126,7 +125,7 @@ mod tests {
             assert_eq!(TASKS.allows(address, Write), open, "{address:#x}");
             assert!(START.allows(address, Write) && !START.allows(address, Execute));
         }
-        // The addresses are P0.OUT and P1.OUT; no address behind the two ports is open.
+        // The addresses are P0.OUT and P1.OUT.
         assert!(TASKS.allows(0x5000_0504, Write) && TASKS.allows(0x5000_0804, Write));
         assert_eq!((area(0x4001_E504), area(0x4000_A540)), ("a peripheral that is shut", "timers"));
         assert!(!TASKS.allows(0x5000_1000, Write) && !TASKS.allows(0x4001_E504, Write), "the flash controller");

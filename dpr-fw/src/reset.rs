@@ -1,24 +1,19 @@
 //! Why the part last started.
 //!
 //! RESETREAS (PS v1.7, 5.3.7.8) collects the reasons since it was last cleared. It is zero after power-on and after a
-//! brown-out, since both come from the on-chip reset generator. A word of RAM that no start initialises tells these two
-//! apart: if the word has kept its value, the supply only dipped.
+//! brown-out. A word of RAM that no start initialises tells these apart: after a brown-out it may have kept its value.
 
 use profile::ResetReason;
 
-/// Bit 0 stands for the reset pin.
 const RESETPIN: u32 = 1;
-/// Bit 1 stands for the watchdog.
 const DOG: u32 = 1 << 1;
-/// Bit 2 stands for software or a debugger, by AIRCR.SYSRESETREQ.
+/// A reset by software or by a debugger (AIRCR.SYSRESETREQ) has bit 2.
 const SREQ: u32 = 1 << 2;
-/// Bit 3 stands for lockup.
 const LOCKUP: u32 = 1 << 3;
 
-/// Returns the reason that the RESETREAS value `bits` tells, given whether the word of RAM has kept its value.
+/// Returns the reason for the RESETREAS value `bits`. `ram_kept` says whether the word of RAM has kept its value.
 ///
-/// If the bit of the reset pin is set, all others are ignored (anomaly 136). The bits of a wake-up from System OFF,
-/// which the firmware never enters, count as "other".
+/// If the bit of the reset pin is set, all others are ignored (anomaly 136). System OFF, never used, is "other".
 #[must_use]
 pub const fn reason(bits: u32, ram_kept: bool) -> ResetReason {
     if bits & RESETPIN != 0 {

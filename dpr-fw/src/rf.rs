@@ -1,28 +1,25 @@
-//! The RFID side: carries out the steps of the ST25R3916's listener, and hands frames on to the commit task.
+//! The RFID side: runs the ST25R3916's listener, and hands frames on to the commit task.
 //!
 //! # Design
 //!
-//! The listener, a state machine ([`st25r3916::Listener`]), decides what to send to the chip; the [`FrontEndPort`]
-//! starts SPI transfers by EasyDMA and a timer; the driver's [`Executor`] stands between the two. Three interrupts call
+//! The listener, a state machine ([`st25r3916::Listener`]), decides what to send to the chip. The [`FrontEndPort`]
+//! starts SPI transfers by EasyDMA and a timer, and the driver's [`Executor`] connects the two. Three interrupts call
 //! [`Reception::serve`]: a transfer has ended, the IRQ pin has risen, the timer has elapsed. The cyclic check-in calls
-//! it too, and serves what a lost edge of the IRQ pin has left waiting.
+//! it too, so that a lost edge of the IRQ pin is made up for.
 //!
-//! A FIFO read puts a meaningless byte in front of the data, clocked in under the command. The port receives that byte
-//! just before the place where the data go. For the first read of a frame this place is the last of the [`LEAD`] bytes;
-//! for later reads it is the last byte of the previous chunk, which the port keeps and puts back. So a frame's bytes
-//! lie in one piece without being copied.
+//! A FIFO read returns a meaningless byte before the data. The port receives that byte just before the place of the
+//! data: at the first read of a frame this is the last of the [`LEAD`] bytes, later the last byte of the previous read,
+//! which the port saves and restores. So a frame's bytes are contiguous without being copied.
 //!
 //! # Buffers
 //!
-//! [`Reception::serve`] hands a buffer that holds a frame to the commit task and goes on with a clean one. If a frame
-//! began but will not be delivered, its buffer is replaced by a clean one as well: no frame is ever received into a
-//! buffer that holds bytes of another.
+//! [`Reception::serve`] hands a buffer that holds a frame to the commit task and goes on with a clean one. The buffer
+//! of a frame that is not delivered is replaced by a clean one as well, so that it never mixes with another frame.
 //!
 //! # The end of a frame
 //!
 //! A frame's end is the rising edge of the IRQ pin (I_rxe), whose instant the hardware captures
-//! ([`FrontEndPort::irq_edge_us`]). The instant depends neither on when the processor reacts, nor on whether the
-//! interrupt was read in a status read that the edge caused or in one that a time-out had caused before.
+//! ([`FrontEndPort::irq_edge_us`]). So the instant does not depend on when the processor reads the interrupt.
 
 use rtic_core::Mutex;
 use st25r3916::{
@@ -37,29 +34,26 @@ use crate::{
     triple::{Filling, Memory, Rotated, Rotation},
 };
 
-/// The bytes in front of LEN in a receive buffer: room for the byte under the read command, chosen so that the payload
-/// is aligned.
+/// The number of bytes before LEN in a receive buffer, for the first byte of a read, and to align the payload.
 pub const LEAD: usize = 3;
 const _: () = assert!((LEAD + PAYLOAD_OFFSET).is_multiple_of(4));
 
 /// How long the chip is left alone after a frame, µs: the commit takes 50 µs. The next sync comes at least 0.45 ms
-/// after the end of a frame (0.30 ms between two frames of a cycle, 0.15 ms of preamble and sync). Before that sync,
-/// reading takes 0.26 ms at worst (store-and-forward) and re-arming 0.03 ms; the read-back of a setting that comes
-/// afterwards may last until after that sync.
+/// after the end of a frame (0.30 ms between two frames of a cycle, 0.15 ms of preamble and sync). Before it, reading
+/// takes 0.26 ms at worst (store-and-forward) and re-arming 0.03 ms. Only the read-back of a setting may last longer.
 pub const RESUME_AFTER_US: u32 = 80;
 
-/// The hardware that the executor needs, with the receive buffer that is being written. A response does not include the
-/// byte under a read command.
+/// The hardware that the executor needs, with the receive buffer that is being written.
 pub trait FrontEndPort: executor::Port {
     /// The type of a receive buffer.
     type Buffer: Memory;
 
-    /// Returns the counter, µs, at the last rising edge of the IRQ pin, captured by hardware.
+    /// Returns the value of the µs counter at the last rising edge of the IRQ pin, captured by hardware.
     fn irq_edge_us(&mut self) -> u32;
     /// Exchanges the receive buffer. Called while no transfer runs.
     fn exchange(&mut self, with: impl FnOnce(Filling<Self::Buffer>) -> Filling<Self::Buffer>);
     /// Returns the first `len` bytes of the frame in the receive buffer, beginning with LEN. Called while no read runs,
-    /// since a read temporarily overwrites a byte of the frame.
+    /// since a read temporarily overwrites one of these bytes.
     fn arrived(&self, len: usize) -> &[u8];
 }
 
@@ -71,29 +65,29 @@ pub enum FrontEnd {
     Starting,
     /// The front end is configured and listens.
     Listening {
-        /// Whether the front end senses the sender's field, or has received a frame and has not lost the field since.
+        /// Whether the front end senses HORUS's field, or has received a frame and has not lost the field since.
         field: bool,
     },
-    /// The front end was lost, for this reason, and is being brought up again. After [`Fault::Silence`] this state
-    /// lasts until a frame comes, since only a frame shows that the front end receives.
+    /// The front end was lost for this reason and is being brought up again. After [`Fault::Silence`] this state lasts
+    /// until a frame comes, since only a frame shows that the front end receives.
     Lost(Fault),
 }
 
 impl FrontEnd {
-    /// Whether the front end works, as far as is known, and senses no field. False after a fault other than silence.
+    /// Whether the front end senses no field, and has no fault other than silence.
     #[must_use]
     pub const fn senses_no_field(self) -> bool {
         matches!(self, Self::Starting | Self::Listening { field: false } | Self::Lost(Fault::Silence { field: false }))
     }
 
-    /// Whether the front end is out of order, as far as is known. That includes a front end that receives nothing
-    /// although the sender's field is there; without a field, silence says nothing about the DPR's side.
+    /// Whether the front end is out of order. That includes a front end that receives nothing although it senses a
+    /// field. Without a field, silence is no fault of the front end.
     #[must_use]
     pub const fn is_out_of_order(self) -> bool {
         matches!(self, Self::Lost(fault) if !matches!(fault, Fault::Silence { field: false }))
     }
 
-    /// Records whether the front end reports that the field is there or is gone.
+    /// Records whether the front end senses a field.
     fn note_field(&mut self, there: bool) {
         if let Self::Listening { field } | Self::Lost(Fault::Silence { field }) = self {
             *field = there;
@@ -101,33 +95,33 @@ impl FrontEnd {
     }
 }
 
-/// What is known of a received frame beside its bytes.
+/// What is known of a received frame besides its bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameInfo {
     /// The number of payload bytes.
     pub len: usize,
     /// The value of the µs counter at the frame's end.
     pub ended_us: u32,
-    /// The part of the frame that was verified while it arrived.
+    /// The results for the objects that were verified while the frame arrived.
     pub early: Early,
 }
 
 impl FrameInfo {
-    /// Returns the payload in the receive buffer's `bytes`; empty if the buffer is too short for it.
+    /// Returns the payload in the receive buffer's `bytes`; empty if the buffer is too short.
     #[must_use]
     pub fn payload<'a>(&self, bytes: &'a [u8]) -> &'a [u8] {
         bytes.get(LEAD + PAYLOAD_OFFSET..LEAD + PAYLOAD_OFFSET + self.len).unwrap_or(&[])
     }
 }
 
-/// The tasks that the RFID task has to call after an interrupt was served.
+/// The tasks that the RFID task has to call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Call {
     /// No task has to be called.
     None,
-    /// The commit task: most of a frame is there, so it is time to prepare the image for the frame.
+    /// The commit task has to prepare an image, since most of a frame is there.
     Prepare,
-    /// The commit task and the scrub task: a buffer was handed on, to be read or to be scrubbed.
+    /// The commit task and the scrub task have to be called, since a buffer was handed on.
     Handed,
 }
 
@@ -139,18 +133,17 @@ pub struct Reception<P> {
 }
 
 impl<P: FrontEndPort> Reception<P> {
-    /// Makes the first step of the front end's bring-up, and returns the state of the RFID task.
+    /// Starts the bring-up of the front end, and returns the state of the RFID task.
     pub fn start(listener: Listener, port: P) -> Self {
         let mut executor = Executor::new(listener, port);
-        // A bring-up begins with a transfer, never with an event.
+        // A bring-up begins with a transfer, which gives no event.
         let event = executor.resume();
         debug_assert!(event.is_none(), "{event:?}");
         Self { executor, early: Early::default() }
     }
 
-    /// Carries the driver on as far as possible, for a profile of `N` receivers. A frame goes into `rotation`, and the
-    /// driver goes on with a clean buffer. While a frame arrives, the objects that are complete are already verified
-    /// here, so that less work is left after the last bit. Returns which tasks to call.
+    /// Serves an interrupt, for a profile of `N` receivers. A received frame goes into `rotation`, and the driver goes
+    /// on with a clean buffer. While a frame arrives, its complete objects are verified. Returns which tasks to call.
     pub fn serve<const N: usize>(
         &mut self,
         mut rotation: impl Mutex<T = Rotation<P::Buffer, FrameInfo>>,
@@ -163,7 +156,7 @@ impl<P: FrontEndPort> Reception<P> {
         while let Some(happened) = event {
             match happened {
                 ListenerEvent::Frame { len, flags } => {
-                    // A front end that begins to listen in a field may not report that field.
+                    // A front end that begins to listen within a field may not report that field.
                     front_end.lock(|state| *state = FrontEnd::Listening { field: true });
                     telemetry.chip_crc_flags.add(u32::from(!flags.is_clean()));
                     let info =
@@ -186,7 +179,7 @@ impl<P: FrontEndPort> Reception<P> {
                 }),
                 ListenerEvent::Fault(fault) => {
                     match fault {
-                        // The sender may be switched off, so silence need not be a fault of the front end.
+                        // Silence need not be a fault of the front end, since HORUS may be switched off.
                         Fault::Silence { .. } => telemetry.rf_silences.add(1),
                         _ => telemetry.rf_faults.add(1),
                     }
@@ -236,7 +229,7 @@ impl<P: FrontEndPort> Reception<P> {
     }
 }
 
-/// Puts a clean buffer in place of the one in which a frame began that will not be delivered.
+/// Replaces the buffer of a frame that will not be delivered by a clean one.
 fn replace_buffer<P: FrontEndPort>(
     executor: &mut Executor<Listener, P>,
     rotation: &mut impl Mutex<T = Rotation<P::Buffer, FrameInfo>>,

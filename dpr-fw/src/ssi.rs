@@ -1,25 +1,24 @@
-//! Decides what the flight controller reads next, and how many transactions it may make.
+//! Decides which window the flight controller reads next, and how many transactions it may make.
 //!
 //! # Design
 //!
-//! A transaction shows the window of the [map](profile::map) that the previous transaction asked for, or the map from
-//! its start if the previous one asked for nothing. A request is eight bytes with a CRC; eight bytes 0x00, or 0xFF (an
-//! undriven line), ask for nothing. After anything else (a damaged request, a request that reaches beyond the map) the
-//! next transaction shows the map from its start.
+//! A transaction shows the window of the [map](profile::map) that the previous transaction asked for. If the previous
+//! one made no valid request, it shows the map from its start. A request is eight bytes with a CRC; eight bytes 0x00 or
+//! 0xFF (an undriven line) are no request.
 //!
-//! Only the request is judged here, because the next transaction waits for it. The other bytes that a transaction
-//! brought are judged by a task of low priority ([`port`](crate::port)), which gets the whole receive area.
+//! Only the request is judged here, because the next transaction waits for it. The port task, of low priority, judges
+//! the other bytes ([`port`](crate::port)).
 //!
-//! The SSI interrupt has a higher priority than all others, so a flight controller that selects and deselects the DPR
-//! in a loop could keep the RFID side from running. The peripheral reports only the end of granted transactions,
-//! whether bytes were clocked in them or not, and two bounds hold for granted transactions:
+//! The SSI interrupt has the highest priority, so a flight controller that selects and deselects the DPR in a loop
+//! could keep the RFID side from running. The peripheral reports the end of every granted transaction, even of one
+//! without bytes. Two bounds hold for granted transactions:
 //!
 //! - [`PAUSE_US`]: after the task has served the end of one transaction, the end of the next does not call it before
-//!   this time is over. The events that call the task are masked until a timer unmasks them; meanwhile the shortcut
-//!   from END to ACQUIRE has taken the buffers from the peripheral, so the flight controller reads 0xFF. So the task
-//!   runs at most once between the last bit of a frame and its image, whatever the flight controller does.
-//! - [`Budget`] counts the granted transactions, and when it is used up the buffer is not granted again until the next
-//!   image is published. So the load of the SSI task is bounded, and that of the port task too.
+//!   this time is over. A timer unmasks the events that call the task. Meanwhile the shortcut from END to ACQUIRE has
+//!   taken the buffers from the peripheral, so the flight controller reads 0xFF. So the task runs at most once between
+//!   the last bit of a frame and its image, whatever the flight controller does.
+//! - [`Budget`] counts the granted transactions. When it is used up, no more are granted until the next image is
+//!   published. This bounds the load of the SSI task and of the port task.
 
 use core::ops::Range;
 
@@ -28,15 +27,13 @@ use profile::{
     Uplink, Violation,
 };
 
-/// The number of bytes behind the object in which nothing may be written: a transaction that drives them tries to write
-/// more than one object.
+/// The number of bytes after the object that must stay idle, since a transaction may write only one object.
 pub const BEYOND_BYTES: usize = 8;
 
-/// The number of bytes that a transaction can bring in: a request, an object, and [`BEYOND_BYTES`]. The peripheral
-/// drops all bytes that are clocked in after them.
+/// The number of bytes that a transaction can bring in. The peripheral drops all later bytes.
 pub const RECEIVE_BYTES: usize = REQUEST_SIZE + Uplink::SIZE + BEYOND_BYTES;
 
-/// The memory for what a transaction brings in.
+/// The memory for the bytes that a transaction brings in.
 pub type ReceiveArea = [u32; RECEIVE_BYTES / 4];
 
 const _: () = assert!(RECEIVE_BYTES.is_multiple_of(4));
@@ -44,13 +41,13 @@ const _: () = assert!(RECEIVE_BYTES.is_multiple_of(4));
 /// The request that a transaction made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asked {
-    /// The transaction asked for nothing.
+    /// The transaction made no request.
     Nothing,
     /// The transaction asked for a window of the map.
     Window,
-    /// The transaction was too short for a request; whether that is a violation depends on what it brought instead.
+    /// The transaction was too short for a request. Whether that is a violation depends on the bytes that it brought.
     Short,
-    /// The transaction asked for something that it may not have.
+    /// The transaction made a damaged or forbidden request.
     Refused(Violation),
 }
 
@@ -67,7 +64,7 @@ impl<const LEN: usize> Windows<LEN> {
         Self { next: None }
     }
 
-    /// Takes the end of a transaction in which `mosi` came in. Its request decides what the next transaction shows.
+    /// Records the end of a transaction in which `mosi` came in. Its request decides what the next transaction shows.
     pub fn transaction(&mut self, mosi: &[u8]) -> Asked {
         let (asked, next) = match mosi.first_chunk().map(|request| ssi::parse(request, LEN)) {
             Some(Ok(Parsed::Nothing)) => (Asked::Nothing, None),
@@ -89,17 +86,17 @@ impl<const LEN: usize> Windows<LEN> {
     }
 }
 
-/// How long the end of a transaction does not call the SSI task after that task has served the end of another, µs. This
-/// time is longer than the time from a frame's last bit to its image with one run of the SSI task in it
-/// (docs/timing.md#sums). It is shorter than the least time from end to end of two transactions of 96 bytes
-/// ([`ssi::timing::SPACING_NS`]) less the time in which the first of the two is served.
+/// How long, µs, the end of a transaction does not call the SSI task after that task has served the end of another. It
+/// is longer than the time from a frame's last bit to its image with one run of the SSI task in it
+/// (docs/timing.md#sums). It is shorter than the least time between the ends of two transactions of 96 bytes
+/// ([`ssi::timing::SPACING_NS`]) less the time in which the first of them is served.
 pub const PAUSE_US: u32 = 95;
 
 const _: () = assert!(PAUSE_US * 1_000 + ssi::timing::GAP_NS < ssi::timing::SPACING_NS);
 
-/// The number of transactions that are granted between two publications: in 10 ms a control cycle of 1 ms needs ten.
-/// Each takes 7 µs of interrupt, and 10 to 20 µs of the port task; so the processor's load stays below a tenth even if
-/// a flight controller never stops (on the bench's fast clock: `bench/tests/babble.rs`, `ports.rs`).
+/// The number of transactions that are granted between two publications. A control cycle of 1 ms needs ten in 10 ms.
+/// Each takes 7 µs of interrupt, and 10 to 20 µs of the port task, so the processor's load stays below a tenth whatever
+/// the flight controller does (on the bench's fast clock: `bench/tests/babble.rs`, `ports.rs`).
 pub const BUDGET: u32 = 16;
 
 /// The number of transactions that may still be granted until the next image is published.
@@ -132,9 +129,9 @@ impl Budget {
     }
 }
 
-/// Decides when the SSI task is called only to check in: if no transaction has called it for a cycle. A transaction
-/// under way will call the task at its end, and a call before might delay that end. So the end is waited for, but for
-/// [`SignOfLife::MOST`] cycles at most: a flight controller that never deselects the DPR must not reset it.
+/// Decides when the SSI task is called only to check in: if no transaction has called it for a cycle. During a
+/// transaction it is not called, since that might delay the transaction's end, but only for [`SignOfLife::MOST`]
+/// cycles: a flight controller that never deselects the DPR must not make the watchdog reset it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SignOfLife {
     transactions: u32,
@@ -142,19 +139,18 @@ pub struct SignOfLife {
 }
 
 impl SignOfLife {
-    /// The number of cycles, of 12.5 ms at most, that a transaction may last before the task is called during it.
-    /// Together with the cycle of that call they are half of the watchdog's 100 ms.
+    /// The number of cycles, of 12.5 ms at most, that a transaction may last before the task is called during it. With
+    /// the cycle of that call they are half of the watchdog's 100 ms.
     pub const MOST: u32 = 3;
 
-    /// Returns the state at the start, which has taken up to a third of the watchdog's time. So a transaction that is
-    /// already under way then is waited for during one cycle only.
+    /// Returns the state at the start. The start has taken up to a third of the watchdog's time, so a transaction that
+    /// is under way then is waited for during one cycle only.
     #[must_use]
     pub const fn new() -> Self {
         Self { transactions: 0, waited: Self::MOST - 1 }
     }
 
-    /// Whether to call the task so that it checks in, given the number of transactions so far and whether the DPR is
-    /// selected. To be asked once a cycle.
+    /// Whether to call the task so that it checks in, given the transactions so far. To be asked once a cycle.
     pub fn is_due(&mut self, transactions: u32, is_selected: bool) -> bool {
         let has_come = transactions != self.transactions;
         self.transactions = transactions;
@@ -248,7 +244,7 @@ mod tests {
             prop_assert!(window.start < window.end && window.end <= 156);
             if !damage {
                 let inside = length > 0 && usize::from(offset) + usize::from(length) <= 156;
-                // The request (0, 0) has a CRC that is not zero, so it is a request, for no bytes at all.
+                // The request (0, 0) has a CRC that is not zero, so it is a request for no bytes.
                 let expected = match inside {
                     true => Asked::Window,
                     false if mosi == [0xFF; 8] => Asked::Nothing,

@@ -1,9 +1,7 @@
-//! The firmware's tasks, and which of them have to check in before the watchdog is fed
-//! ([`firmware_common::check_in`]).
+//! The firmware's tasks, all of which have to check in before the watchdog is fed ([`firmware_common::check_in`]).
 //!
-//! Every task has to check in. No task needs an event from outside for that: the deadline passes every 12.5 ms without
-//! any frame, its task and `commit` call the scrub, and the scrub calls all others. Each task that is called so looks
-//! for work, and checks in even if there is none.
+//! No task needs an event from outside for that: the deadline passes every 12.5 ms without any frame, its task and
+//! `commit` call the scrub task, and that calls all others. A task without work checks in, too.
 
 include!(concat!(env!("OUT_DIR"), "/each_task.rs"));
 

@@ -1,9 +1,9 @@
-//! The counters that the firmware keeps of itself, which a debugger or the bench reads from RAM by symbol.
+//! The counters of the firmware, which a debugger or the bench reads from RAM by symbol.
 
 use crate::triple::Scrubbed;
 
 firmware_common::counters! {
-    /// The static `DPR_TELEMETRY` in the program: 32-bit counters in this order, all zero at start. Totals wrap.
+    /// The static `DPR_TELEMETRY`: 32-bit counters in this order, all zero at start. Totals wrap.
     pub struct Telemetry {
         /// Frames of a length that the profile has.
         frames_received,
@@ -11,13 +11,13 @@ firmware_common::counters! {
         frames_missed,
         /// HORUS's objects that were accepted.
         objects_accepted,
-        /// HORUS's objects that were rejected, each by itself.
+        /// HORUS's objects that were rejected.
         objects_rejected,
-        /// Frames that were rejected as a whole.
+        /// Frames of a length that no frame of the profile has.
         wrong_length,
-        /// Frames for which the front end reported a CRC-16, framing or FIFO error; they are judged like any other.
+        /// Frames for which the front end reported a CRC-16, framing or FIFO error. They are judged like any other.
         chip_crc_flags,
-        /// Buffers that were scrubbed, receive buffers and images.
+        /// Receive buffers and images that were scrubbed.
         scrubs,
         /// Stuck bits found by scrubs.
         scrub_faults,
@@ -27,33 +27,31 @@ firmware_common::counters! {
         rf_faults,
         /// How often the front end was brought up again after a fault.
         rf_recoveries,
-        /// Frames lost because commit and scrub were late by a cycle.
+        /// Frames that were lost because no clean receive buffer was left.
         overruns,
         /// SSI transactions in which the image was shown.
         ssi_transactions,
-        /// Actions that a flight controller may not do, of all kinds ([`profile::port_status`]); stays at `u32::MAX`.
+        /// Access violations of all kinds ([`profile::port_status`]), saturating.
         access_violations,
         /// Images that were published.
         publications,
         /// Images that became readable for the next SSI transaction.
         images_readable,
-        /// The longest SSI interrupt, processor cycles.
+        /// The longest run of the SSI task, processor cycles.
         ssi_worst_cycles,
-        /// The longest commit, of a frame or a deadline, processor cycles, including what preempted it.
+        /// The longest run of the commit task, processor cycles, including what preempted it.
         commit_worst_cycles,
-        /// The time from the end of the last frame to its publication, µs. (The cycle counter stands still while the
-        /// processor sleeps.)
+        /// The time from the end of the last frame to its publication, µs.
         rxe_to_publish_us,
         /// The longest time from the end of a frame to its publication, µs.
         rxe_to_publish_worst_us,
-        /// SSI transactions that clocked out more bytes than their window had; for the extra bytes they read 0xFF.
+        /// SSI transactions that clocked out more bytes than their window had, and so read 0xFF at the end.
         ssi_over_reads,
-        /// SSI transactions that clocked in more bytes than fit into a receive area; the extra bytes were dropped. A
-        /// transaction that reads more than 80 bytes always does so.
+        /// SSI transactions that clocked in more than a receive area's 80 bytes, as every longer read does.
         ssi_overflows,
         /// How often an image expired in hardware because none replaced it in time.
         images_expired,
-        /// Why the firmware stopped itself before this start: a code of `firmware_common::last_stop`, 0 if it did not.
+        /// Why the firmware stopped itself before this start: a code of `firmware_common::last_stop`; 0 if it did not.
         last_stop,
         /// Passes of the patrol over flash.
         flash_passes,
@@ -63,13 +61,13 @@ firmware_common::counters! {
         image_faults,
         /// Passes of the patrol over the RAM in use.
         ram_passes,
-        /// How often a word of the RAM in use did not hold what was written to it, also at the start.
+        /// How often a word of RAM in use did not hold what was written to it, also in the test at the start.
         ram_errors,
         /// How often the transactions that are granted between two images were used up.
         ssi_budgets_spent,
         /// Transactions whose object was dropped because two earlier ones still waited to be judged.
         ssi_objects_dropped,
-        /// Uplinks stored since start or since they were cleared.
+        /// Uplinks stored since start or since the counters were cleared.
         uplinks_accepted,
         /// 1 if the last uplink or command that came in was refused, otherwise 0.
         uplink_rejected,
@@ -77,16 +75,16 @@ firmware_common::counters! {
         port_worst_cycles,
         /// How often the front end lost the sender's field.
         field_losses,
-        /// How often the front end was brought up anew since nothing had been received for long.
+        /// How often the front end was brought up anew because it had received nothing for long.
         rf_silences,
-        /// The last register of the front end that did not read as it was set, or 0 if none: its address (with 0x40 in
-        /// space B) in bits 23 to 16, then the value that was set, then the value that was read.
+        /// The last register of the front end that did not read as it was set; 0 if none. Bits 23 to 16 are its address
+        /// (with 0x40 in space B), then come the value that was set and the value that was read.
         rf_register,
     }
 }
 
 impl Telemetry {
-    /// Counts the result of scrubs.
+    /// Adds the result of scrubs to the counters.
     pub fn scrubbed(&self, found: Scrubbed) {
         self.scrubs.add(found.buffers);
         self.scrub_faults.add(found.stuck_bits);

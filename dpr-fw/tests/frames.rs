@@ -1,6 +1,4 @@
-//! Tests the way from the air to the image, without an MCU: the functions that the firmware's tasks call, on a chip
-//! model.
-//!
+//! Tests the way from the air to the image: the functions that the firmware's tasks call, on a model of the chip.
 //! Time is virtual. SPI takes its time byte by byte at 8 MHz; the work of the firmware's tasks takes none.
 
 use std::{cell::RefCell, collections::VecDeque, rc::Rc};
@@ -29,20 +27,18 @@ use st25r3916_model::{AirEvent, Chip, Chunk, Config, FrameStart, Space, Technolo
 
 /// The time of one byte at 8 MHz, ns.
 const BYTE_NS: u64 = 1_000;
-/// The time of one bit at 424 kbit/s, as: 32 periods of 13.56 MHz.
+/// The time of one bit at 424 kbit/s, in attoseconds: 32 periods of 13.56 MHz.
 const BIT_AS: u64 = 2_359_882_005_899;
 const CYCLE_NS: u64 = 10_000_000;
 /// The first byte of a status read, which reads registers from 0x19 on.
 const STATUS_READ: u8 = 0x59;
-/// The instant of the first cycle's sample, ns: the bring-up is over, and the field has been on for a while.
+/// The instant of the first cycle's sample, ns. The bring-up is over by then, and the field has been on for a while.
 const FIRST_TICK_NS: u64 = 33_000_000;
 
-/// Returns the timestamp of cycle number `cycle`, ms.
 fn timestamp(cycle: u64) -> u32 {
     10 * (cycle as u32 + 1)
 }
 
-/// An SPI transfer between processor and front end that is under way.
 #[derive(Default)]
 struct Transfer {
     mosi: Vec<u8>,
@@ -50,18 +46,16 @@ struct Transfer {
     next_ns: u64,
 }
 
-/// The chip, its wires and what is on the air.
 struct World {
     chip: Chip,
     now: u64,
     air: VecDeque<(u64, AirEvent)>,
     transfer: Option<Transfer>,
-    /// Whether SPIM0 hangs, so that transfers that are started never end.
+    /// Whether SPIM0 hangs, so that started transfers never end.
     stuck: bool,
     irq: bool,
-    /// When the IRQ pin rose last, ns.
+    /// The instant at which the IRQ pin rose last, ns.
     irq_rose_ns: u64,
-    /// How often the IRQ pin rose while a status was being read.
     rises_in_status_reads: u32,
 }
 
@@ -129,7 +123,6 @@ fn crc16(bytes: &[u8]) -> [u8; 2] {
 
 type Buffer = ReceiveMemory;
 
-/// A resource that is not shared with another task.
 struct Own<'a, T>(&'a mut T);
 
 impl<T> Mutex for Own<'_, T> {
@@ -140,8 +133,7 @@ impl<T> Mutex for Own<'_, T> {
     }
 }
 
-/// The port does the same as the hardware: the first byte of a read overwrites the byte before the data, and the port
-/// puts that byte back.
+/// As in hardware, the first byte of a read overwrites the byte before the data, which the port restores.
 struct SimPort {
     world: Rc<RefCell<World>>,
     buffer: Option<Filling<Buffer>>,
@@ -238,7 +230,6 @@ impl rf::FrontEndPort for SimPort {
     }
 }
 
-/// The images that were published, each with the instant of its publication.
 struct Album {
     filling: ImageMemory,
     published: Vec<(u64, ImageMemory)>,
@@ -256,7 +247,6 @@ impl Images for Album {
     }
 }
 
-/// The DPR in a profile of `N` receivers, with the chip model.
 struct Dpr<const N: usize> {
     world: Rc<RefCell<World>>,
     receiver: Reception<SimPort>,
@@ -317,8 +307,7 @@ impl<const N: usize> Dpr<N> {
         self.world.borrow_mut().send(at, payload, |_| ());
     }
 
-    /// Sends the frames of cycle number `cycle`, counted from 0, in their slots. Returns the instant of the last bit,
-    /// ns.
+    /// Sends the frames of cycle number `cycle`, from 0, in their slots. Returns the instant, ns, of the last bit.
     fn send_cycle(&mut self, cycle: u64) -> u64 {
         let sent = profile_at::<N>(timestamp(cycle));
         let tick = FIRST_TICK_NS + CYCLE_NS * cycle;
@@ -347,7 +336,6 @@ impl<const N: usize> Dpr<N> {
         self.album.published.len()
     }
 
-    /// Lets virtual time pass, with each interrupt at its instant.
     fn run_to(&mut self, to: u64) {
         loop {
             let timer = self.receiver.port().timer_ns;
@@ -392,7 +380,7 @@ impl<const N: usize> Dpr<N> {
     }
 }
 
-/// Returns a profile in which every value tells the profile's timestamp.
+/// Returns a profile whose values depend on its timestamp.
 fn profile_at<const N: usize>(timestamp: u32) -> Profile<N> {
     let (latitude, longitude, altitude) =
         (47.0 + f64::from(timestamp) * 1e-7, 8.0 - f64::from(timestamp) * 1e-7, 431.5);
@@ -421,8 +409,8 @@ fn profile_at<const N: usize>(timestamp: u32) -> Profile<N> {
     Profile::seal(&reported, &[gps; N])
 }
 
-/// Sends 20 cycles. Every profile, except those that come while the sequence is searched for, must be shown byte for
-/// byte and published within `bound_ns` of its last bit.
+/// Sends 20 cycles. Once the sequence is found, every profile must be shown byte for byte and published within
+/// `bound_ns` of its last bit.
 fn every_profile_arrives<const N: usize>(read_mode: ReadMode, bound_ns: u64) {
     let mut dpr = Dpr::<N>::new(read_mode);
     let ends: Vec<_> = (0..20).map(|cycle| dpr.send_cycle(cycle)).collect();
@@ -475,7 +463,7 @@ fn no_transfer_reaches_the_chip_for_its_rest_time_after_a_frame() {
     let (frame_ns, _) = dpr.album.published[4];
     let rest_ns = u64::from(RESUME_AFTER_US) * 1_000;
     for later_ns in (1_000..rest_ns).step_by(1_000) {
-        // Each step calls the task once more, as a doubly reported edge or the check-in does.
+        // Each step calls the task once more, as an edge that is reported twice or the check-in does.
         dpr.run_to(frame_ns + later_ns);
         assert!(dpr.world.borrow().transfer.is_none(), "{later_ns} ns after the frame");
     }
@@ -485,13 +473,12 @@ fn no_transfer_reaches_the_chip_for_its_rest_time_after_a_frame() {
 
 #[test]
 fn a_receive_buffer_just_holds_the_longest_frame() {
-    // The frame has LEN, payload and CRC-16, behind the bytes that align the payload.
+    // The frame has LEN, payload and CRC-16, after the bytes that align the payload.
     let longest = LEAD + 1 + air::MAX_PAYLOAD + 2;
     assert!((longest..longest + 4).contains(&(4 * RECEIVE_WORDS)));
 }
 
-/// Returns which objects of each frame of a cycle of `N` receivers were verified before the frame's last byte had
-/// arrived.
+/// Returns for each frame of a cycle the objects that were verified before the frame's last byte had arrived.
 fn verified_early<const N: usize>(read_mode: ReadMode) -> Vec<Early> {
     let mut dpr = Dpr::<N>::in_sequence(read_mode);
     dpr.commit_waits = true;
@@ -500,8 +487,7 @@ fn verified_early<const N: usize>(read_mode: ReadMode) -> Vec<Early> {
     std::iter::from_fn(|| dpr.rotation.read()).map(|received| received.about().early).collect()
 }
 
-/// Returns which objects of each frame of a cycle are verified if all but the frame's last `missing` bytes have
-/// arrived.
+/// Returns for each frame of a cycle the objects that can be verified without the frame's last `missing` bytes.
 fn early_without<const N: usize>(missing: usize) -> Vec<Early> {
     let sent = profile_at::<N>(timestamp(4));
     let early = air::split(&sent).map(|payload| {
@@ -563,7 +549,6 @@ fn a_frame_of_another_length_is_counted_and_the_next_is_shown() {
     assert!(dpr.receiver.port().always_clean);
 }
 
-/// Why a frame is not delivered.
 #[derive(Clone, Copy, Debug)]
 enum Lost {
     /// The field goes off during the frame.
@@ -585,7 +570,7 @@ fn a_buffer_with_a_lost_frame_is_scrubbed_before_the_next_one() {
             world.air.push_back(end);
             world.air.push_back((tick + 5_500_000, AirEvent::FieldOn));
         }
-        // The listener reads bytes of the frame into the buffer while it arrives.
+        // By then the listener has read bytes of the frame into the buffer.
         dpr.run_to(tick + 4_750_000);
         let buffer_is_clean = |dpr: &mut Dpr<3>| {
             dpr.receiver.port().buffer.as_ref().is_some_and(|buffer| buffer.peek() == &[0; RECEIVE_WORDS])
@@ -658,9 +643,8 @@ fn a_missing_field_is_told_from_air_that_loses_frames() {
 
 #[test]
 fn a_frame_that_ends_during_a_status_read_keeps_its_instant() {
-    // A LEN that was damaged on the air shifts the listener's timed status reads by whole bytes, and a bit rate that is
-    // off shifts the frame's end between the reads. So some reads find the frame's end, and no wait for the IRQ pin
-    // does.
+    // A damaged LEN shifts the listener's timed status reads by whole bytes, and a wrong bit rate shifts the frame's
+    // end between the reads. So some status reads find the frame's end, and no wait for the IRQ pin does.
     let mut met = 0;
     for (more, slow) in (4..=12).flat_map(|more| (0..10).map(move |slow| (more, slow))) {
         let mut dpr = Dpr::<1>::in_sequence(ReadMode::WhileFilling);
@@ -717,12 +701,12 @@ fn a_front_end_that_hears_nothing_says_so_until_a_frame_comes() {
         }
         dpr.run_to(silent_from + 450_000_000);
         assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (FrontEnd::Listening { field }, 0));
-        // The front end is brought up anew after 0.5 s of silence and after another second. Until it receives a frame
-        // it counts as lost.
+        // The front end is brought up anew after 0.5 s of silence and again after another second. Until it receives a
+        // frame it counts as lost.
         dpr.run_to(silent_from + 600_000_000);
         let silence = FrontEnd::Lost(Fault::Silence { field });
         assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (silence, 1), "field: {field}");
-        // Without a field the silence is the sender's fault, not the front end's.
+        // Without a field the silence is HORUS's fault, not the front end's.
         assert_eq!((silence.is_out_of_order(), silence.senses_no_field()), (field, !field));
         dpr.run_to(silent_from + 1_700_000_000);
         assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (silence, 2), "field: {field}");

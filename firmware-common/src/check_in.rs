@@ -1,9 +1,8 @@
 //! Records which tasks have checked in, so that the watchdog may be fed.
 //!
-//! A board's only watchdog is fed from its idle loop, which runs only when no task is ready, and only when every task
-//! has checked in since the watchdog was last fed. So a task that hangs, a task that starves those of lower priority
-//! and an interrupt that never comes all end in the same reset. No task may need an event from outside the board in
-//! order to check in; each firmware's list of tasks says what makes them run.
+//! The idle loop feeds the watchdog only when every task has checked in since it was last fed. So a task that hangs, a
+//! task that starves those of lower priority, and an interrupt that never comes all end in a reset. No task may need an
+//! event from outside the board in order to check in.
 
 use core::{
     marker::PhantomData,
@@ -23,11 +22,10 @@ pub trait Task: Copy {
 #[macro_export]
 macro_rules! task_table {
     ($($name:ident $vector:ident)*) => {
-        /// The name of every task of the firmware with its interrupt vector, the most urgent first. A trace of the
-        /// bench shows these names.
+        /// The name and interrupt vector of every task of the firmware, the most urgent first.
         pub const TASKS: &[(&str, &str)] = &[$((stringify!($name), stringify!($vector))),*];
 
-        /// A task of the firmware, by the name of its function. Each task has to check in.
+        /// A task of the firmware, by the name of its function.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[allow(non_camel_case_types)]
         pub enum Task {
@@ -49,8 +47,7 @@ macro_rules! task_table {
     };
 }
 
-/// Makes `TASK_VECTORS`, `call` and `task_of` in a firmware's binary, where `Task`, `TASKS` and `Interrupt` are in
-/// scope.
+/// Makes `TASK_VECTORS`, `call` and `task_of` in a firmware's binary. `Task`, `TASKS` and `Interrupt` must be in scope.
 #[macro_export]
 macro_rules! task_vectors {
     ($($name:ident $vector:ident)*) => {
@@ -63,7 +60,7 @@ macro_rules! task_vectors {
             rtic::pend(TASK_VECTORS[task as usize]);
         }
 
-        /// Returns the name of the task whose exception has this number, its interrupt's plus 16 (ARMv7-M ARM B1.5.2).
+        /// Returns the name of the task whose exception has this number: its interrupt's plus 16 (ARMv7-M ARM B1.5.2).
         pub(crate) fn task_of(exception: u16) -> &'static str {
             let is_its = |vector: &Interrupt| *vector as u16 + 16 == exception;
             let task = TASK_VECTORS.iter().position(is_its).and_then(|index| TASKS.get(index));
@@ -72,7 +69,6 @@ macro_rules! task_vectors {
     };
 }
 
-/// The most tasks that a firmware can have.
 const MOST: usize = 32;
 
 /// The record of which tasks of type `T` have checked in.
@@ -96,9 +92,9 @@ impl<T: Task> CheckIn<T> {
         Self { seen: [const { AtomicBool::new(false) }; MOST], tasks: PhantomData }
     }
 
-    /// Records that `task` runs. It may be called from any priority.
+    /// Records that `task` runs. Tasks of any priority may call this.
     pub fn check_in(&self, task: T) {
-        // A bit of a word that all tasks share would take four times as long as this store, and delay each frame.
+        // One byte per task is stored four times as fast as a bit in a shared word, which would delay each frame.
         if let Some(own) = self.seen.get(task.number() as usize) {
             own.store(true, Ordering::Relaxed);
         }
@@ -110,7 +106,7 @@ impl<T: Task> CheckIn<T> {
         self.seen.get(task.number() as usize).is_some_and(|own| own.load(Ordering::Relaxed))
     }
 
-    /// Whether every task has checked in since the last call that returned true. If so, all have to check in anew.
+    /// Whether every task has checked in since this last returned true. If so, all have to check in anew.
     pub fn complete(&self) -> bool {
         let tasks = self.seen.iter().take(T::COUNT as usize);
         let all = tasks.clone().all(|seen| seen.load(Ordering::Relaxed));

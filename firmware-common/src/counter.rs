@@ -1,11 +1,11 @@
-//! The counters of which a firmware's telemetry is made.
+//! The counters of a firmware's telemetry.
 //!
-//! Each firmware exports one `repr(C)` structure of counters under a symbol of its own; a debugger or the bench reads
-//! it from RAM by that symbol. No code of the firmware depends on the counters.
+//! Each firmware exports one `repr(C)` structure of counters under a symbol, by which a debugger or the bench reads it
+//! from RAM. The firmware's work does not depend on the counters.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// One 32-bit counter or high-water mark. Totals wrap. Each counter has one writer, so no update is ever lost.
+/// One 32-bit counter or high-water mark. Totals wrap. Each counter has one writer, so no update is lost.
 #[derive(Debug, Default)]
 #[repr(transparent)]
 pub struct Counter(AtomicU32);
@@ -23,39 +23,39 @@ impl Counter {
         Self::starting_at(0)
     }
 
-    /// Returns the number.
+    /// Returns the value of the counter.
     #[must_use]
     pub fn get(&self) -> u32 {
         self.0.load(Ordering::Relaxed)
     }
 
-    /// Adds `amount` to the number, which wraps.
+    /// Adds `amount`, wrapping.
     pub fn add(&self, amount: u32) {
         self.0.fetch_add(amount, Ordering::Relaxed);
     }
 
-    /// Adds `amount` to the number, which wraps. Only for a task that alone changes it: the access is not exclusive.
+    /// Adds `amount`, wrapping, without an exclusive access. Only for a task that alone changes the counter.
     pub fn add_alone(&self, amount: u32) {
         self.0.store(self.0.load(Ordering::Relaxed).wrapping_add(amount), Ordering::Relaxed);
     }
 
-    /// Sets the number to that of a counter that is kept elsewhere.
+    /// Sets the counter to `value`.
     pub fn set(&self, value: u32) {
         self.0.store(value, Ordering::Relaxed);
     }
 
-    /// Sets the number to `value` if `value` is larger.
+    /// Sets the counter to `value` if `value` is larger.
     pub fn record_max(&self, value: u32) {
         self.0.fetch_max(value, Ordering::Relaxed);
     }
 
-    /// Sets the number to `value` if `value` is smaller.
+    /// Sets the counter to `value` if `value` is smaller.
     pub fn record_min(&self, value: u32) {
         self.0.fetch_min(value, Ordering::Relaxed);
     }
 }
 
-/// Makes a structure of counters, all zero at start, with their names in their order in memory.
+/// Makes a structure of counters, all zero at start, and the list of their names.
 #[macro_export]
 macro_rules! counters {
     ($(#[$doc_of:meta])* pub struct $of:ident { $($(#[$doc:meta])* $name:ident,)* }) => {

@@ -2,14 +2,12 @@
 //!
 //! # Design
 //!
-//! The log of a board in flight is not read, and its watchdog restarts it after 100 ms. So the cause of the stop is
-//! kept in memory that the start-up code leaves as it is (section `.uninit`), with the frame CRC behind it. After
-//! power-on, or after a stop that did not get as far as writing the record, the memory has no right CRC and so no
-//! record. Only the first stop since a start is kept; a failure in the safe state itself does not overwrite it.
+//! A board in flight has no reader of its log, and its watchdog restarts it after 100 ms. So the cause of the stop is
+//! kept with a CRC in memory that the start-up code does not initialise (section `.uninit`). Without a right CRC there
+//! is no record. Only the first stop since a start is kept, so that a failure in the safe state does not replace it.
 //!
-//! After the restart the firmware [takes](take) the record once: it logs the record, shows it in its telemetry, and
-//! keeps the record's [`code`] for as long as it runs. A restart that no record explains (the supply, the reset pin, a
-//! task that hung) has code 0.
+//! After the restart the firmware [takes](take) the record once, logs it, and keeps its [`code`] for the telemetry. A
+//! restart that no record explains (the supply, the reset pin, a task that hung) has code 0.
 //!
 //! # Code
 //!
@@ -50,7 +48,7 @@ macro_rules! causes {
 causes! {
     /// The memory protection unit has refused an access ([`mpu`](crate::mpu)).
     MemoryProtection = 1, "memory protection";
-    /// The bus has refused an access: nothing is there, or its clock is off.
+    /// The bus has refused an access: no memory or peripheral is at the address, or its clock is off.
     BusFault = 2, "bus fault";
     /// An instruction cannot be executed: it is undefined or unaligned, divides by zero, or needs another state.
     UsageFault = 3, "usage fault";
@@ -58,7 +56,7 @@ causes! {
     HardFault = 4, "hard fault";
     /// The firmware panicked. The detail is the line of the panic.
     Panic = 5, "panic";
-    /// An exception or interrupt came that has no task. The detail is its interrupt number.
+    /// An exception or interrupt without a task came. The detail is its interrupt number.
     NoTask = 6, "interrupt without a task";
     /// The program in flash differs from the one that was built. The detail is the CRC of the flash.
     Flash = 7, "flash changed";
@@ -66,12 +64,11 @@ causes! {
     CodeInRam = 8, "code in RAM changed";
     /// A guard word around the statics or at the end of the stack has changed. The detail is the guard's number.
     GuardWord = 9, "guard word changed";
-    /// The external clock has failed (HORUS).
+    /// The external clock of HORUS has failed.
     Clock = 10, "external clock failed";
     /// An oscillator or a PLL did not become ready in its time at the start.
     ClockStart = 11, "clock did not start";
-    /// RAM that is in use does not hold what is written to it. The detail is the address, 0 if RAM was not tested at
-    /// the start.
+    /// RAM in use does not hold what is written to it. The detail is the address; 0 if RAM was not tested at the start.
     Ram = 12, "RAM faulty";
     /// The supply is below what the part needs. The detail is the threshold, mV.
     Supply = 13, "supply too low";
@@ -80,7 +77,7 @@ causes! {
 }
 
 impl Cause {
-    /// Whether the cause is memory that read differently than it was written: flash, code in RAM, guard, RAM in use.
+    /// Whether the cause is memory that reads otherwise than it was written: flash, code in RAM, guards, RAM in use.
     #[must_use]
     pub const fn is_memory_fault(self) -> bool {
         matches!(self, Self::Flash | Self::CodeInRam | Self::GuardWord | Self::Ram)
@@ -91,7 +88,7 @@ impl Cause {
     }
 }
 
-/// The last bytes of the path of a source file, as many as fit, padded with zeros.
+/// The end of the path of a source file, padded with zeros.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Place([u8; Self::LEN]);
 
@@ -99,7 +96,7 @@ impl Place {
     /// The number of bytes of a path that are kept.
     pub const LEN: usize = 24;
 
-    /// Returns the end of `path`, cut to the length that is kept.
+    /// Returns the last bytes of `path`.
     #[must_use]
     pub fn of(path: &str) -> Self {
         let mut bytes = [0; Self::LEN];
@@ -110,7 +107,7 @@ impl Place {
         Self(bytes)
     }
 
-    /// Returns the end of the path as text, up to the first byte that is not text.
+    /// Returns the end of the path as text, up to the first byte that is no graphic character.
     #[must_use]
     pub fn text(&self) -> &str {
         let len = self.0.iter().position(|byte| !byte.is_ascii_graphic()).unwrap_or(Self::LEN);
@@ -118,23 +115,22 @@ impl Place {
     }
 }
 
-/// The record of a stop of the firmware.
+/// The record of a stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stop {
-    /// What made the firmware stop.
+    /// The reason of the stop.
     pub cause: Cause,
-    /// The number of the exception whose handler ran, 0 for the start and the idle loop (ARMv7-M ARM B1.5.2: interrupt
-    /// n is exception n + 16).
+    /// The number of the exception whose handler ran; 0 for the start and the idle loop (ARMv7-M ARM B1.5.2).
     pub exception: u16,
-    /// The CFSR of a fault, otherwise the detail that [`Cause`] describes.
+    /// The CFSR of a fault; otherwise the detail that [`Cause`] describes.
     pub detail: u32,
-    /// The address that the faulting access was to, if the processor has reported it.
+    /// The address that the faulting access had, if the processor has reported it.
     pub address: Option<u32>,
     /// The address of the instruction that was interrupted; 0 if it is not known.
     pub pc: u32,
-    /// The return address of the function that was interrupted, or an address near it; 0 if it is not known.
+    /// The return address of the interrupted function, or an address near it; 0 if it is not known.
     pub lr: u32,
-    /// The place in the source at which a panic was called.
+    /// The source file of a panic.
     pub place: Place,
 }
 
@@ -153,17 +149,15 @@ pub struct FaultStatus {
 }
 
 impl FaultStatus {
-    /// The bits of MMFSR, without its valid bit.
     const MEMORY: u32 = 0x0000_007F;
-    /// The bits of BFSR, without its valid bit.
     const BUS: u32 = 0x0000_7F00;
     const USAGE: u32 = 0xFFFF_0000;
     const MMARVALID: u32 = 1 << 7;
     const BFARVALID: u32 = 1 << 15;
-    /// The bits that mean that the frame of the exception could not be written: MSTKERR, STKERR.
+    /// The bits that say that the exception's frame could not be stacked: MSTKERR, STKERR.
     const NO_FRAME: u32 = 1 << 4 | 1 << 12;
 
-    /// Whether the processor has written the frame of the exception.
+    /// Whether the processor has stacked the frame of the exception.
     #[must_use]
     pub const fn has_frame(self) -> bool {
         self.cfsr & Self::NO_FRAME == 0
@@ -194,27 +188,27 @@ impl FaultStatus {
 }
 
 impl Stop {
-    /// Returns a stop for `cause`, of which only `detail` is known.
+    /// Returns a stop of which only these values are known.
     #[must_use]
     pub const fn new(cause: Cause, exception: u16, detail: u32) -> Self {
         Self { cause, exception, detail, address: None, pc: 0, lr: 0, place: Place([0; Place::LEN]) }
     }
 
-    /// Returns the stop of a fault in the handler of `exception`. `frame` has the link register and the program counter
-    /// that the processor has stacked, if it has stacked them.
+    /// Returns the stop of a fault in the handler of `exception`. `frame` is the link register and the program counter
+    /// that the processor has stacked; `None` if it could not.
     #[must_use]
     pub fn of_fault(status: FaultStatus, frame: Option<(u32, u32)>, exception: u16) -> Self {
         let (lr, pc) = frame.unwrap_or((0, 0));
         Self { address: status.address(), pc, lr, ..Self::new(status.cause(), exception, status.cfsr) }
     }
 
-    /// Returns the stop of a panic that was called at `line` of the file at `path`.
+    /// Returns the stop of a panic at `line` of the file at `path`.
     #[must_use]
     pub fn of_panic(path: &str, line: u32, exception: u16) -> Self {
         Self { place: Place::of(path), ..Self::new(Cause::Panic, exception, line) }
     }
 
-    /// Returns the stop in one word, whose bits the module's table explains.
+    /// Returns the stop as a code (see the module's table).
     #[must_use]
     pub const fn code(&self) -> u32 {
         let detail = match self.cause {
@@ -227,7 +221,7 @@ impl Stop {
         (self.cause as u32) << 24 | exception << 16 | detail
     }
 
-    /// Returns the stop as a record, whose last word is the CRC.
+    /// Returns the stop as a record, whose last word is its CRC.
     #[must_use]
     pub fn to_words(&self) -> [u32; WORDS] {
         let mut words = [0; WORDS];
@@ -264,15 +258,13 @@ impl Stop {
     }
 }
 
-/// Returns the frame CRC of all words but the last.
 fn check_word(words: &[u32; WORDS]) -> u32 {
     profile::crc::frame_of_words(words.iter().take(WORDS - 1).copied())
 }
 
-/// Returns in words what a fault's status register tells.
 fn fault_in_words(cause: Cause, cfsr: u32) -> &'static str {
     let bits: &[(u32, &str)] = match cause {
-        // If an access was refused before the frame could not be written, that access is the reason.
+        // The refused access comes first: it is also the reason why a frame could not be stacked.
         Cause::MemoryProtection => {
             &[(0, "execution"), (1, "data access"), (4, "exception entry"), (3, "exception return"), (5, "FPU state")]
         }
@@ -318,18 +310,16 @@ impl fmt::Display for Stop {
     }
 }
 
-/// The memory of the record. After power-on its CRC is wrong, except for one case in 2^32.
+/// The memory of the record. After power-on its CRC is wrong, except in one case of 2^32.
 #[cfg_attr(target_os = "none", allow(unsafe_code))] // The attribute names a section, which the compiler cannot check.
 #[cfg_attr(target_os = "none", link_section = ".uninit.LAST_STOP")]
 static RECORD: [AtomicU32; WORDS] = [const { AtomicU32::new(0) }; WORDS];
 
-/// Whether a stop was recorded since the start.
 static NOTED: AtomicBool = AtomicBool::new(false);
 
-/// The code of the stop before this start, 0 if there was none.
 static CODE: AtomicU32 = AtomicU32::new(0);
 
-/// Records `stop`, if it is the first since the start.
+/// Records `stop` if it is the first since the start.
 pub fn note(stop: &Stop) {
     if NOTED.swap(true, Ordering::Relaxed) {
         return;
@@ -337,9 +327,9 @@ pub fn note(stop: &Stop) {
     record(&stop.to_words());
 }
 
-/// Runs `wait`, whose end the firmware cannot enforce, with `stop` recorded. If `wait` never ends, the watchdog resets
-/// the part, and after the restart the record tells what was waited for. A stop during `wait` replaces the record;
-/// otherwise there is no record afterwards. An older record has to be [taken](take) before.
+/// Runs `wait`, which may never end, with `stop` recorded meanwhile. If it never ends, the watchdog resets the part,
+/// and the record then tells the reason. Otherwise there is no record afterwards, unless a stop during `wait` recorded
+/// itself. An older record has to be [taken](take) before.
 pub fn unless_over<T>(stop: &Stop, wait: impl FnOnce() -> T) -> T {
     record(&stop.to_words());
     let over = wait();
@@ -353,8 +343,7 @@ fn record(words: &[u32; WORDS]) {
     }
 }
 
-/// Returns the stop before this start, if the firmware had stopped itself. From then on there is no record until the
-/// next stop. To be called once, at the start.
+/// Returns the stop before this start, if there was one, and erases the record. To be called once, at the start.
 pub fn take() -> Option<Stop> {
     let mut words = [0; WORDS];
     for (to, from) in words.iter_mut().zip(&RECORD) {
@@ -365,7 +354,7 @@ pub fn take() -> Option<Stop> {
     stop
 }
 
-/// Returns the code of the stop before this start, 0 if the firmware had not stopped itself.
+/// Returns the code of the stop before this start; 0 if there was none.
 #[must_use]
 pub fn code() -> u32 {
     CODE.load(Ordering::Relaxed)

@@ -1,4 +1,4 @@
-//! The code that the firmwares of both boards have in common, so that it exists once and works in the same way on both.
+//! The code that both boards' firmwares share.
 //!
 //! | module | what it does |
 //! |---|---|

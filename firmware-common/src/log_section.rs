@@ -1,21 +1,18 @@
-//! The critical section of the logger, which masks no interrupt while the idle loop logs.
-//!
-//! The feature `log-section` selects this critical section.
+//! The logger's critical section, which masks no interrupt while the idle loop logs (feature `log-section`).
 //!
 //! # Design
 //!
 //! `defmt-rtt` writes each message within a [critical section](https://docs.rs/critical-section). The usual
-//! implementation for one core masks all interrupts, and a message of a few numbers takes 5 to 10 µs: any deadline of
-//! that order is missed if a message happens to be written. In these firmwares only the idle loop and the start-up code
-//! log. They run in thread mode, and no interrupt handler enters a critical section, so two sections never overlap
-//! although no interrupt is masked.
+//! implementation for one core masks all interrupts, and a message takes 5 to 10 µs, too long for the shortest
+//! deadlines. In these firmwares only the idle loop and the start-up code log. They run in thread mode, and no
+//! interrupt handler enters a critical section, so two sections never overlap although no interrupt is masked.
 //!
-//! A handler that stops the firmware is the exception. It never returns. If it interrupted a message that was being
-//! written ([`is_interrupted`]), [`safe_state`](crate::safe_state) logs none: the logger would panic. In handler mode
-//! all interrupts are masked as usual, so that no second handler comes in between.
+//! The exception is a handler that stops the firmware and never returns. If it has interrupted a message
+//! ([`is_interrupted`]), [`safe_state`](crate::safe_state) logs none, since the logger would panic. In handler mode all
+//! interrupts are masked as usual.
 
-/// Whether the caller, a handler, has interrupted a message that was being written in thread mode. Without the feature
-/// `log-section` this is false: no interrupt can come while a message is written, and a fault in it is not noticed.
+/// Whether the caller, a handler, has interrupted a message that thread mode was writing. Without the feature
+/// `log-section` this is always false, since no interrupt can come while a message is written.
 #[must_use]
 pub fn is_interrupted() -> bool {
     #[cfg(all(target_os = "none", feature = "log-section"))]
@@ -31,7 +28,6 @@ mod imp {
 
     use cortex_m::{interrupt, peripheral::SCB, register::primask};
 
-    /// Whether thread mode is in a critical section.
     pub(super) static WRITING: AtomicBool = AtomicBool::new(false);
 
     struct LogSection;
@@ -64,7 +60,6 @@ mod imp {
         }
     }
 
-    /// Whether the processor handles an exception or interrupt.
     fn in_handler() -> bool {
         SCB::vect_active() != cortex_m::peripheral::scb::VectActive::ThreadMode
     }

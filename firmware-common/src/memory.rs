@@ -1,13 +1,12 @@
 //! Access to memory by the linker's symbols: the program in flash, code in RAM, guard words, RAM in use.
 //!
-//! Each function here loads or stores words at addresses between two symbols of the linker script. Loads are
-//! instructions in assembly, not reads through a reference: on the nRF52840 flash begins at address 0, to which no Rust
-//! reference may point, and a word that other tasks or a bit flip change must not be undefined behaviour.
+//! The addresses come from symbols of the linker script. Loads are instructions in assembly, not reads through a
+//! reference: on the nRF52840 flash begins at address 0, to which no Rust reference may point, and other tasks or a bit
+//! flip may change a word, which must not be undefined behaviour.
 #![allow(unsafe_code)]
 
 use core::{arch::asm, ops::Range};
 
-/// Gives the address of a linker symbol.
 macro_rules! address {
     ($symbol:ident) => {{
         extern "C" {
@@ -32,8 +31,8 @@ pub fn load(address: u32) -> u32 {
 
 /// Returns the word at `address` of flash, even if the memory protection unit denies access to it.
 ///
-/// Under FAULTMASK the unit does not apply (MPU_CTRL.HFNMIENA = 0, ARMv7-M ARM B3.5.5), and only NMI can interrupt.
-/// FAULTMASK is set for one load. The barrier makes sure that the load is made at the raised priority (B5.2.1).
+/// The load is made under FAULTMASK, where the unit does not apply (MPU_CTRL.HFNMIENA = 0, ARMv7-M ARM B3.5.5) and only
+/// NMI can interrupt. The barrier makes sure that the load is made at the raised priority (B5.2.1).
 #[must_use]
 pub fn load_shut(address: u32) -> u32 {
     let word: u32;
@@ -58,9 +57,8 @@ pub(crate) fn store(address: u32, word: u32) {
     unsafe { (address as *mut u32).write_volatile(word) };
 }
 
-/// Inverts the word of RAM at `address` and the one behind it and restores both; returns the bits that did not read as
-/// they were written. All interrupts are masked meanwhile; [`patrol::ram`](crate::patrol::ram) says for how long, and
-/// has the order of the accesses.
+/// Inverts and restores the word of RAM at `address` and the next one. Returns the bits that did not read as they were
+/// written. All interrupts are masked meanwhile; [`patrol::ram`](crate::patrol::ram) says for how long and why.
 pub(crate) fn exercise(address: u32) -> u32 {
     let wrong: u32;
     // SAFETY: both words are RAM, as the caller's layout says. No code reads them inverted: interrupts are masked,
@@ -111,7 +109,7 @@ pub(crate) fn exercise(address: u32) -> u32 {
     wrong
 }
 
-/// Returns the range of addresses that `object` occupies.
+/// Returns the range of addresses of `object`.
 pub fn span<T: ?Sized>(object: &T) -> Range<u32> {
     let start = (&raw const *object).cast::<u8>() as u32;
     start..start + size_of_val(object) as u32
@@ -123,7 +121,7 @@ pub fn program() -> Range<u32> {
     address!(__vector_table)..address!(__program_crc)
 }
 
-/// Returns the word behind the program, which holds its CRC.
+/// Returns the word that holds the program's CRC, just after the program in flash.
 #[must_use]
 pub fn stored_crc() -> u32 {
     load(address!(__program_crc))

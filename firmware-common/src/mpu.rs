@@ -2,20 +2,18 @@
 //!
 //! # Design
 //!
-//! Each board has two [`Table`]s of [`Region`]s, one for the start and one for the tasks. A table is a constant and is
-//! checked when it is compiled. Only `apply` and `off` write the unit's registers.
+//! Each board has two [`Table`]s of [`Region`]s, one for the start and one for the tasks, checked at compile time.
 //!
-//! - *An address that no region opens is shut*: every access to it is refused (MPU_CTRL.PRIVDEFENA = 0, ARMv7-M ARM
-//!   B3.5.5), also to privileged code, as all of the firmware is. The bus at 0xE000_0000 is exempt (B3.5.1).
+//! - *An address that no region opens is shut* (MPU_CTRL.PRIVDEFENA = 0, ARMv7-M ARM B3.5.5), also to privileged code,
+//!   as all of the firmware is. The bus at 0xE000_0000 is exempt (B3.5.1).
 //! - *Where two regions overlap, the one of the higher number decides* (B3.5.3). If a subregion, an eighth of a region,
 //!   is shut, the regions of lower numbers decide about its addresses.
-//! - *The unit does not apply* at the priority of HardFault, of NMI and under FAULTMASK (MPU_CTRL.HFNMIENA = 0): the
-//!   handler of a fault that the table itself has caused must be able to run.
+//! - *The unit does not apply* at the priority of HardFault, of NMI and under FAULTMASK (MPU_CTRL.HFNMIENA = 0), so
+//!   that the handler can run even if the table itself is wrong.
 //! - *The processor fetches exception vectors without the unit* (B3.5.1), so the vector table may be shut.
-//! - *The unit does not check DMA*, since the unit lies between the core and the bus.
+//! - *The unit does not check DMA*, since it lies between the core and the bus.
 //!
-//! A violation raises the exception MemManage, which ends in the board's safe state
-//! ([`safe_state`](crate::safe_state)). After the restart the cause is logged ([`last_stop`](crate::last_stop)).
+//! A violation raises MemManage, which ends in the board's safe state ([`safe_state`](crate::safe_state)).
 
 /// The accesses that a region allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,8 +39,7 @@ pub enum Access {
     Execute,
 }
 
-/// The kind of memory in a region: it gives the memory attributes of the ARMv7-M ARM, table B3-14, and PM0214, section
-/// 4.2.5, for a part without caches of its own.
+/// The kind of memory in a region, which gives its attributes (ARMv7-M ARM, table B3-14; PM0214, section 4.2.5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Memory {
     /// Flash is normal memory, write-through.
@@ -70,7 +67,7 @@ impl Region {
     /// The size of the smallest region that has subregions, bytes (B3.5.3).
     const SMALLEST_OF_EIGHTHS: u32 = 256;
 
-    /// Returns a region of `size` bytes from `base` on, all of them open. `name` tells in words what is there.
+    /// Returns a region of `size` bytes from `base` on, all of them open. `name` says in words what it is.
     ///
     /// # Panics
     ///
@@ -102,33 +99,32 @@ impl Region {
         self
     }
 
-    /// Returns the region's name, which tells in words what is there.
+    /// Returns the region's name.
     #[must_use]
     pub const fn name(&self) -> &'static str {
         self.name
     }
 
-    /// Whether `address` is between the region's ends.
     const fn spans(&self, address: u32) -> bool {
         address.wrapping_sub(self.base) < self.size
     }
 
-    /// Whether the region decides about `address`, since the address is in one of its open eighths.
+    /// Whether `address` is in an open eighth of the region, so that the region decides about it.
     const fn has(&self, address: u32) -> bool {
         // A region of less than 256 bytes has no eighths, so no bit of its `shut` is set.
         self.spans(address) && (self.size < 8 || self.shut >> ((address - self.base) / (self.size / 8)) & 1 == 0)
     }
 
-    /// Returns the value of MPU_RBAR for region `number`; its bit VALID is set, so that it selects the region (B3.5.8).
+    /// Returns the value of MPU_RBAR for region `number`. Its bit VALID is set, so that it selects the region (B3.5.8).
     #[cfg(any(test, target_os = "none"))]
     const fn rbar(&self, number: u32) -> u32 {
         self.base | 1 << 4 | number
     }
 
-    /// Returns the value of MPU_RASR (B3.5.9) for the region, with the region enabled.
+    /// Returns the value of MPU_RASR (B3.5.9), with the region enabled.
     #[cfg(any(test, target_os = "none"))]
     const fn rasr(&self) -> u32 {
-        // The access permission is for privileged and unprivileged code, table B3-15.
+        // The access permission is the same for privileged and unprivileged code (table B3-15).
         let permission = match self.allowed {
             Allowed::Nothing => 0b000,
             Allowed::ReadWrite => 0b001,
@@ -186,8 +182,8 @@ impl<const N: usize> Table<N> {
         })
     }
 
-    /// Returns the name of the region at `address`: the one that decides; otherwise one that spans the address, but has
-    /// that eighth shut; otherwise "an address where nothing is".
+    /// Returns the name of the region that decides about `address`. Otherwise returns the name of one that spans the
+    /// address with that eighth shut, or else "an address where nothing is".
     #[must_use]
     pub fn name_of(&self, address: u32) -> &'static str {
         let mut regions = self.0.iter().rev();
@@ -201,12 +197,12 @@ impl<const N: usize> Table<N> {
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)]
 pub fn apply<const N: usize>(unit: &mut cortex_m::peripheral::MPU, table: &Table<N>) {
-    /// The value of MPU_CTRL: on, off in HardFault and NMI, and without access to what no region opens (B3.5.5).
+    /// MPU_CTRL: the unit is on, but off in HardFault and NMI, and an address that no region opens is shut (B3.5.5).
     const ENABLE: u32 = 1;
     off();
     for number in 0..Table::<N>::MOST as u32 {
         let region = table.0.get(number as usize);
-        // The registers of a region that is off have no base; the bit VALID of RBAR selects the region.
+        // A region that is off has no base; the bit VALID of RBAR selects it.
         let (base, attributes) = region.map_or((1 << 4 | number, 0), |region| (region.rbar(number), region.rasr()));
         // SAFETY: the unit is off meanwhile. With the unit on, an access to what the table shuts faults, which is the
         // purpose. The tables are constants whose regions were checked when they were compiled.
@@ -216,12 +212,11 @@ pub fn apply<const N: usize>(unit: &mut cortex_m::peripheral::MPU, table: &Table
     }
     // SAFETY: the table's regions were checked when they were compiled; an access that they shut faults.
     unsafe { unit.ctrl.write(ENABLE) };
-    // All later fetches and accesses must be made under the new table (B3.5.4).
     cortex_m::asm::dsb();
     cortex_m::asm::isb();
 }
 
-/// Switches the unit off for the safe state, which runs no task any more and needs peripherals that tasks must not use.
+/// Switches the unit off for the safe state, which needs peripherals that tasks must not use.
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)]
 pub fn off() {

@@ -2,14 +2,13 @@
 //!
 //! # Design
 //!
-//! The linker script `program_crc.x` puts one word behind everything that is loaded into flash: vector table, code,
-//! constants, and the initial values of variables. `cargo xtask build` writes the frame CRC ([`profile::crc::FRAME`])
-//! of all bytes before that word, from the vector table on, into the word, most significant byte first; a gap between
-//! two sections counts as erased flash, 0xFF. Before its work starts, each firmware computes the CRC and compares it
-//! with the word. The program with the CRC behind it is a codeword, so every burst of up to 32 wrong bits is found, and
-//! any other damage except for one case in 2^32.
+//! The linker script `program_crc.x` puts one word after all that is loaded into flash: vector table, code, constants,
+//! and the initial values of variables. `cargo xtask build` writes into it the frame CRC ([`profile::crc::FRAME`]) of
+//! all bytes before it, most significant byte first. A gap between two sections counts as erased flash, 0xFF. Each
+//! firmware verifies the CRC before its work starts. The program with its CRC is a codeword, so every burst of up to 32
+//! wrong bits is found, and other damage except in one case of 2^32.
 //!
-//! A program into which the build has not written its CRC has 0xFFFFFFFF there and does not pass.
+//! A program without a CRC from the build has 0xFFFFFFFF there and does not pass.
 
 #[cfg(target_os = "none")]
 use crate::memory;
@@ -21,7 +20,7 @@ use crate::memory;
 #[link_section = ".program_crc"]
 static PROGRAM_CRC: u32 = u32::MAX;
 
-/// The result of the comparison.
+/// The result of comparing the program's CRC with the CRC that the build wrote.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Comparison {
     /// The frame CRC that was computed over the program in flash.
@@ -31,8 +30,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Compares the CRC of `words`, the program in the order of its addresses, with the word behind the program. All
-    /// words are as the processor loads them (little-endian).
+    /// Compares the CRC of the program's `words`, as the processor loads them, with the word after the program.
     pub fn of(words: impl Iterator<Item = u32>, stored: u32) -> Self {
         Self { computed: profile::crc::frame_of_words(words), expected: stored.swap_bytes() }
     }
@@ -44,8 +42,8 @@ impl Comparison {
     }
 }
 
-/// Compares the CRC of the running program. It takes about 14 processor cycles a byte. To be called before the memory
-/// protection unit denies access to the vector table.
+/// Compares the CRC of the running program, which takes about 14 processor cycles a byte. To be called before the
+/// memory protection unit denies access to the vector table.
 #[cfg(target_os = "none")]
 #[must_use]
 pub fn compare() -> Comparison {

@@ -1,21 +1,20 @@
 //! The reaction of either board to a panic, a fault or an interrupt without a task.
 //!
 //! Interrupts are masked, the board enters its own safe state (HORUS switches the field off, the DPR stops answering
-//! the flight controller), the cause is recorded for the time after the restart ([`last_stop`](crate::last_stop)) and
-//! logged once. No code feeds the watchdog any more, so it resets the part.
+//! the flight controller), and the cause is recorded ([`last_stop`](crate::last_stop)) and logged once. No code feeds
+//! the watchdog any more, so it resets the part.
 //!
-//! A firmware installs all handlers with [`install_safe_state!`](crate::install_safe_state), and calls
-//! `name_faults` at its start.
+//! A firmware installs the handlers with [`install_safe_state!`](crate::install_safe_state), and calls `name_faults`.
 //!
 //! # Faults
 //!
 //! MemManage, BusFault, UsageFault and HardFault have one handler. It begins in assembly: it saves the address of the
-//! frame that the processor has stacked, and sets the stack pointer to the stack's start before it calls anything. It
-//! may do so, as no interrupted code runs again, and it must, as the fault may be an overflow of the stack.
+//! frame that the processor has stacked, and sets the stack pointer to the stack's start, since the fault may be an
+//! overflow of the stack. No interrupted code runs again.
 //!
 //! The memory protection unit is switched off: the safe state uses peripherals that tasks must not access, and the
 //! table may itself be wrong. A fault in the safe state is a HardFault, since the faults of lower priority are masked,
-//! and begins the safe state anew. A fault in the second safe state locks the core up until the watchdog resets it.
+//! and begins the safe state anew. A further fault locks the core up until the watchdog resets it.
 
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)]
@@ -29,12 +28,11 @@ mod imp {
         log_section, memory, mpu,
     };
 
-    /// Whether the cause has been logged or is being logged: a fault inside the logger must not be logged again.
+    /// Whether a cause has been logged or is being logged. A fault inside the logger must not be logged again.
     static LOGGED: AtomicBool = AtomicBool::new(false);
 
-    /// Masks all interrupts, calls `enter`, records what `stop` returns, calls `log` with it unless a cause was logged
-    /// already or a message is being written, and waits for the watchdog. `enter` is called first, since `stop` may
-    /// take a while.
+    /// Enters the safe state by `enter`, records the stop that `stop` returns, which may take long, logs it by `log`,
+    /// and waits for the watchdog. No second cause is logged, and none within another message.
     pub fn enter(enter: fn(), stop: impl FnOnce() -> Stop, log: impl FnOnce(&Stop)) -> ! {
         cortex_m::interrupt::disable();
         mpu::off();
@@ -49,21 +47,20 @@ mod imp {
         }
     }
 
-    /// Gives MemManage, BusFault and UsageFault handlers of their own, so that each can be told apart and a fault in
-    /// the safe state is a HardFault. To be called once, before the memory protection unit is switched on.
+    /// Enables the separate handlers of MemManage, BusFault and UsageFault, so that a fault in the safe state is a
+    /// HardFault. To be called once, before the memory protection unit is switched on.
     pub fn name_faults(scb: &mut SCB) {
         for exception in [Exception::MemoryManagement, Exception::BusFault, Exception::UsageFault] {
             scb.enable(exception);
         }
     }
 
-    /// Returns the number of the exception whose handler runs, or was interrupted by a fault: the most urgent of the
-    /// interrupts that are active, or 0 for the start or the idle loop.
+    /// Returns the number of the most urgent active exception, or 0 for the start or the idle loop.
     ///
-    /// The number comes from the interrupt controller and not from the stacked frame, which may not be there.
+    /// The number comes from the interrupt controller, since a stacked frame may be missing.
     #[must_use]
     pub fn active_exception() -> u16 {
-        /// The number of words of interrupt bits in the part that has more interrupts (91, RM0090 "vector table").
+        /// The number of words of interrupt bits: STM32F429 has the most interrupts, 91 (RM0090, "vector table").
         const WORDS: usize = 3;
         // SAFETY: the register block is always there, and only registers without a side effect are read.
         let nvic = unsafe { &*NVIC::PTR };
@@ -79,10 +76,10 @@ mod imp {
         found.1
     }
 
-    /// Returns the fault whose frame the processor has stacked at `frame`, unless it could not stack one.
+    /// Returns the stop of a fault whose frame the processor has stacked at `frame`, unless it could not.
     #[must_use]
     pub fn fault(frame: u32) -> Stop {
-        /// The offset of the link register in the frame, words (ARMv7-M ARM B1.5.6); the program counter is next.
+        /// The offset of the link register in the frame, words (ARMv7-M ARM B1.5.6). The program counter comes next.
         const LR: u32 = 5;
         const PC: u32 = 6;
         // SAFETY: the register block is always there, and only registers without a side effect are read.
@@ -97,12 +94,11 @@ mod imp {
 #[cfg(target_os = "none")]
 pub use imp::{active_exception, enter, fault, name_faults};
 
-/// Installs the handlers of panics, of failed `defmt` assertions, of the four faults and of every exception or
-/// interrupt that has no handler of its own.
+/// Installs the handlers of panics, failed `defmt` assertions, faults, and exceptions without a handler.
 ///
-/// `$enter` is the `fn()` that puts the board into its safe state with all interrupts masked; it must not panic and
-/// must not wait without a bound. `$area` is a `fn(u32) -> &'static str` that returns the name of the area of an
-/// address, and `$task` is a `fn(u16) -> &'static str` that returns the name of the task whose exception has a number.
+/// `$enter` is the `fn()` that puts the board into its safe state with all interrupts masked. It must not panic and
+/// must not wait without a bound. `$area` is a `fn(u32) -> &'static str` that returns the name of an address's area.
+/// `$task` is a `fn(u16) -> &'static str` that returns the name of the task with this exception number.
 #[macro_export]
 macro_rules! install_safe_state {
     ($enter:path, $area:path, $task:path) => {
@@ -115,14 +111,13 @@ macro_rules! install_safe_state {
             $crate::safe_state::enter($enter, stop, |_| defmt::error!("{}", defmt::Display2Format(info)))
         }
 
-        /// `defmt::panic!` and the other macros of `defmt` that end here have logged the reason themselves.
+        /// The macros of `defmt` that call this, such as `defmt::panic!`, have already logged the reason.
         #[defmt::panic_handler]
         fn defmt_panic() -> ! {
             let stop = || $crate::last_stop::Stop::of_panic("", 0, $crate::safe_state::active_exception());
             $crate::safe_state::enter($enter, stop, |_| {})
         }
 
-        /// Logs `stop` in words, after the text `$before`.
         pub(crate) fn log_stop(before: &str, stop: &$crate::last_stop::Stop) {
             defmt::error!(
                 "{=str}: {}; {=str}; task {=str}; code {=u32:#010x}",
@@ -134,7 +129,7 @@ macro_rules! install_safe_state {
             );
         }
 
-        // One handler serves the four faults: it saves the frame's address, then resets the stack (`safe_state`).
+        // The four faults have one handler, which saves the frame's address and resets the stack pointer.
         core::arch::global_asm!(
             ".section .text.fault_entry, \"ax\", %progbits",
             ".global MemoryManagement",

@@ -2,31 +2,29 @@
 //!
 //! # Design
 //!
-//! The reset handler of cortex-m-rt calls `__pre_init` before it sets up statics. All of `__pre_init` is assembler,
-//! since Rust code may not run before that. A firmware installs it with [`install_start!`](crate::install_start), whose
-//! arguments are the board's own first instructions. These instructions use no stack, so that damaged memory does not
-//! stop them, and do two things in this order:
+//! The reset handler of cortex-m-rt calls `__pre_init` before it sets up statics, so it is assembler. A firmware
+//! installs it with [`install_start!`](crate::install_start), whose arguments are the board's own first instructions.
+//! These use no stack, so that damaged memory does not stop them, and do two steps in this order:
 //!
 //! 1. The reset flags are read and cleared in the part.
 //! 2. The watchdog is started.
 //!
-//! Both parts collect their reset flags until the flags are cleared. If the flags of the previous start were still set,
-//! a restart by the watchdog could not be distinguished from that start. In this order it can: a reset by the watchdog
-//! always comes after the flags were cleared. The flags that were read are then kept in [`RESET_FLAGS`].
+//! Both parts collect their reset flags until the flags are cleared. In this order the flags of an earlier start are
+//! never still set when the watchdog resets the part. The flags that were read are kept in [`RESET_FLAGS`].
 //!
 //! No RAM except [`RESET_FLAGS`] is used before `__prepare_memory`, which is reached by a branch with the reset
 //! handler's return address still in the link register. It [tests](crate::start_test) the RAM. With the feature `hot`
-//! it copies the section `.hot` to where its code runs; the linker script places it (the DPR's does, `dpr-fw/hot.x`).
-//! On the nRF52840 the section is fetched at 0x0080_0000 and written at 0x2000_0000, the data address of the same bytes
-//! (PS v1.7, 4.2). The copy is assembler also because a compiler may call the section's own `memcpy`. Barriers at its
-//! end make sure that all is stored before an instruction is fetched from there (ARMv7-M ARM, A3.8).
+//! it copies the section `.hot` to where its code runs (`dpr-fw/hot.x`). On the nRF52840 that section is fetched at
+//! 0x0080_0000 and written at 0x2000_0000, the data address of the same bytes (PS v1.7, 4.2). The copy is assembler
+//! too, since a compiler may call the section's own `memcpy`. Barriers after the copy make sure that all is stored
+//! before an instruction is fetched from there (ARMv7-M ARM, A3.8).
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
 /// The distance from the address at which code in RAM is fetched to its data address (nRF52840 PS v1.7, 4.2).
 pub const DATA_ADDRESS: usize = 0x2000_0000 - 0x0080_0000;
 
-/// The part's reset flags as the first instructions have read them before they cleared them.
+/// The part's reset flags, as the first instructions have read them before clearing them.
 #[cfg_attr(target_os = "none", allow(unsafe_code))] // The attribute names a section, which the compiler cannot check.
 #[cfg_attr(target_os = "none", link_section = ".uninit.RESET_FLAGS")]
 pub static RESET_FLAGS: AtomicU32 = AtomicU32::new(0);
@@ -46,7 +44,7 @@ mod memory {
         ".type __prepare_memory, %function",
         ".thumb_func",
         "__prepare_memory:",
-        // No stack is used here, since the stack lies in the memory that is tested.
+        // No stack is used here, since it lies in the memory that is tested.
         "mov r8, lr",
         "bl __test_memory",
         #[cfg(feature = "hot")]
@@ -71,8 +69,8 @@ mod memory {
     );
 }
 
-/// Installs `__pre_init`: the instructions in brackets, then the preparation of memory. The instructions must leave the
-/// link register and the stack alone and end by falling through. The operands of `global_asm!` follow the brackets.
+/// Installs `__pre_init`: the instructions in brackets, then the preparation of memory. The instructions must keep the
+/// link register and the stack, and end by falling through. The operands of `global_asm!` follow the brackets.
 #[macro_export]
 macro_rules! install_start {
     ([$($instruction:literal),* $(,)?] $($operands:tt)*) => {

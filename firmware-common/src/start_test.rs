@@ -1,10 +1,10 @@
-//! The test of the RAM at the start, before anything is stored in it.
+//! The test of the RAM at the start, before any data are stored in it.
 //!
 //! # Design
 //!
-//! [`start`](crate::start) calls `__test_memory` after the board's first instructions, before statics are set up and
-//! before code is copied to RAM. The test uses only registers, in assembler, since a stack or a static would lie in the
-//! memory that is tested.
+//! [`start`](crate::start) calls `__test_memory` after the board's first instructions, before statics and code in RAM
+//! are set up. The test is in assembler and uses only registers, since a stack or a static would lie in the tested
+//! memory.
 //!
 //! | RAM | test |
 //! |---|---|
@@ -19,17 +19,17 @@
 //! ```
 //!
 //! The march finds all stuck-at, transition and address decoder faults, and all unlinked coupling faults between bits
-//! of different words. It gives all bits of a word the same value, so it does not find a bit that changes together with
-//! another bit of its word; the [test at run time](crate::patrol::ram) does, where the contents make the bits differ.
+//! of different words. It gives all bits of a word the same value, so it misses bits of one word that change together;
+//! the [test at run time](crate::patrol::ram) finds those.
 //!
-//! A reset in the middle of the test costs the contents of two words of `.uninit`; all data kept there have a CRC.
+//! A reset in the middle of the test costs the contents of two words of `.uninit`, where all data have a CRC.
 //!
 //! # Time
 //!
 //! A word takes [`HORUS_CYCLES`] or [`DPR_CYCLES`] at most, on the pessimistic clock. HORUS's 32 KiB take 20.5 ms at
-//! most, at 16 MHz, where HORUS's flash has no wait state; the DPR's 32 KiB and 64 KiB of code take at most 23.9 ms, at
-//! 64 MHz, where the DPR's flash has wait states. The watchdog already runs then, and resets later than that: its first
-//! period is at least 340 ms (HORUS) and 98 ms (DPR).
+//! most (16 MHz, flash without a wait state). The DPR's 32 KiB and 64 KiB of code take 23.9 ms at most (64 MHz, with
+//! wait states). The watchdog already runs then, but its first period is longer: at least 340 ms (HORUS) and 98 ms
+//! (DPR).
 //!
 //! # Result
 //!
@@ -37,11 +37,10 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// The word that a test stores when it has come to its end. It is combined by exclusive or with the address of the
-/// block of 32 bytes in which a fault was found; no block begins at 0.
+/// The word that the test stores at its end, combined by exclusive or with the address of the block of 32 bytes in
+/// which a fault was found. No block begins at 0.
 pub const TESTED: u32 = 0x4D61_7263;
 
-/// The result of the test, which its last instructions store.
 #[cfg_attr(target_os = "none", allow(unsafe_code))] // The attributes name symbol and section, which are not checked.
 #[cfg_attr(target_os = "none", no_mangle, link_section = ".uninit.MEMORY_TEST")]
 static MEMORY_TEST: AtomicU32 = AtomicU32::new(0);
@@ -61,7 +60,7 @@ impl Outcome {
     const fn of(result: u32) -> Self {
         match result ^ TESTED {
             0 => Self::Sound,
-            // The addresses of RAM begin with the digit 2; the test has not stored any other value.
+            // Addresses of RAM begin with the digit 2; any other value did not come from the test.
             address if address >> 28 == 2 => Self::Faulty(address),
             _ => Self::NotTested,
         }
@@ -78,7 +77,7 @@ impl Outcome {
     }
 }
 
-/// Returns the outcome of this start's test once, so that a later start that ends before its test does not find it.
+/// Returns the outcome of this start's test once, so that a later start that ends before its test does not read it.
 pub fn take() -> Outcome {
     Outcome::of(MEMORY_TEST.swap(0, Ordering::Relaxed))
 }
@@ -88,7 +87,7 @@ pub const HORUS_CYCLES: u32 = 40;
 /// The most processor cycles that the test of a word of the DPR's memory takes.
 pub const DPR_CYCLES: u32 = 62;
 
-/// Returns the longest time of a test of `bytes` at `mhz` with `cycles` for each word, µs.
+/// Returns the longest time, µs, of a test of `bytes` at `mhz` with `cycles` for each word.
 #[must_use]
 pub const fn longest_us(bytes: u32, cycles: u32, mhz: u32) -> u32 {
     (bytes / 4 * cycles).div_ceil(mhz)
@@ -100,7 +99,7 @@ const _: () = assert!(longest_us(96 * 1024, DPR_CYCLES, 64) <= 23_900);
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)]
 mod test {
-    // The registers are: r0 from, r1 to, r2 the block of 32 bytes, r3 zeros, r4 ones, r5 the word read, r6 the faulty
+    // The registers are: r0 start, r1 end, r2 the block of 32 bytes, r3 zeros, r4 ones, r5 the word read, r6 the faulty
     // block. Ranges are whole blocks (`guards.x`, `hot.x`) except the last, which is tested in pairs of words.
     core::arch::global_asm!(
         ".macro visit offset, expected, written",
@@ -148,7 +147,7 @@ mod test {
         "visit_down r3, r4",
         "mov r2, r1",
         "visit_down r4, r3",
-        // The march is at r0 again: each word is read once more, and written with the value that it already has.
+        // Each word is read once more, and written with the value that it already has.
         "visit_up r3, r3",
         "3:",
         "bx lr",

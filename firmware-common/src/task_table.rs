@@ -1,15 +1,15 @@
 //! The table of a firmware's tasks, made from the RTIC application that binds them.
 //!
-//! Only a task's attribute in `main.rs` states its name, vector and priority, and RTIC accepts these only as literals.
-//! So each firmware's build script reads the attributes and writes the macro `each_task!`. From that macro the library
-//! makes the enumeration of its tasks ([`task_table!`](crate::task_table!)), and the binary makes its list of vectors.
+//! Only a task's attribute in `main.rs` states its name, vector and priority, since RTIC accepts these only as
+//! literals. So each firmware's build script makes the macro `each_task!` from the attributes. From it the library
+//! makes the enumeration of its tasks ([`task_table!`](crate::task_table!)), and the binary its list of vectors.
 
 extern crate std;
 
 use std::{format, string::String};
 
-/// Returns the source of the macro `each_task!`, which calls another macro with the name and the vector of each task of
-/// the application `source`, the most urgent first.
+/// Returns the source of the macro `each_task!`, which calls another macro with the name and vector of each task of the
+/// application `source`, the most urgent first.
 ///
 /// # Panics
 ///

@@ -1,4 +1,4 @@
-//! The board: every pin, DMA stream, interrupt vector and clock that the firmware uses, each in one place
+//! Every pin, DMA stream, interrupt vector and clock that the firmware uses
 //!
 //! The board is a NUCLEO-F429ZI with an X-NUCLEO-NFC08A1 or NFC06A1 on its Arduino header.
 //!
@@ -17,9 +17,8 @@
 //!
 //! # To add or move a receiver
 //!
-//! Change its row in [`RECEIVER_PORTS`]. RTIC binds vectors by name, so the row's vectors also have to be those of the
-//! receiver's tasks in `main.rs`. Each of these tasks finds its row by its own vector, and a vector that is in no row
-//! does not compile. No other file names a receiver's hardware.
+//! Change its row in [`RECEIVER_PORTS`]. RTIC binds vectors by name, so the tasks of the receiver in `main.rs` must
+//! have the row's vectors; a vector that is in no row does not compile. No other file names a receiver's hardware.
 //!
 //! A new kind of interface needs a variant of [`Hardware`], and a type in `hw/` that implements
 //! `horus_tx_fw::source::Source`; `hw/gnss.rs` dispatches to these types.
@@ -39,12 +38,11 @@ use stm32f4xx_hal::{
 
 horus_tx_fw::each_task!(firmware_common::task_vectors);
 
-/// Calls every task that otherwise only hardware calls, so that each of them checks in.
+/// Calls every task that otherwise only hardware calls, so that it checks in.
 pub(crate) fn ask_for_signs_of_life() {
     Task::ALL.into_iter().filter(|task| task.calls_for_sign_of_life()).for_each(call);
 }
 
-/// A GPIO port.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum GpioPort {
     A,
@@ -55,22 +53,19 @@ pub(crate) enum GpioPort {
     F,
 }
 
-/// A pin, from 0 to 15 of its port.
 #[derive(Clone, Copy)]
 pub(crate) struct Pin {
     pub(crate) port: GpioPort,
     pub(crate) number: u8,
 }
 
-/// A pin and the number of the alternate function that connects it to a peripheral (DS9405, alternate function
-/// mapping).
+/// A pin and its alternate function, which connects it to a peripheral (DS9405, alternate function mapping).
 #[derive(Clone, Copy)]
 pub(crate) struct AlternatePin {
     pub(crate) pin: Pin,
     pub(crate) function: u8,
 }
 
-/// A DMA controller.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Dma {
     /// DMA1 serves the peripherals of APB1.
@@ -79,7 +74,7 @@ pub(crate) enum Dma {
     Two,
 }
 
-/// A stream of a DMA controller, 0 to 7, and the channel that connects it to its peripheral's requests, 0 to 7.
+/// A stream of a DMA controller, 0 to 7, and the channel, 0 to 7, by which the peripheral's requests reach it.
 #[derive(Clone, Copy)]
 pub(crate) struct Stream {
     pub(crate) dma: Dma,
@@ -89,13 +84,13 @@ pub(crate) struct Stream {
 
 // ---- Cycle
 
-/// The pin on which the cycle timer shows each tick to a logic analyser: TIM2 channel 3, CN10 pin 32 of the NUCLEO
-/// (D36). It is high for the last [`timing::TICK_PULSE_TICKS`] of each cycle, and falls with the tick.
+/// The pin that shows each tick to a logic analyser: TIM2 channel 3, CN10 pin 32 of the NUCLEO (D36). It is high for
+/// the last [`timing::TICK_PULSE_TICKS`] of each cycle, and falls with the tick.
 pub(crate) const TICK: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::B, number: 10 }, function: 1 };
 
 // ---- State
 
-/// An input of two pins whose levels are opposite while its wires are sound (decision 18).
+/// An input of two pins whose levels are opposite unless a wire is broken (decision 18).
 pub(crate) struct InputPair {
     /// The pin that is high while the input is active.
     pub(crate) active: Pin,
@@ -103,8 +98,7 @@ pub(crate) struct InputPair {
     pub(crate) inactive: Pin,
 }
 
-/// The inputs that tell HORUS's state, the least severe first: relay (D56, D57), motor cut (D58, D59), emergency
-/// measure (D55, D54).
+/// The inputs of HORUS's state: relay (D56, D57), motor cut (D58, D59), emergency measure (D55, D54).
 pub(crate) const STATE_INPUTS: [InputPair; INPUTS] = [
     InputPair { active: Pin { port: GpioPort::E, number: 2 }, inactive: Pin { port: GpioPort::E, number: 4 } },
     InputPair { active: Pin { port: GpioPort::E, number: 5 }, inactive: Pin { port: GpioPort::E, number: 6 } },
@@ -113,21 +107,19 @@ pub(crate) const STATE_INPUTS: [InputPair; INPUTS] = [
 
 // ---- Front end
 
-/// The clock pin of the front end's SPI, which is SPI1. The next two constants are its data pins.
+/// The clock pin of the front end's SPI (SPI1).
 pub(crate) const SCK: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::A, number: 5 }, function: 5 };
 pub(crate) const MISO: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::A, number: 6 }, function: 5 };
 pub(crate) const MOSI: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::A, number: 7 }, function: 5 };
 pub(crate) const CHIP_SELECT: Pin = Pin { port: GpioPort::D, number: 14 };
-/// The pin of the front end's interrupt request, a rising edge. Its number is its EXTI line's, so the vector is EXTI3.
+/// The pin of the front end's interrupt request, a rising edge. It has number 3, so its vector is EXTI3.
 pub(crate) const IRQ: Pin = Pin { port: GpioPort::A, number: 3 };
-/// The DMA stream of the bytes that the SPI clocks in.
 pub(crate) const SPI_IN: Stream = Stream { dma: Dma::Two, number: 0, channel: 3 };
-/// The DMA stream of the bytes that the SPI clocks out.
 pub(crate) const SPI_OUT: Stream = Stream { dma: Dma::Two, number: 3, channel: 3 };
 
 // ---- Receivers
 
-/// A one-shot timer of 16 bits: one of APB1's timers, which count at [`timing::TIMER_HZ`].
+/// A 16-bit timer of APB1, which counts at [`timing::TIMER_HZ`].
 #[derive(Clone, Copy)]
 pub(crate) struct Timer {
     pub(crate) registers: fn() -> *const tim3::RegisterBlock,
@@ -135,27 +127,22 @@ pub(crate) struct Timer {
     pub(crate) vector: Interrupt,
 }
 
-/// The hardware of a receiver on a UART, 8N1 at [`timing::GNSS_BAUD`].
 pub(crate) struct UartPort {
-    /// The UART's registers. Those of a USART begin with the same registers and have one more, which is not used.
+    /// The UART's registers. A USART begins with the same registers.
     pub(crate) registers: fn() -> *const uart4::RegisterBlock,
-    /// Switches the UART's clock on.
     pub(crate) enable: fn(&mut pac::RCC),
-    /// The frequency of the bus that the UART is on, from which its baud rate is derived, Hz.
+    /// The frequency of the bus that the UART is on, Hz, from which its baud rate is derived.
     pub(crate) bus_hz: u32,
-    /// The UART's input.
     pub(crate) rx: AlternatePin,
-    /// The UART's output.
     pub(crate) tx: AlternatePin,
-    /// The DMA stream of the UART's input.
     pub(crate) stream: Stream,
-    /// The UART's interrupt vector: the line is idle, there was an error, or a byte was sent.
+    /// The UART's vector: the line is idle, an error, or a sent byte.
     pub(crate) uart_vector: Interrupt,
-    /// The DMA stream's interrupt vector: half a ring is full.
+    /// The DMA stream's vector: half a ring is full.
     pub(crate) stream_vector: Interrupt,
 }
 
-/// The hardware of a receiver on I2C (u-blox's DDC). The bus's pull-up resistors are outside of the part.
+/// The hardware of a receiver on I2C (u-blox's DDC). The board has the bus's pull-up resistors.
 pub(crate) struct DdcPort {
     pub(crate) registers: fn() -> *const i2c1::RegisterBlock,
     pub(crate) enable: fn(&mut pac::RCC),
@@ -163,9 +150,9 @@ pub(crate) struct DdcPort {
     pub(crate) bus_hz: u32,
     pub(crate) scl: AlternatePin,
     pub(crate) sda: AlternatePin,
-    /// The DMA stream of the bytes that come in. The processor writes the bytes that go out one by one.
+    /// The DMA stream of the bytes that come in. The processor itself writes the bytes that go out.
     pub(crate) stream: Stream,
-    /// The timer that times the levels of a bus recovery.
+    /// The timer for the levels of a bus recovery.
     pub(crate) timer: Timer,
     pub(crate) event_vector: Interrupt,
     pub(crate) error_vector: Interrupt,
@@ -179,17 +166,15 @@ pub(crate) struct SpiPort {
     pub(crate) sck: AlternatePin,
     pub(crate) miso: AlternatePin,
     pub(crate) mosi: AlternatePin,
-    /// The chip select pin, which is active low.
     pub(crate) chip_select: Pin,
     pub(crate) stream_in: Stream,
     pub(crate) stream_out: Stream,
-    /// The timer of the set-up and hold times of chip select.
+    /// The timer for the set-up and hold times of chip select.
     pub(crate) timer: Timer,
     pub(crate) in_vector: Interrupt,
     pub(crate) out_vector: Interrupt,
 }
 
-/// The hardware of one GNSS receiver's interface.
 pub(crate) enum Hardware {
     Uart(UartPort),
     Ddc(DdcPort),
@@ -200,14 +185,14 @@ const fn pin(port: GpioPort, number: u8, function: u8) -> AlternatePin {
     AlternatePin { pin: Pin { port, number }, function }
 }
 
-/// The connection of one GNSS receiver, and the period that HORUS requests from it.
+/// The connection of one GNSS receiver, and the period of its solutions that HORUS requests.
 pub(crate) struct ReceiverPort {
-    /// The time from one solution of the receiver to the next, ms: 25 to 1000 (u-blox, CFG-RATE-MEAS).
+    /// The period of the receiver's solutions, ms: 25 to 1000 (u-blox, CFG-RATE-MEAS).
     pub(crate) period_ms: u16,
     pub(crate) hardware: Hardware,
 }
 
-/// The ports of GPS1 to GPS5. The first [`horus_tx_fw::RECEIVERS`] are in use.
+/// The connections of GPS1 to GPS5. The first [`horus_tx_fw::RECEIVERS`] are in use.
 pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
     ReceiverPort {
         period_ms: 100,
@@ -282,7 +267,7 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
 ];
 
 impl Hardware {
-    /// Returns the interface by the receiver's own name of it, which selects the keys of the receiver's configuration.
+    /// Returns the interface of the receiver, which selects the keys of its configuration.
     pub(crate) const fn interface(&self) -> Interface {
         match self {
             Self::Uart(_) => Interface::Uart,
@@ -291,7 +276,7 @@ impl Hardware {
         }
     }
 
-    /// Returns what `vector` means to this receiver; `None` if the vector is not in the receiver's row.
+    /// Returns what `vector` means to this receiver; `None` if it is no vector of this receiver.
     const fn meaning_of(&self, vector: Interrupt) -> Option<Vector> {
         const fn is(vector: Interrupt, other: Interrupt) -> bool {
             vector as u16 == other as u16
@@ -315,7 +300,7 @@ impl Hardware {
         }
     }
 
-    /// Returns the two DMA streams of this receiver; one that has no second stream is returned twice.
+    /// Returns the two DMA streams of this receiver; if it has only one, that stream twice.
     const fn streams(&self) -> [Stream; 2] {
         match self {
             Self::Uart(port) => [port.stream, port.stream],
@@ -325,7 +310,7 @@ impl Hardware {
     }
 }
 
-/// Returns the receiver, from 0, to which `task`'s vector belongs, and the vector's meaning. For compile time only.
+/// Returns the receiver, from 0, of the vector of `task`, and the vector's meaning. For compile time only.
 ///
 /// # Panics
 ///
@@ -355,7 +340,7 @@ const fn meet(one: [Stream; 2], other: [Stream; 2]) -> bool {
     is_same(one[0], other[0]) || is_same(one[0], other[1]) || is_same(one[1], other[0]) || is_same(one[1], other[1])
 }
 
-// At most one receiver is on I2C and one on SPI: each has one static buffer, in `hw/ddc.rs` and `hw/spi.rs`.
+// Each of I2C and SPI has one static buffer, in `hw/ddc.rs` and `hw/spi.rs`, and so serves one receiver at most.
 const _: () = {
     let (mut ddc, mut spi) = (0, 0);
     let mut receiver = 0;
@@ -370,7 +355,7 @@ const _: () = {
     assert!(ddc <= 1 && spi <= 1, "the buffer of this kind has one user");
 };
 
-// No DMA stream is used by two users.
+// No DMA stream has two users.
 const _: () = {
     assert!(IRQ.number == 3, "the vector of the task `rf_irq` is that of EXTI line 3");
     assert!(!is_same(SPI_IN, SPI_OUT));

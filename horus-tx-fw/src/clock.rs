@@ -2,10 +2,9 @@
 //!
 //! # Design
 //!
-//! HORUS is meant to run on the external clock (HSE). Where HSE is missing, HORUS runs on the internal RC oscillator
-//! (HSI) instead, through the same PLL to the same 144 MHz, so that every divider, slot and baud rate register stays
-//! the same, and Reported-Position's status says so. All bounds in processor cycles, and all that compare HORUS with
-//! itself, still hold. Bounds that need a crystal do not hold: the cycle is as long as HSI makes it.
+//! HORUS is meant to run on the external clock (HSE). Without HSE it runs on the internal RC oscillator (HSI), through
+//! the same PLL to the same 144 MHz, so that every divider, slot and baud rate register stays the same;
+//! Reported-Position's status says so. Bounds in processor cycles still hold, but the cycle is as long as HSI makes it.
 //!
 //! | | frequency | error |
 //! |---|---|---|
@@ -15,9 +14,8 @@
 //! The receivers' UARTs tolerate a clock error of about 3 % (RM0090 "USART", tolerance of the receiver to clock
 //! deviation), so at room temperature HORUS still receives from them on HSI.
 //!
-//! HORUS chooses the oscillator once per start. If HSE fails later, the clock security system detects that (see the
-//! firmware's `hw/clock.rs`), which ends in the safe state and a reset; at the start after it HORUS finds no HSE and
-//! chooses HSI. If HSE works again, it is used from the next start on.
+//! HORUS chooses the oscillator once per start. If HSE fails later, the clock security system (`hw/clock.rs`) leads to
+//! the safe state and a reset, and the next start chooses HSI.
 
 /// The frequency of the external clock (HSE), Hz.
 pub const EXTERNAL_HZ: u32 = 8_000_000;
@@ -25,17 +23,16 @@ pub const EXTERNAL_HZ: u32 = 8_000_000;
 /// The frequency of the internal oscillator (HSI), Hz. Every start begins on it (RM0090 "Reset and clock control").
 pub const INTERNAL_HZ: u32 = 16_000_000;
 
-/// The number of times that [`choose`] asks whether HSE is ready before it chooses HSI.
+/// How often [`choose`] polls HSE before it chooses HSI.
 const POLLS: u32 = 1_000;
 
-/// The least pause between two polls of HSE, µs; [`PAUSE_CYCLES`] has it in cycles of the internal oscillator.
 const PAUSE_US: u32 = 10;
 
 /// The least pause between two polls of HSE, in cycles of the internal oscillator.
 pub const PAUSE_CYCLES: u32 = PAUSE_US * (INTERNAL_HZ / 1_000_000);
 
-/// The shortest time that HSE is granted to become ready, ms: five times the 2 ms that a crystal takes typically
-/// (DS9405, HSE oscillator characteristics, start-up time). A clock that is fed in from outside takes less.
+/// The least time that HSE has to become ready, ms: five times the 2 ms that a crystal takes typically (DS9405, HSE
+/// oscillator characteristics, start-up time). A clock that is fed in from outside takes less.
 pub const START_MS: u32 = POLLS * PAUSE_US / 1_000;
 
 /// The longest duration of [`choose`], ms. A delay loop of the processor takes up to twice the cycles asked for, the
@@ -54,9 +51,8 @@ pub enum Source {
     Internal,
 }
 
-/// Waits until HSE, which has been switched on, is ready, and returns the oscillator to run on. `is_ready` tells
-/// whether HSE is ready (RCC_CR.HSERDY), and `pause` waits for [`PAUSE_CYCLES`] or a little longer. The wait always
-/// ends, after [`START_MAX_MS`] at most.
+/// Waits until HSE, which was switched on, is ready, for [`START_MAX_MS`] at most, and returns the oscillator to run
+/// on. `is_ready` polls HSE (RCC_CR.HSERDY), and `pause` waits for [`PAUSE_CYCLES`] or a little longer.
 pub fn choose(mut is_ready: impl FnMut() -> bool, mut pause: impl FnMut()) -> Source {
     for _ in 0..POLLS {
         if is_ready() {

@@ -12,22 +12,21 @@
 //! | inertial | ESF-INS with every solution | likewise | likewise |
 //!
 //! **Dynamic model.** A receiver's filter assumes how its carrier moves. The factory setting is a portable device or a
-//! car: low accelerations, and at most 15 or 50 m/s vertically, beyond which the receiver gives no position. In a hard
-//! manoeuvre all receivers would lag or drop out alike, and no vote detects an error that all have in common. So HORUS
-//! sets an airborne model. u-blox has three: that of less than 1 g, that of less than 2 g ("recommended for typical
-//! airborne environments"), and that of less than 4 g ("only recommended for extremely dynamic environments"); each
-//! step lets more noise into the position. A rotorcraft that banks by 45° to turn or to brake from 20 m/s accelerates
-//! by 1 g, by 60° by 1.7 g. So HORUS takes the model of less than 2 g, which is also PX4's default. No airborne model
-//! gives 2D fixes. The model has a message of its own, since a receiver that refuses one key refuses the whole message.
+//! car: low accelerations, and no position above 15 or 50 m/s vertically. In a hard manoeuvre all receivers would lag
+//! or drop out alike, which no vote detects. So HORUS sets an airborne model, which gives no 2D fixes. u-blox has
+//! three: less than 1 g, less than 2 g ("recommended for typical airborne environments"), and less than 4 g ("only
+//! recommended for extremely dynamic environments"). Each step lets more noise into the position. A rotorcraft that
+//! banks by 45° accelerates by 1 g, by 60° by 1.7 g. So HORUS takes the model of less than 2 g, which is also PX4's
+//! default. The model has a message of its own, since a receiver that refuses one key refuses the whole message.
 //!
-//! The settings go into the receiver's RAM, so a receiver that was without supply has lost them. HORUS notices the
-//! receiver's silence and then repeats the messages until one is answered, as it does before a receiver is there.
+//! The settings go into the receiver's RAM, so a receiver that was without supply has lost them. After silence of the
+//! receiver HORUS repeats the messages until one is answered.
 //!
-//! **UART.** A receiver with factory settings uses 38 400 baud. If neither an intact UBX message nor an answer has come
-//! for [`LISTEN_MS`] after the first message was sent at the usual rate, HORUS sets the receiver's baud rate at the
-//! factory's rate, and then sends the first message at the usual rate. HORUS never sends at another rate to a receiver
-//! that talks: the receiver would take the bytes as noise, and u-blox's receivers close their input for up to a second
-//! after 100 framing errors ("More than 100 frame errors, UART RX was disabled").
+//! **UART.** A receiver with factory settings uses 38 400 baud. If no intact UBX message has come for [`LISTEN_MS`]
+//! after the first message at the usual rate, HORUS sets the receiver's baud rate by a message at the factory's rate,
+//! and then sends the first message at the usual rate again. HORUS never sends at another rate to a receiver that
+//! talks: u-blox's receivers close their input for up to a second after 100 framing errors ("More than 100 frame
+//! errors, UART RX was disabled").
 //!
 //! **Bounds.** HORUS waits [`ANSWER_MS`] for each answer at most. To a receiver that talks and does not answer, HORUS
 //! sends nothing more after [`ATTEMPTS`] messages, until the receiver has been silent.
@@ -44,8 +43,8 @@
 //! # Sources
 //!
 //! - Keys: semuconsulting/pyubx2 (`ubxtypes_configdb.py`), aortner/ubloxcfg and the `ublox` crate (`cfg_val.rs`), which
-//!   agree on the keys that all of them have. The crate has neither NAV-ATT's keys nor a way to leave the thousand
-//!   other keys out of flash, so the few keys that HORUS needs are written here.
+//!   agree. The crate has neither NAV-ATT's keys nor a way to leave the thousand other keys out of flash, so the few
+//!   keys that HORUS needs are written here.
 //! - Dynamic models: u-blox, *ZED-F9R integration manual* (UBX-20039643), "Dynamic platform", tables of the models and
 //!   of their limits; key and values: *M10 interface description* (UBX-21035062), CFG-NAVSPG-DYNMODEL, and pyubx2;
 //!   PX4's `GPS_UBX_DYNMODEL`. Open: the integration manual says that the ZED-F9R's sensor fusion is optimised for
@@ -60,23 +59,22 @@ use crate::{
 
 /// How long HORUS waits for an answer, ms. u-blox's receivers answer a configuration message within a second.
 pub const ANSWER_MS: u32 = 1_000;
-/// The number of times that a configuration message is sent to a receiver that talks but does not answer.
+/// How often a configuration message is sent to a receiver that talks but does not answer.
 pub const ATTEMPTS: u8 = 3;
-/// How long no intact message comes on a UART before HORUS tries the factory's rate, ms: longer than any period that
-/// HORUS asks for, and longer than a receiver takes to answer while it computes.
+/// How long no intact message comes on a UART before HORUS tries the factory's rate, ms. It is longer than any period
+/// that HORUS requests, and than a receiver takes to answer while it computes.
 pub const LISTEN_MS: u32 = 500;
 /// The pause after the message that sets the baud rate, ms: it takes 5.2 ms, and the receiver has to change rate.
 pub const BAUD_MS: u32 = 200;
-/// The time after which a receiver that took its configuration counts as silent, ms: more than two of the longest
-/// period that HORUS asks for.
+/// The time after which a configured receiver counts as silent, ms: more than two of the longest requested period.
 pub const SILENT_MS: u32 = 500;
-/// The time after which a receiver that is used as it is counts as silent, ms: over the longest accepted period.
+/// The time after which an unconfigured receiver counts as silent, ms: longer than the longest accepted period.
 pub const SILENT_AS_IT_IS_MS: u32 = 1_500;
 
 /// The dynamic model that HORUS sets in a receiver: airborne with less than 2 g.
 pub const DYNAMIC_MODEL: u8 = 7;
 
-/// The receiver's interface that HORUS is connected to.
+/// The interface of the receiver to which HORUS is connected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interface {
     /// UART1 of the receiver.
@@ -87,20 +85,20 @@ pub enum Interface {
     Spi,
 }
 
-/// A receiver's response to the basic message and to that of the dynamic model.
+/// A receiver's response to the basic message and to the message of the dynamic model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Standing {
     /// No intact message came since the receiver was last silent, or the answer to the basic message is awaited.
     #[default]
     NotYet = 0,
-    /// The receiver has acknowledged the basic message, and the dynamic model unless the answer to that is awaited.
+    /// The receiver has acknowledged the basic message, and has not refused the dynamic model.
     Taken = 1,
     /// The receiver has refused its configuration, and is used as it is.
     Refused = 2,
     /// The receiver talks but did not answer, and is used as it is.
     Unanswered = 3,
-    /// The receiver has acknowledged the basic message, but not the dynamic model: it keeps its own model.
+    /// The receiver has acknowledged the basic message, but keeps its own dynamic model.
     OtherModel = 4,
 }
 
@@ -128,7 +126,6 @@ pub enum Answer {
 /// The class and the identifier of UBX-CFG-VALSET.
 pub const VALSET: (u8, u8) = (0x06, 0x8A);
 
-/// The value of `layers` in UBX-CFG-VALSET that means RAM.
 const RAM: u8 = 1;
 
 /// The keys of the configuration. Bits 28 to 30 of a key give the length of its value.
@@ -153,7 +150,7 @@ mod key {
         out_ubx(interface) + 1
     }
 
-    /// Returns the key of CFG-MSGOUT for an interface, from that for I2C. The order is I2C, UART1, UART2, USB, SPI.
+    /// Returns a key of CFG-MSGOUT for an interface, given the key for I2C. The order is I2C, UART1, UART2, USB, SPI.
     const fn msgout(i2c: u32, interface: Interface) -> u32 {
         match interface {
             Interface::Ddc => i2c,
@@ -175,7 +172,6 @@ mod key {
     }
 }
 
-/// Returns the UBX-CFG-VALSET message that sets these keys to these values.
 fn valset(items: &[(u32, u32)], rate: Rate) -> Message {
     let mut bytes = [0; MESSAGE];
     let mut len = 0;
@@ -220,9 +216,7 @@ enum Step {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    /// The message of this step is to be sent now.
     Due(Step),
-    /// The message of this step was sent at this time, ms.
     Awaiting(Step, u32),
     Done,
 }
@@ -233,10 +227,9 @@ pub struct Configuration {
     interface: Interface,
     period_ms: u16,
     state: State,
-    /// The number of messages of this step that were not answered so far.
+    /// The number of this step's messages in a row that were not answered.
     unanswered: u8,
     standing: Standing,
-    /// The number of intact messages so far. The next field is the instant at which the last of them came, ms.
     messages: u32,
     last_heard: Option<u32>,
 }
@@ -262,14 +255,14 @@ impl Configuration {
         self.standing
     }
 
-    /// Returns the message to send to the receiver now, if any. To be called every cycle. Until `now` (ms, wraps) the
-    /// receiver has sent `messages` intact UBX messages (wraps), and since the last call it has sent `answer`.
+    /// Returns the message to send to the receiver now, if any. To be called every cycle, at `now` (ms, wraps), with
+    /// the number of intact UBX messages that the receiver has sent (wraps) and its answer since the last call.
     pub fn poll(&mut self, now: u32, messages: u32, answer: Option<Answer>) -> Option<Message> {
         if messages != self.messages {
             self.messages = messages;
             self.last_heard = Some(now);
         } else if self.silent_for(now) > SILENT_AS_IT_IS_MS {
-            // The time of the last message is dropped, since the clock's wrap could make it look recent.
+            // The instant is dropped, since the clock's wrap could make it look recent.
             self.last_heard = None;
         }
         match self.state {
@@ -291,14 +284,13 @@ impl Configuration {
         Some(self.message(step))
     }
 
-    /// Returns for how long no intact message has come, ms.
     fn silent_for(&self, now: u32) -> u32 {
         self.last_heard.map_or(u32::MAX, |at| now.wrapping_sub(at))
     }
 
     fn await_answer(&mut self, step: Step, sent: u32, now: u32, answer: Option<Answer>) {
         let passed = now.wrapping_sub(sent);
-        // Whether no intact message has come since the configuration message was sent.
+        // Silent means that no intact message has come since the configuration message was sent.
         let is_silent = self.silent_for(now) >= passed;
         match (step, answer) {
             (Step::Baud, Some(_)) => self.go_to(Step::Basic),
@@ -412,14 +404,13 @@ mod tests {
             message
         }
 
-        /// Lets `ms` pass without an answer, with a message every 100 ms if the receiver talks.
         fn pass(&mut self, ms: u32, talks: bool) {
             for step in 0..ms / 10 {
                 self.step(talks && step % 10 == 9, None);
             }
         }
 
-        /// Gives `answer` to each message until none is sent for 400 ms, and returns the number of messages answered.
+        /// Gives `answer` to each message until none comes for 400 ms. Returns the number of messages answered.
         fn answer_all(&mut self, mut answer: impl FnMut(usize) -> Answer) -> usize {
             let mut answered = 0;
             let mut quiet = 0;
@@ -596,7 +587,7 @@ mod tests {
     fn after_silence_everything_is_sent_again_and_not_sooner() {
         let mut talk = Talk::new(Interface::Ddc);
         assert_eq!(talk.answer_all(|_| Answer::Taken), 4);
-        // In `answer_all` 400 ms have passed already.
+        // 400 ms have passed already in `answer_all`.
         talk.pass(90, false);
         assert_eq!(talk.sent.len(), 4);
         talk.step(true, None);
@@ -628,7 +619,7 @@ mod tests {
         let mut configuration = Configuration::new(Interface::Spi, 125);
         configuration.poll(NOW, 1, None);
         configuration.poll(NOW.wrapping_add(SILENT_AS_IT_IS_MS + 1), 1, None);
-        // The clock wraps, reaches the time at which the receiver's last message came, and goes on.
+        // The clock wraps, and passes the instant of the receiver's last message again.
         for waited in 0..10 {
             configuration.poll(NOW.wrapping_add(waited * ANSWER_MS), 1, None);
         }
@@ -644,7 +635,7 @@ mod tests {
         assert!(configuration.poll(at.wrapping_add(1), 0, None).is_none());
         let basic = configuration.poll(at.wrapping_add(2), 1, Some(Answer::Taken)).unwrap();
         assert_eq!(keys(&basic)[0], 0x1074_0001);
-        // The receiver answered the baud rate's message, and has not taken the basic message yet.
+        // The receiver has answered the baud rate's message, but not the basic message yet.
         assert_eq!(configuration.standing(), Standing::NotYet);
     }
 
@@ -686,7 +677,7 @@ mod tests {
                     prop_assert!(interface == Interface::Uart || message.rate() == Rate::Usual);
                 }
             }
-            // One message was sent for each answer, and at most one in 200 ms beside these.
+            // One message is sent for each answer, and otherwise at most one in 200 ms.
             prop_assert!(talk.sent.len() <= 1 + answers + (talk.now.wrapping_sub(NOW) / BAUD_MS) as usize);
         }
     }

@@ -2,25 +2,22 @@
 //!
 //! # Design
 //!
-//! [`Cycle::fill`] is called once per tick, and does the same work whatever the receivers have sent: it writes and
-//! seals every object in full, passes equally many bytes through the same CRCs, and replaces a value that is not valid
-//! by the NaN of the design with a selection instead of a branch. There is no early return.
+//! [`Cycle::fill`] is called once per tick, and does the same work whatever the receivers have sent: every object is
+//! written and sealed, and a value that is not valid is replaced by the design's NaN with a selection, not a branch.
 //!
-//! [`Cycle::vote`] is called in the cycle before the tick, after that cycle's slot, and seals Reported-Position:
-//! comparing the receivers takes longer than the time between the tick and the slot. So a vote uses what the receivers
-//! have sent until 10 ms before its tick, and extrapolates to the tick. A vote for another tick is not sent.
+//! [`Cycle::vote`] is called in the cycle before the tick, after that cycle's slot, and seals Reported-Position, since
+//! a vote takes longer than the time between tick and slot. So a vote uses what the receivers have sent until 10 ms
+//! before its tick, and extrapolates to the tick. A vote for another tick is not sent.
 //!
-//! Reported-Position is what a majority of the receivers states ([`horus_voter`]): the position of the receivers that
-//! agree, extrapolated to the tick, and the number of these receivers. It is *degraded* while fewer receivers agree
-//! than are fitted, or while there is no altitude, which takes a majority as well. Each receiver's own object decides
-//! whether the receiver may take part in the vote: a receiver that falls silent stops taking part one period and 150 ms
-//! after its last message (see [`receiver`](crate::receiver)), and the object of a receiver that was outvoted says
-//! *excluded*. HORUS is *starting* until the first result, *monitoring* while there is a result, and in the state
-//! *position lost* when there was one and is none any more, unless the inputs of its safety function tell another state
-//! ([`state_inputs`](crate::state_inputs)).
+//! Reported-Position is what a majority of the receivers states ([`horus_voter`]): their position, extrapolated to the
+//! tick, and their number. It is *degraded* while fewer receivers agree than are fitted, or while there is no altitude.
+//! A receiver that falls silent stops taking part one period and 150 ms after its last message (see
+//! [`receiver`](crate::receiver)). The object of an outvoted receiver says *excluded*. HORUS is *starting* until the
+//! first result, *monitoring* while there is a result, and in the state *position lost* when there is none any more,
+//! unless the inputs of its safety function tell another state ([`state_inputs`](crate::state_inputs)).
 //!
-//! Every Reported-Position also tells what HORUS has found out about itself: its clock, the reason of its last reset
-//! ([`Start`]), and whether it has found a fault of its memory ([`Cycle::found_memory_fault`]).
+//! Every Reported-Position also tells HORUS's clock, the reason of its last reset ([`Start`]), and whether a fault of
+//! its memory was found ([`Cycle::found_memory_fault`]).
 
 use core::hint::select_unpredictable;
 
@@ -37,15 +34,15 @@ use crate::{
     timing::timestamp,
 };
 
-/// HORUS's findings at its start: the clock, the reason of the start, and the receivers that were excluded before.
+/// HORUS's findings at its start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Start {
     /// The clock that HORUS runs on.
     pub clock: Source,
     /// The reason for which the processor started.
     pub reason: ResetReason,
-    /// The receivers that were excluded before the start, in the form of [`Verdict::excluded`]. The module
-    /// [`exclusions`](crate::exclusions) keeps them over a reset.
+    /// The receivers that were excluded before the start, in the form of [`Verdict::excluded`]
+    /// ([`exclusions`](crate::exclusions) keeps them over a reset).
     pub excluded: u8,
 }
 
@@ -58,7 +55,6 @@ pub struct Cycle<const N: usize> {
     memory_fault: bool,
     inputs: StateInputs,
     voter: Voter<N>,
-    /// The last vote. The next field is the Reported-Position that was sealed for the tick of that vote.
     verdict: Verdict,
     voted: Option<(u32, ReportedPosition)>,
 }
@@ -70,7 +66,7 @@ impl<const N: usize> Cycle<N> {
         Self::after(Start { clock: Source::External, reason: ResetReason::PowerOn, excluded: 0 })
     }
 
-    /// Returns the state of a HORUS after `start`, which Reported-Position's status then tells.
+    /// Returns the state of a HORUS after `start`, which Reported-Position's status tells.
     #[must_use]
     pub const fn after(start: Start) -> Self {
         let voter = Voter::excluding(start.excluded);
@@ -85,7 +81,7 @@ impl<const N: usize> Cycle<N> {
         }
     }
 
-    /// Records that HORUS has found a fault of its memory; the status of every Reported-Position from now on tells it.
+    /// Records a fault of HORUS's memory, which the status of every later Reported-Position tells.
     pub fn found_memory_fault(&mut self) {
         self.memory_fault = true;
     }
@@ -96,12 +92,12 @@ impl<const N: usize> Cycle<N> {
         self.voter.excluded()
     }
 
-    /// Takes the levels of the inputs that tell HORUS's state, once in a cycle and before the vote.
+    /// Takes the levels of the inputs of HORUS's state. To be called once in a cycle, before the vote.
     pub fn sample(&mut self, levels: [Levels; INPUTS]) {
         self.inputs.sample(levels);
     }
 
-    /// Votes for tick `tick`, from what each receiver has sent until now, and seals Reported-Position.
+    /// Votes for tick `tick` on what each receiver has sent until now, and seals Reported-Position.
     pub fn vote(&mut self, tick: u32, solutions: &[Solution; N]) {
         let now = timestamp(tick);
         let mut inputs = [Input::default(); N];
@@ -119,7 +115,7 @@ impl<const N: usize> Cycle<N> {
         &self.verdict
     }
 
-    /// Returns the sealed profile of tick `tick`, from the receivers' messages until then and from that tick's vote.
+    /// Returns the sealed profile of tick `tick`: the receivers' latest messages, and that tick's vote.
     pub fn fill(&self, tick: u32, solutions: &[Solution; N]) -> Profile<N> {
         let now = timestamp(tick);
         let reported = match self.voted {
@@ -135,7 +131,6 @@ impl<const N: usize> Cycle<N> {
         Profile::new(reported, gps)
     }
 
-    /// Returns the values of Reported-Position from the vote `verdict`, for the tick at `now` ms.
     fn reported_values(&self, verdict: &Verdict, now: u32) -> ReportedValues {
         let Verdict { position, attitude, acceleration, .. } = verdict;
         let agreeing = verdict.agreeing();
@@ -164,7 +159,6 @@ impl<const N: usize> Cycle<N> {
     }
 }
 
-/// Returns what one receiver contributes to the vote at `now` ms.
 fn input_of(solution: &Solution, now: u32) -> Input {
     let Solution { position, attitude, acceleration, .. } = solution;
     Input {
@@ -198,7 +192,6 @@ fn shown_f32(shown: bool, value: f32) -> f32 {
     }
 }
 
-/// Returns the values of one receiver's object at `now` ms.
 fn gps_values(solution: &Solution, excluded: bool, now: u32) -> GpsValues {
     let Solution { last_heard, position, attitude, acceleration } = solution;
     let current = position.pace.is_current(now);
@@ -213,7 +206,7 @@ fn gps_values(solution: &Solution, excluded: bool, now: u32) -> GpsValues {
         .with_heard(last_heard.within(now, HEARD_MS))
         .with_stale(!position.pace.is_fresh(now))
         .with_excluded(excluded);
-    // Both values are computed in any case, since a branch would take longer for a receiver that has sent a message.
+    // Both values are computed, since a branch would take longer for a receiver that has sent a message.
     status = select_unpredictable(
         position.pace.has_arrived(),
         status.with_solution_age_ms(Some(position.pace.age_ms(now))),

@@ -2,10 +2,9 @@
 //!
 //! # Design
 //!
-//! The port has registers: 0xFD and 0xFE hold the number of bytes that wait (the high byte first), and 0xFF is the
-//! stream. The address counts up with each byte read and stays at 0xFF. So a cycle is: write 0xFD, restart, read two
-//! bytes; restart, read the bytes that wait, at most [`MOST`]; stop. If there is a message to send, a cycle writes that
-//! message instead.
+//! The port's registers 0xFD and 0xFE hold the number of bytes that wait (the high byte first), and 0xFF is the stream.
+//! The address counts up with each byte read and stays at 0xFF. So a cycle is: write 0xFD, restart, read two bytes;
+//! restart, read the bytes that wait, at most [`MOST`]; stop. A message to send takes the place of all this.
 //!
 //! ```text
 //! tick ── START ─ 0x84 0xFD ─ RESTART ─ 0x85 high low ─ RESTART ─ 0x85 byte … byte ─ STOP ── … ── tick
@@ -13,21 +12,19 @@
 //!
 //! *A single byte* is never read by itself: the STM32F4's I2C needs the acknowledge switched off and the STOP requested
 //! within the time of that byte (RM0090, "I2C", master receiver), which no task of this priority can guarantee. If one
-//! byte waits, registers 0xFD, 0xFE and 0xFF are read together. From two bytes on, the DMA controller's end of transfer
-//! makes the peripheral refuse the last byte (LAST), and the peripheral then waits for STOP or START as long as needed.
+//! byte waits, registers 0xFD, 0xFE and 0xFF are read together. From two bytes on, the end of the DMA transfer makes
+//! the peripheral refuse the last byte (LAST), and the peripheral then waits for STOP or START as long as needed.
 //!
 //! *Bounds*: a transaction that has not ended by the next tick has failed. The peripheral is then reset and
-//! disconnected from its pins, nine clocks and a STOP free a receiver that holds SDA (UM10204, "Bus clear"), one level
-//! each [`STEP_US`], and the pins are given back. If the bus looks as it did before, it is left alone for
-//! [`HOLD_TICKS`], then the recovery is repeated. No code ever waits. A receiver may hold the clock for as long as 20
-//! ms (ZED-F9R data sheet, "DDC"). HORUS takes that as a failed transaction, of which it keeps the bytes that have come
-//! ([`Ddc::stream_under_way`]), and the bus is free afterwards.
+//! disconnected from its pins. Nine clocks and a STOP free a receiver that holds SDA (UM10204, "Bus clear"), one level
+//! each [`STEP_US`], and the pins are given back. If that did not free the bus, the recovery is repeated after
+//! [`HOLD_TICKS`]. No code ever waits. A receiver may hold the clock for as long as 20 ms (ZED-F9R data sheet, "DDC").
+//! HORUS takes that as a failed transaction, of which it keeps the bytes that have come ([`Ddc::stream_under_way`]).
 //!
-//! The number of unexpected events is bounded too: BTF stays set until the repeated START after it is on the bus
-//! (RM0090, "I2C", status register 1), and so calls the handler again until then. After [`MOST_SPURIOUS`] calls without
-//! progress, or [`MOST_BUS_ERRORS`] bus errors since the tick, events and errors call no handler until the next tick,
-//! so that a bus that is held or disturbed does not take the processor's time. Whenever no transaction is under way
-//! they call none either: only a START switches these interrupts on.
+//! The number of unexpected events is bounded too. BTF, for example, stays set until the repeated START after it is on
+//! the bus (RM0090, "I2C", status register 1), and calls the handler again until then. After [`MOST_SPURIOUS`] calls
+//! without progress, or [`MOST_BUS_ERRORS`] bus errors since the tick, events and errors call no handler until the next
+//! tick, so that a disturbed bus does not take the processor's time.
 //!
 //! # Sources
 //!
@@ -40,11 +37,11 @@ use core::ops::Range;
 
 use crate::source::{Backlog, Busy, Message, RING};
 
-/// The I2C address of a receiver's port, which has 7 bits.
+/// The I2C address of a receiver's port, 7 bits.
 pub const ADDRESS: u8 = 0x42;
 const WRITE: u8 = ADDRESS << 1;
 const READ: u8 = ADDRESS << 1 | 1;
-/// The first of the two registers that say how many bytes wait.
+/// The first of the two registers with the number of waiting bytes.
 const WAITING: u8 = 0xFD;
 
 /// The most bytes of the stream that are read in one cycle: at 27 µs each they take 6.9 ms, which leaves 2.7 ms for a
@@ -53,13 +50,13 @@ pub const MOST: usize = 256;
 
 const _: () = assert!(RING >= 2 * MOST);
 
-/// How long each level of a recovery lasts, µs. The clock has 50 kHz, for which every I2C device is fast enough.
+/// How long each level of a recovery lasts, µs. The clock then has 50 kHz, which no I2C device is too slow for.
 pub const STEP_US: u16 = 10;
 
 /// The number of clocks in a recovery: a receiver that sends a byte releases SDA after eight bits and the acknowledge.
 const CLOCKS: u8 = 9;
 
-/// The number of ticks from a recovery that did not free the bus to the next one.
+/// The number of ticks from a recovery that did not free the bus to the next recovery.
 pub const HOLD_TICKS: u8 = 10;
 
 /// The most events without progress before the event interrupts are switched off. A repeated START is on the bus within
@@ -67,7 +64,7 @@ pub const HOLD_TICKS: u8 = 10;
 pub const MOST_SPURIOUS: u8 = 16;
 
 /// The most bus errors between two ticks that leave a transaction under way. Each costs a call of 1 to 2 µs, so
-/// together they cost 0.1 ms of a cycle; a pulse on SDA every 0.2 ms makes 50 errors.
+/// together they cost 0.1 ms of a cycle. A pulse on SDA every 0.2 ms makes 50 errors.
 pub const MOST_BUS_ERRORS: u8 = 64;
 
 /// The state of the bus at the tick.
@@ -121,8 +118,7 @@ pub enum Order {
     Stop,
     /// Switch the interrupts of events and errors off.
     Mute,
-    /// Stop the stream, hold the peripheral in reset, disconnect both pins from it and release them; call [`Ddc::step`]
-    /// in [`STEP_US`].
+    /// Stop the stream, hold the peripheral in reset, release both pins from it; call [`Ddc::step`] in [`STEP_US`].
     Release,
     /// Drive the pins (false: low; true: released); call [`Ddc::step`] in [`STEP_US`].
     Drive {
@@ -135,12 +131,12 @@ pub enum Order {
     Rejoin,
 }
 
-/// The bytes that a stream has brought when it has ended, and the next order.
+/// The result of a read by the DMA stream.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Received {
     /// The range of the received bytes that belong to the receiver's stream.
     pub stream: Range<usize>,
-    /// What to do next.
+    /// The next order.
     pub then: Order,
 }
 
@@ -150,9 +146,7 @@ enum Phase {
     Select(usize),
     /// Read the two registers of the number of waiting bytes, alone or with one byte of the stream.
     Waiting(usize),
-    /// Read this number of bytes of the stream.
     Stream(usize),
-    /// Write a message.
     Message,
 }
 
@@ -163,7 +157,6 @@ enum State {
     Addressing(Phase),
     Writing(Phase, usize),
     Receiving(Phase),
-    /// A recovery of the bus that has driven this number of levels.
     Recovering(u8),
 }
 
@@ -174,7 +167,7 @@ pub struct Counts {
     pub timed_out: u32,
     /// Recoveries of the bus.
     pub recoveries: u32,
-    /// Transactions that ended early: there was no acknowledge, or arbitration was lost.
+    /// Transactions that ended early because there was no acknowledge or arbitration was lost.
     pub refused: u32,
 }
 
@@ -236,9 +229,8 @@ impl Ddc {
         Ok(())
     }
 
-    /// Returns the number of bytes of the receiver's stream that are being read, unless they are to be dropped
-    /// ([`Backlog`]). If [`Ddc::poll`] then ends the transaction as failed, the bytes that have come belong to the
-    /// stream nevertheless, since the receiver does not send them again.
+    /// Returns the number of bytes of the stream that are being read, unless they are to be dropped ([`Backlog`]). Even
+    /// of a failed transaction the bytes that have come count, since the receiver does not send them again.
     #[must_use]
     pub const fn stream_under_way(&self) -> Option<usize> {
         match self.state {
@@ -279,8 +271,8 @@ impl Ddc {
         if events.refused {
             return self.give_up(Order::Stop);
         }
-        // A bus error is ignored because of the erratum "spurious bus error detection in controller mode"; if it was
-        // real, the transaction ends at the tick.
+        // A bus error is ignored because of the erratum "spurious bus error detection in controller mode". If the error
+        // was real, the transaction ends at the tick.
         self.bus_errors = self.bus_errors.saturating_add(u8::from(events.bus_error));
         if self.bus_errors >= MOST_BUS_ERRORS {
             return Order::Mute;
@@ -323,7 +315,7 @@ impl Ddc {
         order
     }
 
-    /// Serves the end of the stream: all bytes are there, and `first` holds the first three of them.
+    /// Serves the end of a read. `first` holds the first three of the received bytes.
     pub fn received(&mut self, first: [u8; 3]) -> Received {
         let waiting = match u16::from_be_bytes([first[0], first[1]]) {
             u16::MAX => 0,
@@ -366,7 +358,7 @@ impl Ddc {
     pub fn step(&mut self) -> Order {
         let State::Recovering(step) = self.state else { return Order::Nothing };
         self.state = State::Recovering(step.saturating_add(1));
-        // The number of the last level: the STOP, which is a rise of SDA while SCL is high.
+        // This is the last level before the STOP, a rise of SDA while SCL is high.
         const LAST: u8 = 2 * CLOCKS;
         match step {
             0..LAST => Order::Drive { scl: step % 2 == 1, sda: true },

@@ -3,15 +3,13 @@
 //! # Design
 //!
 //! Without this record, a wrong receiver would have a vote again after every reset by the watchdog, until it is
-//! outvoted anew; and if another receiver is missing in the first cycles, it is not outvoted. So after each vote the
-//! mask of the receivers that the voter has excluded is written into memory that the start-up code leaves as it is
-//! (section `.uninit`), together with the number of receivers and a frame CRC.
+//! outvoted anew, for which no other receiver may be missing. So after each vote the mask of the excluded receivers is
+//! written into memory that the start-up code does not initialise, with the number of receivers and a frame CRC.
 //!
-//! The first instructions of a start after power-on destroy the record (`hw::start_up`), so that no later start finds
-//! it. A start after any other reset reads the record; the receivers of its mask then have to agree for a second from
-//! the start on before they return (decision 15). A record counts as empty if it is not intact, if a program with
-//! another number of receivers wrote it, or if the voter never arrives at its mask
-//! ([`Voter::excluding`](horus_voter::Voter::excluding)): the voter then begins as after power-on.
+//! A start after power-on destroys the record (`hw::start_up`). After any other reset, the receivers of the mask have
+//! to agree for a second before they return (decision 15). A record counts as empty if it is not intact, if a program
+//! with another number of receivers wrote it, or if the voter never arrives at its mask
+//! ([`Voter::excluding`](horus_voter::Voter::excluding)).
 
 use profile::{crc, ResetReason};
 

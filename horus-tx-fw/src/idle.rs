@@ -1,10 +1,9 @@
-//! What the idle loop does while no task runs: which slices of the patrol are due, and what is logged.
+//! What the idle loop does while no task runs: slices of the patrol, and the log.
 //!
 //! # Design
 //!
-//! A slice of memory checks and a log message each take long enough to delay a slot or a tick, so each begins only in
-//! the quiet part of a cycle ([`timing::quiet`](crate::timing::quiet)). Work that finds no quiet part is not dropped:
-//! the idle loop makes up for missed slices, and the next call tries a message again.
+//! A slice of memory checks and a log message could each delay a slot or a tick, so each begins only in the quiet part
+//! of a cycle ([`timing::quiet`](crate::timing::quiet)). Work that finds no quiet part waits for the next one.
 
 use firmware_common::patrol::{Pace, MOST_SLICES};
 use st25r3916::Fault;
@@ -25,13 +24,13 @@ impl Slices {
         Self { pace: Pace::new(now_us), due: 0 }
     }
 
-    /// Whether slices are due at `now_us`: at most [`MOST_SLICES`], including those that found no quiet part before.
+    /// Whether slices are due at `now_us`. At most [`MOST_SLICES`] are, with those that found no quiet part before.
     pub fn are_due(&mut self, now_us: u32) -> bool {
         self.due = (self.due + self.pace.due(now_us)).min(MOST_SLICES);
         self.due > 0
     }
 
-    /// Whether to do another slice now; if so, the slice counts as done.
+    /// Whether to do another slice now. If so, the slice counts as done.
     pub fn take(&mut self, is_quiet: impl FnOnce() -> bool) -> bool {
         let takes = self.due > 0 && is_quiet();
         self.due -= u32::from(takes);
@@ -53,7 +52,7 @@ pub enum Message {
     },
     /// The counts that are logged once a second.
     Second,
-    /// The counts of a receiver's bus, once a second at most, and only if they have changed.
+    /// The counts of a receiver's bus, if they have changed, once a second at most.
     Bus {
         /// The number of the receiver.
         receiver: usize,
@@ -64,7 +63,7 @@ pub enum Message {
     },
 }
 
-/// Records the messages that were logged last, so that each change is logged once.
+/// The messages that were logged last, so that each change is logged once.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Journal {
     fault: Option<Fault>,
@@ -74,7 +73,7 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Returns a journal of a start, in which nothing has been logged.
+    /// Returns a journal in which no message was logged.
     #[must_use]
     pub const fn new() -> Self {
         Self { fault: None, standings: [0; RECEIVERS], second: 0, buses: [(0, 0); RECEIVERS] }

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //!
-//! The idle loop does a [slice](firmware_common::patrol) of work every 2.5 ms, and only in that part of the cycle in
-//! which the slice can delay neither a slot nor a tick ([`timing::quiet`](crate::timing::quiet)).
+//! The idle loop does a [slice](firmware_common::patrol) of work every 2.5 ms, in the part of the cycle in which it can
+//! delay neither a slot nor a tick ([`timing::quiet`](crate::timing::quiet)).
 //!
 //! | finding | consequence |
 //! |---|---|
@@ -11,14 +11,13 @@
 //! | a guard word has changed | safe state, [`Cause::GuardWord`] |
 //! | RAM in use does not hold what is written to it | safe state, [`Cause::Ram`]; also at the start |
 //!
-//! HORUS has no code in RAM. It seals a profile from scratch in every cycle, and the profile lives for less than a
-//! cycle, so no part of a profile is verified again; its objects' CRCs and the listener's own check protect it from the
-//! sealing on. Values that are computed before the sealing have no CRC, so HORUS sends nothing once its RAM is faulty.
+//! HORUS has no code in RAM. A profile is sealed in every cycle, and its objects' CRCs protect it from then on. Values
+//! that are computed before the sealing have no CRC, so HORUS sends nothing once its RAM is faulty.
 //!
 //! # Time to detect
 //!
-//! [`FLASH_DETECT_US`], [`GUARD_DETECT_US`] and [`RAM_DETECT_US`] are the bounds. They hold while the idle loop gets
-//! its slices; if it gets none for 100 ms, the watchdog resets the part.
+//! [`FLASH_DETECT_US`], [`GUARD_DETECT_US`] and [`RAM_DETECT_US`] are the bounds. They hold while the idle loop runs;
+//! if it does not run for 100 ms, the watchdog resets the part.
 
 use firmware_common::{
     last_stop::Cause,
@@ -28,10 +27,10 @@ use profile::CYCLE_MS;
 
 use crate::telemetry::Telemetry;
 
-/// The number of words that a slice verifies: it takes about 1 % of the processor's time on the pessimistic clock.
+/// The number of words that a slice verifies, which takes about 1 % of the processor's time on the pessimistic clock.
 pub const RATE: Rate = Rate { flash_words: 16, code_words: 0, ram_words: 6 };
 
-/// The greatest size of the program in flash, bytes, as in `memory.x`. The next constant limits its size in RAM.
+/// The size of the program's flash, bytes, as in `memory.x`.
 pub(crate) const FLASH_BYTES: u32 = 112 * 1024;
 const RAM_BYTES: u32 = 32 * 1024;
 
@@ -49,7 +48,7 @@ pub const RAM_DETECT_US: u32 = RATE.ram_pass_us(RAM_BYTES) + WAIT_US;
 
 const _: () = assert!(FLASH_DETECT_US <= 9_100_000 && RAM_DETECT_US <= 3_500_000);
 
-/// Counts what a slice found, and returns the cause and the detail of a finding for which HORUS has to stop.
+/// Counts what a slice found. Returns cause and detail of a finding for which HORUS has to stop.
 pub fn judge(slice: &Slice, telemetry: &Telemetry) -> Option<(Cause, u32)> {
     telemetry.ram_errors.add(u32::from(slice.ram.is_some()));
     telemetry.ram_passes.add(u32::from(slice.ram_pass.is_some()));

@@ -2,12 +2,11 @@
 //!
 //! # Design
 //!
-//! Every 10 ms a hardware timer ticks. The tick is the instant of the *sample*: what the receivers have sent by then is
-//! copied into the objects of a [`profile::Profile`], stamped with the tick's time, sealed with both CRCs, loaded into
-//! an ST25R3916 poller's FIFO by DMA, and sent at a fixed instant after the tick (paper, section 2.3). HORUS writes and
-//! never listens. Nothing on the air is answered, so nothing is sent again: a frame that is not ready in its slot is
-//! skipped and counted, and the next cycle's frame comes 10 ms later (paper, section 2: operations that take constant
-//! time and either succeed or do not).
+//! Every 10 ms a hardware timer ticks. At the tick, the instant of the *sample*, what the receivers have sent is copied
+//! into the objects of a [`profile::Profile`], stamped with the tick's time and sealed with both CRCs. DMA loads it
+//! into an ST25R3916 poller's FIFO, and it is sent at a fixed instant after the tick (paper, section 2.3). HORUS writes
+//! and never listens, so no frame is sent again: a frame that is not ready in its slot is skipped and counted (paper,
+//! section 2: operations that take constant time and either succeed or do not).
 //!
 //! This library holds every decision of that path as plain Rust that the host tests:
 //!
@@ -30,10 +29,8 @@
 //! | [`task`] | which tasks have to check in before the watchdog is fed |
 //! | [`telemetry`] | the counters that a debugger, or the bench, reads from RAM |
 //!
-//! This library has no `unsafe` code. The firmware itself is a table of interrupt tasks that use the library
-//! (`main.rs`), a table of pins, DMA streams, vectors and clocks (`board.rs`: add a receiver's interface there), and
-//! the registers behind them (`hw/`). Only files of `hw/` have `unsafe` code, and their headings say what for.
-//! `main.rs` denies such code everywhere else, except in the code that RTIC's macro generates.
+//! This library has no `unsafe` code. The firmware itself is a table of interrupt tasks (`main.rs`), a table of pins,
+//! DMA streams, vectors and clocks (`board.rs`), and the registers (`hw/`, which alone has `unsafe` code).
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -57,8 +54,8 @@ pub mod telemetry;
 pub mod timing;
 pub mod transmitter;
 
-/// The number of GNSS receivers that are fitted, chosen by the cargo feature `gps-1`, `gps-2`, `gps-3` or `gps-5`: 1
-/// (no redundancy), 2 (1oo2), 3 (2oo3) or 5 (3oo5).
+/// The number of GNSS receivers that are fitted, by the cargo feature `gps-1`, `gps-2` (1oo2), `gps-3` (2oo3) or
+/// `gps-5` (3oo5).
 pub const RECEIVERS: usize = {
     let chosen = cfg!(feature = "gps-1") as usize
         + cfg!(feature = "gps-2") as usize

@@ -2,8 +2,7 @@
 //!
 //! # Tasks
 //!
-//! The most urgent tasks come first. Only a task's attribute states its priority and vector; `build.rs` makes the table
-//! in [`horus_tx_fw::task`] from these attributes.
+//! The most urgent tasks come first. `build.rs` makes [`horus_tx_fw::task`]'s table from the tasks' attributes.
 //!
 //! | task | what calls it |
 //! |---|---|
@@ -30,26 +29,23 @@
 //! - `rf_timer` has no deadline: it does no harm if it is late.
 //! - `rf_slot` runs before the frame's end, 1.9 ms after the slot at the earliest.
 //! - `cycle` fills, seals and offers the profile early enough that the load ends before the slot (see `timing`).
-//! - `vote` votes for the next tick and ends within the cycle. It begins after the slot, so that a division of the vote
-//!   never delays the slot's interrupt.
+//! - `vote` votes for the next tick and ends within the cycle. It begins after the slot, which it would delay.
 //! - `gnss*` reads a UART ring's position within half a ring, 5.5 ms. I2C and SPI have no deadline: I2C stretches its
 //!   clock, SPI has its bytes in memory, and a transfer that has not ended by the next tick is ended as failed.
 //! - `parse` parses within one cycle all bytes that have come.
 //! - `idle` feeds the watchdog when all tasks have checked in, and logs when a message delays neither slot nor tick.
 //!
-//! The vectors of CAN1 and CAN2 belong to peripherals that stay off. A task of higher priority uses these vectors to
-//! call a task of lower priority without a queue, and so without a lock.
+//! The vectors of CAN1 and CAN2, which stay off, let a task call one of lower priority without a queue and a lock.
 //!
 //! No task waits for the SPI except for the end of one byte, and no task allocates. A panic, a fault, a failing clock
-//! and a program that differs from the one that was built all end in the safe state: the RF field is off, the reason is
-//! logged, and the watchdog resets the part.
+//! and a changed program all end in the safe state: field off, the reason is logged, and the watchdog resets the part.
 //!
 //! # Start
 //!
 //! The order is: reset flags and watchdog (the first instructions, `hw::start_up`), test of the RAM, brown-out level,
 //! oscillator, voltage detector, comparison of the program with its CRC, then front end, receivers and cycle. The
-//! comparison comes after the clock tree: it takes 4 to 6 ms at 144 MHz, and at the first 16 MHz it would take 40 ms of
-//! the watchdog's 68 ms at worst. Before the comparison the start changes nothing of the board but the clocks.
+//! comparison takes 4 to 6 ms at 144 MHz; at the first 16 MHz it would take 40 ms of the watchdog's 68 ms at worst.
+//! Before it the start changes only the clocks.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 #![deny(unsafe_code)]
 
@@ -110,7 +106,6 @@ mod app {
 
     defmt::timestamp!("{=u32:ms}", cycle_timer::now_ms());
 
-    /// The tasks that have checked in since the watchdog was last fed.
     static CHECK_IN: CheckIn<Task> = CheckIn::new();
 
     #[shared]
@@ -138,7 +133,7 @@ mod app {
     fn init(mut cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let mut device = cx.device;
 
-        // The watchdog was started by the first instructions (`hw::start_up`). Only power-on clears the bits of DBGMCU.
+        // The first instructions have started the watchdog (`hw::start_up`). Only power-on clears the bits of DBGMCU.
         let mut watchdog = IndependentWatchdog::new(device.IWDG);
         watchdog.stop_on_debug(&device.DBGMCU, cfg!(feature = "debugger-stops-watchdog"));
         // The watchdog is fed after its reload value has arrived, so that it counts from that value.
@@ -149,7 +144,7 @@ mod app {
         cx.core.DCB.enable_trace();
         cx.core.DWT.enable_cycle_counter();
 
-        // Log messages carry the cycle timer's time, also the messages of a start that fails.
+        // Log messages carry the cycle timer's time, even those of a start that fails.
         cycle_timer::enable_clock(&mut device.RCC);
         // The record of the last stop is read first, since the set-up of the clocks writes a record of its own.
         let stopped = last_stop::take();
@@ -193,7 +188,7 @@ mod app {
         safe_state::name_faults(&mut cx.core.SCB);
         mpu::apply(&mut cx.core.MPU, &protection::START);
 
-        // The rest of the start and the first cycles get the watchdog's full time; then the tasks have to check in.
+        // From here on the watchdog's full time is left; then the tasks have to check in.
         watchdog.feed();
 
         let radio = Radio::new(&mut rcc, device.SPI1, device.TIM5, device.SYSCFG, &device.EXTI);
@@ -221,7 +216,7 @@ mod app {
             defmt::warn!("the external clock is missing: running on the internal oscillator");
         }
         let mut memory = PartMemory::take();
-        // The patrol may read the whole program: on this part flash does not begin at address 0.
+        // No part of the program is shut, since flash does not begin at address 0 here.
         let layout = patrol::layout(0, hw::shared_memory());
         let patrol = Patrol::new(layout, integrity::RATE, &mut memory);
         mpu::apply(&mut cx.core.MPU, &protection::TASKS);
@@ -249,7 +244,7 @@ mod app {
             if CHECK_IN.complete() {
                 cx.local.watchdog.feed();
             }
-            // Most interrupts leave the idle loop no work, and cost it only this query.
+            // Most wake-ups find no work here, and so cost only this query.
             if !slices.are_due(now_us()) || !cycle_timer::is_quiet() {
                 rtic::export::wfi();
                 continue;

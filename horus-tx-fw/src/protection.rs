@@ -8,13 +8,12 @@
 //! | 0x2000_0000 to 192 KiB | SRAM: stack, statics, and what is left free | read, write | read, write |
 //! | 0x4000_0000 to 0x5FFF_FFFF | peripherals and their bit-band alias | all | those of `board.rs` that tasks use |
 //!
-//! *Stack*: it grows down from the statics (flip-link) to 0x2000_0000. No region opens the addresses below, so an
-//! overflow of the stack violates the memory protection.
+//! *Stack*: it grows down from the statics (flip-link) to 0x2000_0000. An overflow violates the memory protection.
 //!
-//! *Peripherals*: the tasks cannot access what only the start needs: reset and clock control, the flash interface (so
-//! that no task erases or writes flash), power control, and everything that the board does not use. An eighth of a
-//! region is 2 KiB and holds two peripherals, so these are open beside those of the board: the extensions of I2S2 and
-//! I2S3, I2C1, I2C3, UART8, SPI4 and SPI6, all without a clock.
+//! *Peripherals*: the tasks cannot access what only the start needs: reset and clock control, the flash interface (no
+//! task can erase or write flash), power control, and everything that the board does not use. An eighth of a region is
+//! 2 KiB and holds two peripherals, so these are open as well: the extensions of I2S2 and I2S3, I2C1, I2C3, UART8, SPI4
+//! and SPI6, all without a clock.
 
 use firmware_common::mpu::{Access, Allowed, Memory, Region, Table};
 
@@ -39,17 +38,17 @@ pub const START: Table<3> = Table::new([
 pub const TASKS: Table<8> = Table::new([
     FLASH,
     RAM,
-    // Three eighths of this region are open: those of TIM2 and TIM3, of TIM4 and TIM5, and of the IWDG.
+    // The open eighths are TIM2 with TIM3, TIM4 with TIM5, and the IWDG.
     Region::new("timers and watchdog", 0x4000_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, false, false, false, false, true, false]),
-    // Four eighths of this region are open: those of USART2, UART5, I2C2 and UART7.
+    // The open eighths are USART2, UART5, I2C2 and UART7.
     Region::new("UARTs and I2C2", 0x4000_4000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, false, true, true, false, false, false, true]),
-    // Two eighths of this region are open: that of SPI1, and that of SYSCFG and EXTI.
+    // The open eighths are SPI1, and SYSCFG with EXTI.
     Region::new("SPI1 and EXTI", 0x4001_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([false, false, false, false, false, false, true, true]),
     Region::new("SPI5", 0x4001_5000, 2 * KIB, Memory::Peripheral, Allowed::ReadWrite),
-    // Three eighths of this region are open: those of the ports A to F.
+    // The open eighths are the ports A to F.
     Region::new("GPIO ports", 0x4002_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, true, false, false, false, false, false]),
     Region::new("DMA controllers", 0x4002_6000, 2 * KIB, Memory::Peripheral, Allowed::ReadWrite),
@@ -97,7 +96,7 @@ mod tests {
 
     #[test]
     fn tasks_reach_only_the_boards_peripherals_and_their_neighbours() {
-        // The addresses of the peripherals are those of RM0090, table 1.
+        // The addresses are those of RM0090, table 1.
         let used = [
             0x4000_0000,
             0x4000_0400,

@@ -2,37 +2,33 @@
 //!
 //! # Design
 //!
-//! A receiver sends three UBX messages that HORUS uses: NAV-PVT (position and fix), NAV-ATT (attitude) and ESF-INS
-//! (accelerations). The [`ublox`] crate finds and checks them in the byte stream. NMEA sentences, damaged messages and
-//! messages of other kinds on the same line are skipped and counted. Answers to configuration messages are kept for
-//! [`crate::configuration`]. HORUS keeps the latest message of each kind, converted once, on arrival, so that the 10 ms
-//! cycle only copies.
+//! HORUS uses three UBX messages of a receiver: NAV-PVT (position and fix), NAV-ATT (attitude) and ESF-INS
+//! (accelerations). The [`ublox`] crate finds and checks them in the byte stream; all other bytes are skipped and
+//! counted. Answers to configuration messages are kept for [`crate::configuration`]. The latest message of each kind is
+//! converted once, on arrival, so that the 10 ms cycle only copies.
 //!
 //! **To the last bit.** A latitude is `raw / 1e7`, one division of two exactly represented numbers, so it is the
 //! float64 nearest to the value that the receiver sent. A product with `1e-7`, which is itself rounded, would not be.
 //!
-//! **Plausible.** A position is valid only if its stated accuracy is good enough and its values are in range, which the
-//! voter also requires of a position that takes part in the vote ([`horus_voter::Stated::is_plausible`]).
+//! **Plausible.** A position is valid only if its stated accuracy is good enough and its values are in range, as the
+//! voter requires ([`horus_voter::Stated::is_plausible`]).
 //!
-//! **Age.** A value can be used only for a while. It is *valid* until it is older than one period of its message and
-//! [`VALID_SLACK_MS`], and *stale* from one period and [`STALE_SLACK_MS`] on (docs/design.md#validity). The age counts
-//! from the arrival of the message, the moment at which its last byte was parsed. The epoch of the value is some tens
-//! of milliseconds earlier, since the receiver takes this time to compute and to send. A message that repeats the time
-//! of week of the previous one renews nothing: the values of a receiver that has frozen age like those of a silent one.
+//! **Age.** A value is *valid* until it is older than one period of its message and [`VALID_SLACK_MS`], and *stale*
+//! from one period and [`STALE_SLACK_MS`] on (docs/design.md#validity). The age counts from the moment at which the
+//! message's last byte was parsed, some tens of ms after the value's epoch. A message that repeats the time of week of
+//! the previous one renews nothing: the values of a receiver that has frozen age like those of a silent one.
 //!
 //! **Period.** Each kind of message has its own period, learned from the steps of the receiver's time of week and
-//! accepted from 20 ms to 1 s. A slower receiver counts as one of 1 s, so that no receiver, whatever it sends, keeps a
-//! position valid for more than 1.15 s after its last message. A shorter step is accepted at once; a longer period only
-//! when [`LONGER_STEPS`] steps in a row were longer, and then the shortest of these. So messages that are lost now and
-//! then do not lengthen the period, and a step that is too short by chance (as at a first fix) is corrected.
+//! accepted from 20 ms to 1 s. A slower receiver counts as one of 1 s, so that no receiver keeps a position valid for
+//! more than 1.15 s after its last message. A shorter step is accepted at once. A longer period is accepted only when
+//! [`LONGER_STEPS`] steps in a row were longer, and then the shortest of these. So lost messages do not lengthen the
+//! period, and a step that is too short by chance is corrected.
 //!
-//! **Bounded work.** One call takes at most [`BYTES_PER_CALL`] bytes, and the parser reads at most [`BUFFER`] bytes of
-//! an unfinished message beyond these.
+//! **Bounded work.** One call takes at most [`BYTES_PER_CALL`] bytes and reads [`BUFFER`] bytes beyond these.
 //!
-//! **A damaged length ends with the line's silence.** It makes the parser wait for bytes that never come, although the
-//! parser may hold good messages already. After [`GAP_MS`] of silence the parser is given 0xFF until it drops the
-//! damaged message, so that the good ones are found now and not with the next epoch. (Zeros would not do: six zeros
-//! after two sync bytes are a whole message with the right checksum. A length of 0xFF bytes is longer than any.)
+//! **A damaged length** makes the parser wait for bytes that never come, although it may hold good messages already.
+//! After [`GAP_MS`] of silence the parser is given 0xFF until it drops the damaged message. (Zeros would not do: six
+//! zeros after two sync bytes are a whole message with the right checksum. A length of 0xFF bytes is longer than any.)
 
 use core::f64::consts::PI;
 
@@ -43,8 +39,7 @@ use profile::{FixType, ABSENT_F32, ABSENT_F64};
 
 use crate::configuration::{Answer, VALSET};
 
-/// The longest UBX message that can be taken in, bytes. NAV-PVT has 100 bytes; satellite lists are longer, but HORUS
-/// does not need them.
+/// The longest UBX message that can be taken in, bytes: NAV-PVT has 100, and satellite lists are not needed.
 pub const BUFFER: usize = 256;
 /// The most bytes that one call of [`Receiver::receive`] takes.
 pub const BYTES_PER_CALL: usize = 64;
@@ -52,7 +47,7 @@ pub const BYTES_PER_CALL: usize = 64;
 pub const HEARD_MS: u32 = 250;
 
 /// The longest period of a message kind that is accepted, ms (docs/design.md#validity). It is also the period before
-/// the kind's second message: u-blox's default rate.
+/// the kind's second message, since it is u-blox's default.
 pub const LONGEST_PERIOD_MS: u32 = 1_000;
 /// The shortest period that is accepted, ms: 50 Hz, twice the rate of the fastest receivers.
 const SHORTEST_PERIOD_MS: u32 = 20;
@@ -62,18 +57,18 @@ pub const LONGER_STEPS: u32 = 4;
 pub const VALID_SLACK_MS: u32 = 150;
 /// The time beyond its period from which on a solution is stale, ms (docs/design.md#validity).
 pub const STALE_SLACK_MS: u32 = 50;
-/// The age from which on a time stamp is dropped, ms, long before the clock's wrap could make it look recent.
+/// The age, ms, from which on a time stamp is dropped, long before the clock's wrap could make it look recent.
 const FORGOTTEN_MS: u32 = 60_000;
 
-/// The time after which a silent line has ended any message that it had begun, ms: a receiver sends a message in one
-/// go, and a byte takes 22 µs.
+/// How long a line must be silent before a message that has begun counts as over, ms. A receiver sends a message
+/// without a pause, and a byte takes 22 µs.
 pub const GAP_MS: u32 = 50;
 
-/// The bytes of a UBX message around its payload: two sync, class, identifier, two length, two checksum.
+/// The number of bytes of a UBX message besides its payload: two sync, class, identifier, two length, two checksum.
 const UBX_OVERHEAD: usize = 8;
 
-/// The time of an event, on a millisecond clock that wraps. A tick's work on a stamp has to take equally long whether
-/// the event ever happened or not, so a stamp always holds a time, and its methods have no branch.
+/// The time of an event, on a millisecond clock that wraps. A stamp always holds a time, and its methods have no
+/// branch, so that a tick's work takes equally long whether the event ever happened or not.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stamp {
     at: u32,
@@ -81,8 +76,8 @@ pub struct Stamp {
 }
 
 impl Stamp {
-    /// Whether the event happened at most `limit` ms (below 2^31) before `now`, or after `now`: a message may arrive
-    /// between a tick and the moment at which the tick's cycle runs.
+    /// Whether the event happened at most `limit` ms (below 2^31) before `now`, or after `now`, since a message may
+    /// arrive between a tick and its cycle.
     #[must_use]
     pub const fn within(self, now: u32, limit: u32) -> bool {
         self.happened & (now.wrapping_sub(self.at) as i32 <= limit as i32)
@@ -99,7 +94,7 @@ impl Stamp {
     }
 }
 
-/// The instant of the last message of one kind that brought a new time of week, and the period of that kind.
+/// The arrival of the last message of one kind with a new time of week, and the period of that kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pace {
     arrived: Stamp,
@@ -107,7 +102,7 @@ pub struct Pace {
     /// The time from the last message's time of week to its arrival, ms, modulo a week.
     lag_ms: u32,
     period_ms: u32,
-    /// The number of steps in a row that were longer than the period. The next field is the shortest of them, ms.
+    /// The number of steps in a row that were longer than the period.
     longer_steps: u32,
     shortest_longer_ms: u32,
 }
@@ -132,7 +127,7 @@ impl Pace {
         self.period_ms
     }
 
-    /// Whether the last message is as young as its period allows, and so is not yet stale at `now`, ms.
+    /// Whether the last message is young enough at `now`, ms, not to be stale.
     #[must_use]
     pub fn is_fresh(&self, now: u32) -> bool {
         self.arrived.within(now, self.period_ms + STALE_SLACK_MS - 1)
@@ -144,8 +139,8 @@ impl Pace {
         self.arrived.within(now, self.period_ms + VALID_SLACK_MS)
     }
 
-    /// Returns the time from the arrival of the last message to `now`, ms: below 0 for a message that arrived after
-    /// `now`, and the greatest value if there was no message.
+    /// Returns the time from the arrival of the last message to `now`, ms. It is below 0 for a message that arrived
+    /// after `now`, and `i32::MAX` if there was no message.
     #[must_use]
     pub fn since_arrival_ms(&self, now: u32) -> i32 {
         if self.arrived.happened {
@@ -161,22 +156,21 @@ impl Pace {
         self.time_of_week_ms.is_some()
     }
 
-    /// Returns the age of the last message of this kind at `now`, both in ms, for
-    /// [`GpsStatus::solution_age_ms`](profile::GpsStatus::solution_age_ms): 0 if the message arrived after `now`, and
-    /// the greatest value after more than `FORGOTTEN_MS`, or if there was no message.
+    /// Returns the age, ms, of the last message of this kind at `now`, for
+    /// [`GpsStatus::solution_age_ms`](profile::GpsStatus::solution_age_ms). It is 0 if the message arrived after `now`,
+    /// and `i32::MAX` after more than `FORGOTTEN_MS` or if there was no message.
     #[must_use]
     pub fn age_ms(&self, now: u32) -> u32 {
         self.since_arrival_ms(now).max(0) as u32
     }
 
-    /// Returns the time from the last message's time of week to its arrival, by the clock that began with HORUS, ms,
-    /// modulo a week. Where that clock wraps, after 49 days, the returned time jumps once.
+    /// Returns the time from the last message's time of week to its arrival by HORUS's clock, ms, modulo a week. When
+    /// that clock wraps, after 49 days, the returned time jumps once.
     #[must_use]
     pub const fn lag_ms(&self) -> u32 {
         self.lag_ms
     }
 
-    /// Records a message of `time_of_week_ms` that arrived at `now`, ms.
     fn arrive(&mut self, time_of_week_ms: u32, now: u32) {
         if self.time_of_week_ms == Some(time_of_week_ms) {
             return;
@@ -217,8 +211,8 @@ pub struct Position {
     /// The kind of fix; `None` for a code that UBX reserves, or before the first message.
     pub fix: Option<FixType>,
     /// Whether the receiver states that latitude and longitude can be used (`gnssFixOK`, not `invalidLlh`, and a 2D, 3D
-    /// or combined fix), and states plausible values. Dead reckoning without satellites does not count as a fix: its
-    /// error grows without a bound that the receiver would state.
+    /// or combined fix), and states plausible values. Dead reckoning without satellites does not count, since its error
+    /// grows without a stated bound.
     pub valid: bool,
     /// The latitude, degrees, WGS-84.
     pub latitude: f64,
@@ -291,7 +285,7 @@ pub struct Counts {
 
 impl Counts {
     /// Returns the number of bytes that belonged to no useful message: NMEA, UBX of other kinds, noise, damage. The
-    /// bytes of an unfinished message count as such until the message is complete.
+    /// bytes of an unfinished message count until the message is complete.
     #[must_use]
     pub const fn skipped(&self) -> u32 {
         self.bytes.wrapping_sub(self.useful)
@@ -303,7 +297,6 @@ pub struct Receiver {
     parser: Parser<FixedBuffer<BUFFER>, Proto27>,
     solution: Solution,
     counts: Counts,
-    /// The instant at which the last bytes arrived.
     spoke: Stamp,
     answer: Option<Answer>,
 }
@@ -315,7 +308,7 @@ impl Default for Receiver {
 }
 
 impl Receiver {
-    /// Returns a receiver from which nothing has arrived.
+    /// Returns a receiver from which no byte has arrived.
     #[must_use]
     pub fn new() -> Self {
         Self {
@@ -328,8 +321,7 @@ impl Receiver {
     }
 
     /// Takes up to [`BYTES_PER_CALL`] of `bytes`, which arrived by `now` (ms, wraps), and returns how many it took. To
-    /// be called every few milliseconds, with or without bytes: only a call detects a silent line and drops old time
-    /// stamps.
+    /// be called every few ms even without bytes, since only a call detects a silent line and drops old time stamps.
     pub fn receive(&mut self, bytes: &[u8], now: u32) -> usize {
         let (bytes, _) = bytes.split_at(bytes.len().min(BYTES_PER_CALL));
         self.solution.expire(now);
@@ -348,7 +340,7 @@ impl Receiver {
         let mut messages = self.parser.consume_ubx(bytes);
         while let Some(message) = messages.next() {
             match message {
-                // Zeros behind a sync are a message of class 0 without a payload, whose checksum is zero. A line that
+                // Zeros after a sync are a message of class 0 without a payload, whose checksum is zero. A line that
                 // falls low after a sync, or has another rate, brings such a message. UBX has no class 0.
                 Ok(UbxPacket::Proto27(PacketRef::Unknown(unknown))) if unknown.class == 0 => {
                     self.counts.damaged = self.counts.damaged.wrapping_add(1);
@@ -380,7 +372,7 @@ impl Receiver {
         self.answer.take()
     }
 
-    /// Returns the counts of what the receiver's line has carried.
+    /// Returns the counts of the receiver's line.
     #[must_use]
     pub const fn counts(&self) -> &Counts {
         &self.counts
@@ -397,8 +389,7 @@ impl Solution {
 
     /// Takes the useful values of a message. Returns the message's length if it had useful values, otherwise 0.
     fn take(&mut self, message: &UbxPacket<'_>, now: u32) -> usize {
-        // If another crate of the build enables them, the parser has more protocol versions; this parser handles only
-        // version 27.
+        // If another crate enables them, the parser has more protocol versions; here it handles only version 27.
         #[allow(unreachable_patterns)]
         match message {
             UbxPacket::Proto27(PacketRef::NavPvt(pvt)) => {
@@ -458,7 +449,6 @@ impl Solution {
 /// The length of UBX-ACK-ACK and -NAK, bytes. The payload is class and identifier of the message that is answered.
 const ANSWER_LEN: usize = 2 + UBX_OVERHEAD;
 
-/// Returns the answer to a configuration message, if `message` is one.
 fn answer_of(message: &UbxPacket<'_>) -> Option<Answer> {
     #[allow(unreachable_patterns)]
     match message {
@@ -477,7 +467,7 @@ const X_ACCEL_VALID: u32 = 1 << 11;
 const Y_ACCEL_VALID: u32 = 1 << 12;
 const Z_ACCEL_VALID: u32 = 1 << 13;
 
-/// Returns an angle of NAV-ATT in rad; NaN if its accuracy is null, which means that the angle is not available.
+/// Returns an angle of NAV-ATT in rad; NaN if its accuracy is zero, which means that the angle is not available.
 fn angle(e5_degrees: i32, accuracy: u32) -> f32 {
     if accuracy == 0 {
         ABSENT_F32

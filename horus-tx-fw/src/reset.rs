@@ -1,4 +1,4 @@
-//! Why the processor started, which its reset flags tell.
+//! The reason for which the processor started, from its reset flags.
 
 use profile::ResetReason;
 
@@ -13,12 +13,11 @@ mod flag {
     pub(super) const LOW_POWER: u32 = 1 << 31;
 }
 
-/// Returns the reason that `csr`, the value of RCC_CSR at the start, tells.
+/// Returns the reason for `csr`, the value of RCC_CSR at the start.
 ///
-/// Several flags are set at once: every reset from inside pulls the reset pin low and so sets the pin's flag too, and
-/// power-on also sets the flag of the brown-out. So the first flag in this order that is set tells the reason:
-/// power-on, brown-out, watchdog, software, low-power management (which is not used here), pin. The STM32F429 has no
-/// reset by lockup: the watchdog resets a processor that locks up.
+/// Several flags are set at once: every internal reset also sets the pin's flag, and power-on also sets the flag of the
+/// brown-out. So the first set flag in this order tells the reason: power-on, brown-out, watchdog, software, low-power
+/// management (not used here), pin. The STM32F429 has no reset by lockup; there the watchdog resets.
 #[must_use]
 pub const fn reason(csr: u32) -> ResetReason {
     if csr & flag::POWER_ON != 0 {
@@ -57,7 +56,7 @@ mod tests {
 
     #[test]
     fn each_reset_reason_follows_from_its_combination_of_flags() {
-        // By the manual these flags come together: every reset from inside also sets the pin's flag.
+        // By the manual every reset from inside also sets the pin's flag.
         assert_eq!(reason(0x0E00_0000), ResetReason::PowerOn, "supply on: POR, pin, BOR");
         assert_eq!(reason(0x0600_0000), ResetReason::BrownOutOrOther, "supply dipped: pin, BOR");
         assert_eq!(reason(0x2400_0000), ResetReason::Watchdog, "independent watchdog");

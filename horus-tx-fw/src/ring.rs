@@ -2,12 +2,11 @@
 //!
 //! # Design
 //!
-//! A DMA stream in circular mode writes a ring without end and shows only its position (NDTR counts down from the
-//! ring's size, RM0090 "DMA controller", circular mode). A [`Writer`] turns that position into a count of all bytes
-//! ever written; it is called when half or all of the ring was written and at every idle line, so the stream writes
-//! less than a ring between two calls. A [`Reader`] holds the count of all bytes ever read. The difference of both
-//! counts is the number of bytes that wait. When it exceeds the ring's size, the writer has overwritten unread bytes.
-//! Those bytes are lost, and they are counted instead of being read as new.
+//! A DMA stream in circular mode shows only its position in the ring (NDTR counts down from the ring's size, RM0090
+//! "DMA controller", circular mode). A [`Writer`] turns that position into a count of all bytes ever written. It is
+//! called when half or all of the ring was written and at every idle line, so the stream writes less than a ring
+//! between two calls. A [`Reader`] counts all bytes ever read. When the difference of both counts exceeds the ring's
+//! size, the writer has overwritten unread bytes, which are counted as lost instead of being read as new.
 
 /// The producer's side of one ring, which counts the bytes ever written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -17,14 +16,14 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Returns the writer of a ring into which nothing has been written.
+    /// Returns the writer of a ring into which no byte was written.
     #[must_use]
     pub const fn new() -> Self {
         Self { position: 0, total: 0 }
     }
 
-    /// Takes the DMA stream's NDTR (the bytes left until the ring's end, 1..=`size`) of a ring of `size` bytes, and
-    /// returns how many bytes were ever written (wraps).
+    /// Takes the DMA stream's NDTR (the bytes left until the ring's end, 1..=`size`) of a ring of `size` bytes. Returns
+    /// how many bytes were ever written (wraps).
     pub fn advance(&mut self, left: usize, size: usize) -> u32 {
         // NDTR reads 0 only between the last byte of the ring and its reload.
         let position = (size - left.min(size)) % size;
@@ -36,12 +35,12 @@ impl Writer {
     }
 }
 
-/// A contiguous piece of a ring that may be read.
+/// A contiguous range of a ring that may be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Span {
     /// The index of the first byte in the ring.
     pub start: usize,
-    /// The number of bytes in the piece.
+    /// The number of bytes.
     pub len: usize,
 }
 
@@ -59,11 +58,11 @@ impl Reader {
         Self { total: 0, lost: 0 }
     }
 
-    /// Returns the next piece to read when `written` bytes were ever written into a ring of `size` bytes. The piece has
+    /// Returns the next range to read when `written` bytes were ever written into a ring of `size` bytes. The range has
     /// at most `limit` bytes and never crosses the ring's end. Its bytes then count as read.
     ///
-    /// If the writer has overwritten unread bytes, the ring holds a mixture of old and new bytes: all of them are
-    /// skipped and counted in [`Reader::lost`].
+    /// If unread bytes were overwritten, the ring mixes old and new bytes: all are skipped and count as
+    /// [`Reader::lost`].
     pub fn take(&mut self, written: u32, size: usize, limit: usize) -> Span {
         let waiting = written.wrapping_sub(self.total) as usize;
         if waiting > size {

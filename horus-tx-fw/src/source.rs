@@ -2,37 +2,36 @@
 //!
 //! # Design
 //!
-//! A receiver is connected by a UART, by I2C (u-blox calls it DDC) or by SPI. [`Source`] hides the different ways in
-//! which bytes come in and go out. Every source fills a [`Ring`] of one size, which the parser reads at its own pace,
-//! and takes messages to the receiver from an [`Outbox`], which holds one. Both are made of atomics, so that the parser
-//! (of low priority) and the source (of higher priority, or a DMA stream) need no lock.
+//! A receiver is connected by a UART, by I2C (u-blox calls it DDC) or by SPI; [`Source`] hides the difference. Every
+//! source fills a [`Ring`], which the parser reads at its own pace, and takes messages to the receiver from an
+//! [`Outbox`], which holds one. Both are made of atomics, so that the parser (of low priority) and the source (of
+//! higher priority, or a DMA stream) need no lock.
 
 use core::sync::atomic::{AtomicU32, AtomicU8, Ordering};
 
 use crate::ring::Span;
 
 /// The size of each receiver's ring, bytes. It holds 11 ms of a UART at 460 800 baud, so half of it lasts for more than
-/// the 5 ms that the slowest task between the source and the parser takes; and it is twice what I2C and SPI bring in a
-/// cycle ([`crate::ddc::MOST`], [`crate::spi::TRANSFER`]).
+/// the 5 ms that the slowest task between source and parser takes. It is also twice what I2C and SPI bring in a cycle
+/// ([`crate::ddc::MOST`], [`crate::spi::TRANSFER`]).
 pub const RING: usize = 512;
 
 const _: () = assert!(RING.is_power_of_two());
 
-/// Decides whether the bytes that are read from a receiver on I2C or SPI are as new as their time of arrival.
+/// Decides whether the bytes that are read from a receiver on I2C or SPI are new or have waited.
 ///
-/// A receiver on I2C or SPI keeps its bytes until they are read. A solution's age counts from its arrival, so a
-/// solution that waited in the receiver (while its bus was stuck, or HORUS started) would count as new. So all bytes
-/// after such a pause are dropped until the receiver has been read empty; later bytes are younger than two ticks and a
-/// transfer. On SPI an idle receiver and a line that is stuck high read alike, so the receiver counts as empty when
-/// some bytes came and then none: that costs the first message after the pause. On I2C the receiver tells how many
-/// bytes wait, and a pulse on the line can make that number too small, so two reads in a row must leave none.
+/// Such a receiver keeps its bytes until they are read. A solution's age counts from its arrival, so a solution that
+/// waited in the receiver (while its bus was stuck, or HORUS started) would count as new. So all bytes after such a
+/// pause are dropped until the receiver has been read empty. On SPI a receiver without data and a line that is stuck
+/// high read alike, so the receiver counts as empty when some bytes came and then none; that costs the first message
+/// after the pause. On I2C the receiver tells how many bytes wait, and a pulse on the line can make that number too
+/// small, so two reads in a row must leave none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Backlog {
     /// The number of reads in a row that must leave no byte in the receiver after a pause.
     proofs: u8,
-    /// The number of reads that still have to leave no byte in the receiver. If it is 0, the bytes that come are new.
+    /// The number of such reads that are still missing. If it is 0, the bytes that come are new.
     missing: u8,
-    /// The number of ticks since the last read ended.
     ticks: u8,
     /// The number of reads in a row that left bytes in the receiver.
     behind: u8,
@@ -41,7 +40,7 @@ pub struct Backlog {
 impl Backlog {
     /// The greatest number of ticks between two reads of a receiver: one read may fail, or give way to a message.
     pub const TICKS: u8 = 2;
-    /// The number of reads in a row that leave bytes in the receiver after which the bytes that come count as old.
+    /// The number of reads in a row that leave bytes in the receiver, after which the bytes that come count as old.
     pub const BEHIND: u8 = 2;
 
     /// Returns the state before the first read. After a pause, `proofs` reads in a row must leave no byte behind.
@@ -50,7 +49,7 @@ impl Backlog {
         Self { proofs, missing: proofs, ticks: 0, behind: 0 }
     }
 
-    /// Counts a tick, before the read that begins at it.
+    /// Counts a tick. To be called before the read that begins at the tick.
     pub fn tick(&mut self) {
         self.ticks = self.ticks.saturating_add(1);
         if self.ticks > Self::TICKS {
@@ -64,8 +63,8 @@ impl Backlog {
         self.missing > 0
     }
 
-    /// Takes the end of a read, and returns whether to keep the bytes that were read. `is_empty` says that the receiver
-    /// has none left of the bytes that waited when the read began.
+    /// Takes the end of a read. `is_empty` says that the read left none of the bytes that waited when it began. Returns
+    /// whether to keep the bytes that were read.
     pub fn read(&mut self, is_empty: bool) -> bool {
         self.ticks = 0;
         self.behind = if is_empty { 0 } else { (self.behind + 1).min(Self::BEHIND) };
@@ -97,7 +96,7 @@ impl Default for Ring {
 }
 
 impl Ring {
-    /// Returns a ring into which nothing has been written.
+    /// Returns a ring into which no byte was written.
     #[must_use]
     pub const fn new() -> Self {
         Self { bytes: [const { AtomicU8::new(0) }; RING], written: AtomicU32::new(0) }
@@ -146,7 +145,7 @@ impl Ring {
 pub enum Rate {
     /// The rate at which HORUS also receives, [`crate::timing::GNSS_BAUD`].
     Usual,
-    /// The rate of a receiver with factory settings, [`crate::timing::FACTORY_BAUD`]. HORUS cannot receive at it.
+    /// The rate of a receiver with factory settings, [`crate::timing::FACTORY_BAUD`], at which HORUS cannot receive.
     Factory,
 }
 
@@ -181,11 +180,11 @@ impl Message {
     }
 }
 
-/// Holds one message on its way from the parser's task to that of the sources.
+/// One message on its way from the parser's task to the task of the sources.
 #[derive(Debug)]
 pub struct Outbox {
     bytes: [AtomicU8; MESSAGE],
-    /// The length of the waiting message, with the bit [`FACTORY`] if that is its rate; 0 if no message waits.
+    /// The length of the waiting message, with the bit [`FACTORY`] for that rate; 0 if no message waits.
     state: AtomicU32,
 }
 
@@ -204,7 +203,7 @@ impl Outbox {
         Self { bytes: [const { AtomicU8::new(0) }; MESSAGE], state: AtomicU32::new(0) }
     }
 
-    /// Puts a message in, and returns whether the outbox had room for it. Only one task may put messages in.
+    /// Puts a message in, and returns whether there was room for it. Only one task may call this.
     pub fn put(&self, message: &Message) -> bool {
         if self.state.load(Ordering::Acquire) != 0 {
             return false;
@@ -232,13 +231,13 @@ impl Outbox {
         Some(Message { bytes, len: ((state & !FACTORY) as usize).min(MESSAGE), rate })
     }
 
-    /// Removes the message that has been taken. Only one task may peek and clear.
+    /// Removes the message. Only one task may peek and clear.
     pub fn clear(&self) {
         self.state.store(0, Ordering::Release);
     }
 }
 
-/// The part of a source's hardware that an interrupt comes from.
+/// The hardware of a source that an interrupt comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Vector {
     /// The interrupt of the peripheral itself: an event, a byte, an idle line or an error.

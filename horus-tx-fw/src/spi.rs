@@ -2,18 +2,16 @@
 //!
 //! # Design
 //!
-//! u-blox's SPI has no registers and no count of bytes. HORUS clocks in the receiver's stream, or 0xFF when the
-//! receiver has nothing to send; HORUS clocks out data for the receiver, or 0xFF as filler. So each cycle clocks
-//! [`TRANSFER`] bytes, whatever they are, which always takes the same time: chip select falls, [`SETUP_US`] pass, DMA
-//! transfers the bytes, [`HOLD_US`] pass, and chip select rises.
+//! u-blox's SPI has no registers and no count of bytes. The receiver sends its stream, or 0xFF when it has no data;
+//! HORUS likewise sends data or 0xFF as filler. So each cycle clocks [`TRANSFER`] bytes, which always takes the same
+//! time: chip select falls, [`SETUP_US`] pass, DMA transfers the bytes, [`HOLD_US`] pass, and chip select rises.
 //!
 //! *Filler* is removed by [`Filter`] before the bytes go into the ring. The filter follows the messages, since 0xFF is
-//! legal inside a message. It does not follow a message that is longer than the parser takes, so that one damaged
-//! length does not let 64 KiB of filler pass.
+//! legal inside a message. It does not follow a message that is longer than the parser takes, so that a damaged length
+//! does not let 64 KiB of filler pass.
 //!
 //! *A message to the receiver* is at the start of a transfer: after more than CFG-SPI-MAXFF (factory setting: 50)
-//! filler bytes in a row the receiver ignores its input, until chip select rises or until a byte is not filler. The
-//! documents differ in this; a transfer ends the ignoring in both ways.
+//! filler bytes in a row the receiver may ignore its input until chip select rises.
 //!
 //! # Sources
 //!
@@ -28,17 +26,17 @@ use crate::{
     source::{Backlog, RING},
 };
 
-/// The number of bytes in a transfer, at most 2^16 - 1 and a multiple of 4. 256 bytes take 3.6 ms of a cycle, and make
+/// The number of bytes in a transfer, at most 2^16 - 1 and a multiple of 4. 256 bytes take 3.6 ms of a cycle, and are
 /// 25.6 kB/s; a receiver with all three messages at 25 Hz sends 4.6 kB/s.
 pub const TRANSFER: usize = 256;
 
 /// The time from chip select's fall to the first clock, µs, at least 10.
 pub const SETUP_US: u16 = 20;
 
-/// The time from the last byte's arrival to chip select's rise, µs: longer than the rest of that byte, half a bit.
+/// The time from the last byte's arrival to chip select's rise, µs: longer than the remaining half bit of that byte.
 pub const HOLD_US: u16 = 20;
 
-/// The byte that HORUS or the receiver clocks out when it has nothing to send.
+/// The byte that HORUS or the receiver sends when it has no data.
 pub const FILLER: u8 = 0xFF;
 
 const _: () = assert!(TRANSFER.is_multiple_of(4) && RING >= 2 * TRANSFER);
@@ -129,7 +127,7 @@ impl Polling {
         }
     }
 
-    /// Serves the end of the time that the last order has asked for.
+    /// Serves the end of the time that the last order has requested.
     pub fn elapsed(&mut self) -> Order {
         match self.state {
             State::Selected => {
@@ -160,9 +158,9 @@ impl Polling {
     }
 
     /// Takes the result of examining a transfer's bytes. `brought` says that some of them were the receiver's.
-    /// `is_empty` says that the transfer ended with filler outside of a message, so the receiver has no more
-    /// ([`Filter::has_nothing_more`]). After a pause a transfer of filler alone proves nothing, since a line that is
-    /// stuck high reads the same, unless the transfer before it brought bytes: a message may end with its transfer.
+    /// `is_empty` says that the transfer ended with filler, so the receiver has no more ([`Filter::has_nothing_more`]).
+    /// After a pause a transfer of filler alone proves nothing, since a line that is stuck high reads the same. It
+    /// counts only if the transfer before it brought bytes, since a message may end with its transfer.
     pub fn read(&mut self, brought: bool, is_empty: bool) {
         let brought_before = core::mem::replace(&mut self.brought, brought);
         self.backlog.read(is_empty && (brought || brought_before || !self.backlog.is_old()));
@@ -209,13 +207,13 @@ impl Filter {
         Self(Place::Outside)
     }
 
-    /// Whether a [`FILLER`] byte that comes next is filler, since it is outside of a message.
+    /// Whether the filter is outside of a message, where a [`FILLER`] byte is filler.
     #[must_use]
     pub fn is_outside(self) -> bool {
         matches!(self.0, Place::Outside | Place::Filler(_))
     }
 
-    /// The number of filler bytes in a row that mean that the receiver has no more data: a single 0xFF may be noise.
+    /// The number of filler bytes in a row that mean no more data; a single 0xFF may be noise.
     pub const NOTHING_MORE: u8 = 4;
 
     /// Whether the last [`Self::NOTHING_MORE`] bytes were filler. A 0xFF inside a message is not filler, and neither is
@@ -225,7 +223,7 @@ impl Filter {
         self.0 == Place::Filler(Self::NOTHING_MORE)
     }
 
-    /// Takes [`Self::NOTHING_MORE`] bytes of [`FILLER`] at once if they are filler, and returns whether they are.
+    /// Takes [`Self::NOTHING_MORE`] bytes of [`FILLER`] at once if they are filler. Returns whether they are.
     pub fn skips(&mut self) -> bool {
         let skips = self.is_outside();
         if skips {
@@ -236,7 +234,7 @@ impl Filter {
 
     /// Whether `byte` comes from the receiver and is not filler.
     pub fn keeps(&mut self, byte: u8) -> bool {
-        /// The longest payload whose message fits into the parser's buffer, header and checksum included.
+        /// The longest payload whose message, with header and checksum, fits into the parser's buffer.
         const LONGEST: u16 = BUFFER as u16 - 8;
         match self.0 {
             Place::Outside | Place::Filler(_) | Place::Sync if byte == FILLER => {

@@ -1,14 +1,13 @@
-//! HORUS's state, as the inputs of its safety function tell it
+//! HORUS's state, from the inputs of its safety function
 //!
 //! # Design
 //!
 //! Three inputs tell whether the relay has switched to the redundant flight controller, whether the motors are cut, and
-//! whether the emergency measure has fired. Each input is an antivalent pair of pins: while the input is active, one
-//! pin is high and the other low, and while it is not active, the other way round. Equal levels are a contradiction (a
-//! broken wire, a short). Decision 18 has the rules and their reasons.
+//! whether the emergency measure has fired. Each input is a pair of pins with opposite levels, one high while the input
+//! is active, the other while it is not. Equal levels (a broken wire, a short) are a contradiction (decision 18).
 //!
 //! [`StateInputs::sample`] is called once per cycle. A pair's value is accepted when [`SAMPLES_TO_TAKE`] samples in a
-//! row agree; a pair that has had no accepted value for [`SAMPLES_UNSETTLED`] samples is a contradiction.
+//! row agree. A pair without an accepted value for [`SAMPLES_UNSETTLED`] samples is a contradiction.
 
 use profile::HorusState;
 
@@ -56,9 +55,8 @@ impl From<Levels> for Says {
 struct Pair {
     /// The value that was accepted last; `None` until the pair has settled for the first time.
     taken: Option<Says>,
-    /// The value of the last sample.
     last: Option<Says>,
-    /// The number of samples in a row with the same value as the last one, at most [`SAMPLES_TO_TAKE`].
+    /// The number of samples in a row with the same value, at most [`SAMPLES_TO_TAKE`].
     same: u8,
     /// The number of samples since a value was last accepted, at most [`SAMPLES_UNSETTLED`].
     unsettled: u8,
@@ -86,7 +84,7 @@ pub struct StateInputs {
     pairs: [Pair; INPUTS],
 }
 
-/// HORUS's state while an input is active, for each input in their order.
+/// HORUS's state while an input is active, in the order of the inputs.
 const STATES: [HorusState; INPUTS] =
     [HorusState::SwitchedToRedundant, HorusState::MotorsCut, HorusState::EmergencyFired];
 
@@ -105,8 +103,8 @@ impl StateInputs {
         }
     }
 
-    /// Returns HORUS's state: that of the most severe input whose value is active or a contradiction. If there is none,
-    /// the voted position decides: monitoring if there is one (`is_located`), position lost if there was one before
+    /// Returns HORUS's state: that of the most severe input that is active or a contradiction. If there is none, the
+    /// voted position decides: monitoring if there is one (`is_located`), position lost if there was one before
     /// (`was_located`), otherwise starting. Until each input has settled for the first time the state is starting too.
     #[must_use]
     pub fn state(&self, was_located: bool, is_located: bool) -> HorusState {
@@ -247,8 +245,7 @@ mod tests {
     }
 
     proptest! {
-        /// The rule in other words, over all samples so far: three equal samples in a row decide, and ten samples
-        /// without three such are a contradiction.
+        /// Three equal samples in a row decide, and ten samples without three such are a contradiction.
         #[test]
         fn a_pair_follows_the_rule(samples in proptest::collection::vec(says(), 1..60)) {
             let mut pair = Pair::default();

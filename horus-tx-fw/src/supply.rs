@@ -1,7 +1,7 @@
 //! What HORUS requires of the supervisors of its supply (RM0090, "Power supply supervisor" and "Option bytes")
 
 /// The value that `BOR_LEV` of the option bytes must have: 0 is brown-out level 3, the highest, which resets the part
-/// below 2.75 to 2.88 V. The values 1 and 2 are levels 2 and 1, and 3 means no brown-out reset.
+/// below 2.75 to 2.88 V. The values 1 and 2 are levels 2 and 1; 3 means no brown-out reset.
 pub const BROWN_OUT_LEVEL: u32 = 0;
 
 /// The value of `PWR_CR` that switches the voltage detector on (`PVDE`) at its highest level (`PLS`).

@@ -1,11 +1,9 @@
-//! The firmware's tasks, and which of them have to check in before the watchdog is fed.
+//! The firmware's tasks, all of which have to check in before the watchdog is fed.
 //!
-//! Every task has to check in. The cycle timer alone makes all of them run, so that neither a missing receiver nor a
-//! missing front end keeps a task from checking in: the timer's interrupt calls `cycle` at every tick and `rf_slot`
-//! after every slot. After the first slot of a cycle `rf_slot` calls `vote`, and `gnss_tick`, which serves every
-//! receiver's source and calls `parse`. Once a cycle `gnss_tick` also calls the tasks that otherwise only hardware
-//! calls, so that they check in ([`Task::calls_for_sign_of_life`]): each of them checks its hardware, and does nothing
-//! if there is no work.
+//! The cycle timer alone makes all of them run, so that no missing receiver or front end keeps a task from checking in.
+//! Its interrupt calls `cycle` at every tick and `rf_slot` after every slot. After the first slot of a cycle `rf_slot`
+//! calls `vote`, and `gnss_tick`, which serves every receiver's source and calls `parse`. `gnss_tick` also calls the
+//! tasks that otherwise only hardware calls ([`Task::calls_for_sign_of_life`]).
 
 include!(concat!(env!("OUT_DIR"), "/each_task.rs"));
 

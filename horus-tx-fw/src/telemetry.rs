@@ -1,7 +1,7 @@
 //! Counters in RAM that a debugger or the bench reads
 //!
-//! The firmware exports one [`Telemetry`] under the symbol `HORUS_TELEMETRY`. A debugger, or the bench, reads it from
-//! RAM by that symbol; nothing in the firmware depends on it. All counters wrap. New counters are added at the end.
+//! The firmware exports one [`Telemetry`] under the symbol `HORUS_TELEMETRY`, by which a debugger or the bench reads
+//! it. All counters wrap. New counters are added at the end.
 
 use firmware_common::counter::Counter;
 use profile::MAX_RECEIVERS;
@@ -40,7 +40,7 @@ firmware_common::counters! {
     }
 }
 
-/// All counters of the firmware: plain 32-bit words in this order, whatever the number of receivers.
+/// All counters of the firmware: 32-bit words in this order, whatever the number of receivers.
 #[derive(Debug, Default)]
 #[repr(C)]
 pub struct Telemetry {
@@ -71,7 +71,7 @@ pub struct Telemetry {
     pub reset_reason: Counter,
     /// 1 if HORUS runs on its internal oscillator because the external clock is missing, otherwise 0.
     pub without_crystal: Counter,
-    /// Why the firmware stopped itself before this start: a code of `firmware_common::last_stop`, or 0 if it did not.
+    /// Why the firmware stopped itself before this start: a code of `firmware_common::last_stop`; 0 if it did not.
     pub last_stop: Counter,
     /// Passes of the patrol over flash.
     pub flash_passes: Counter,
@@ -85,8 +85,8 @@ pub struct Telemetry {
     pub sources: [Source; MAX_RECEIVERS],
     /// Frames sent whose end (I_txe) the chip did not report: their time was over, and the FIFO was empty.
     pub frames_unconfirmed: Counter,
-    /// The last register of the front end that did not read as it was set, or 0 if none: its address (with 0x40 in
-    /// space B) in bits 23 to 16, then the value that was set, then the value that was read. It is not a count.
+    /// The last register of the front end that did not read as it was set; 0 if none. Bits 23 to 16 are its address
+    /// (with 0x40 in space B), then come the value that was set and the value that was read.
     pub rf_register: Counter,
 }
 

@@ -5,8 +5,7 @@
 //! One 32-bit timer (TIM2) counts the cycle at 72 MHz, twice the APB1 clock (RM0090, "Reset and clock control": the
 //! timer clock is 2 × PCLK1 when APB1 is divided). Its update event is the tick, at which the sample is taken; its
 //! compare channels are the *slots* at which a loaded frame is fired. A slot is a constant, so the time from the tick
-//! to the first preamble bit is constant too, whatever the data were and however long their load took. The DPR's
-//! missed-frame monitor relies on that.
+//! to the first preamble bit is constant too. The DPR's missed-frame monitor relies on that.
 //!
 //! ```text
 //! tick k                     slot 0                              slot 1 (five receivers)         tick k+1
@@ -14,8 +13,8 @@
 //!                               |-- load rest --|                    |-- load rest --|
 //! ```
 //!
-//! The slots come as early as the worst case of the work before them allows, since they are part of the latency from
-//! sample to image (docs/design.md#timing: at most 0.12 ms). Before a slot only the frame's first bytes
+//! The slots come as early as the worst case of the work before them allows, since they add to the latency from sample
+//! to image (docs/design.md#timing: at most 0.12 ms). Before a slot only the frame's first bytes
 //! ([`st25r3916::poller::HEAD`]) have to be in the FIFO; the rest follows while the chip sends preamble and sync.
 
 use profile::air::{self, Place};
@@ -23,8 +22,7 @@ use st25r3916::poller::{self, HEAD};
 
 use crate::{clock, FRAMES, RECEIVERS};
 
-/// The core clock, Hz. 144 MHz divides into the 72 MHz of the timer, the 9 MHz of the SPI and whole microseconds, and
-/// needs no over-drive.
+/// The core clock, Hz. 144 MHz divides into the timer's 72 MHz, the SPI's 9 MHz and whole µs, without over-drive.
 pub const CORE_HZ: u32 = 144_000_000;
 /// The APB1 clock, Hz (limit 45 MHz, DS9405).
 pub const APB1_HZ: u32 = 36_000_000;
@@ -38,41 +36,39 @@ pub const SPI_HZ: u32 = APB2_HZ / 8;
 pub const GNSS_BAUD: u32 = 460_800;
 /// The baud rate of a receiver with factory settings (u-blox, generation 9), 8N1.
 pub const FACTORY_BAUD: u32 = 38_400;
-/// The SPI clock of a GNSS receiver, Hz: APB2 / 128. A byte then takes 14.2 µs; a receiver needs at least 8 µs (see
-/// [`crate::spi`]).
+/// The SPI clock of a GNSS receiver, Hz: APB2 / 128. A byte takes 14.2 µs and needs at least 8 µs ([`crate::spi`]).
 pub const GNSS_SPI_HZ: u32 = APB2_HZ / 128;
-/// The shortest time for which SCL is low, ns: 2 µs (u-blox, NEO-M9N and ZED-F9T data sheets, I2C specifications; the
-/// standard of I2C requires only 1.3 µs).
+/// The shortest time for which SCL is low, ns: 2 µs (u-blox, NEO-M9N and ZED-F9T data sheets, I2C specifications; I2C
+/// itself requires only 1.3 µs).
 pub const GNSS_I2C_LOW_NS: u32 = 2_000;
 
-/// The number of timer ticks in a microsecond.
+/// The number of timer ticks in a µs.
 pub const TICKS_PER_US: u32 = TIMER_HZ / 1_000_000;
-/// The timer ticks of a microsecond of the front end's waits on the internal oscillator: it is up to 4.5 % fast
-/// (DS9405), and no wait may end early. A wait for a frame's end that ended early would cut the frame off.
+/// The timer ticks of a µs of the front end's waits on the internal oscillator, which is up to 4.5 % fast (DS9405). No
+/// wait may end early: that would cut a frame off.
 pub const INTERNAL_TICKS_PER_US: u32 = TICKS_PER_US + TICKS_PER_US.div_ceil(20);
 /// The number of timer ticks in a cycle: 720 000, exactly 10 ms.
 pub const PERIOD_TICKS: u32 = TIMER_HZ / 1_000 * profile::CYCLE_MS;
 /// How long the pin TICK is high before each tick, timer ticks: 10 µs, long enough for any logic analyser.
 pub const TICK_PULSE_TICKS: u32 = 10 * TICKS_PER_US;
 
-/// The gap between the frames of one cycle, µs, from the end of one to the start of the next.
-///
-/// The design requires 300 µs, in which the receiver empties its FIFO. Another 20 µs allow for the poller's own latency
-/// from the command to the first bit, for which the data sheet gives no bound.
+/// The gap between the frames of one cycle, µs, from the end of one to the start of the next. The design requires 300
+/// µs, in which the receiver empties its FIFO. Another 20 µs allow for the poller's latency from the command to the
+/// first bit, for which the data sheet gives no bound.
 pub const GAP_US: u32 = 320;
 
 /// The time allowed to fill and seal a profile, µs: 10 µs to enter and hand over, and 14 µs an object. An object takes
-/// 6 µs on the bench's fast clock, and 13 µs on its pessimistic one, where accesses to flash wait as long as they can.
+/// 6 µs on the bench's fast clock, and 13 µs on its pessimistic clock.
 const FILL_US: u32 = 10 + 14 * (1 + RECEIVERS as u32);
 
 /// The time that is allowed for starting the load of a frame's head and for the interrupt at its end, µs.
 const LOAD_START_US: u32 = 10;
 
-/// The time allowed between two frames of a cycle beside the loads, µs: status of the first frame's end, checks of the
+/// The time allowed between two frames of a cycle besides the loads, µs: status of the first frame's end, checks of the
 /// chip, clear, length, status (27 bytes in six transfers, 27 µs at 9 MHz), and seven interrupts.
 const BETWEEN_FRAMES_US: u32 = 120;
 
-/// The longest time from a frame's slot until the load of the frame's rest begins, µs: one interrupt; no other
+/// The longest time from a frame's slot until the load of the frame's rest begins, µs: one interrupt. No other
 /// interrupt of the same priority or above takes longer than a few µs.
 const REST_STARTS_US: u32 = 40;
 
@@ -95,7 +91,7 @@ pub const fn air_us(frame: usize) -> u32 {
     air::air_time_ns(payload(frame) as u8).div_ceil(1_000) as u32
 }
 
-/// Returns the time to clock `bytes` of a payload into the FIFO, with the command before them, µs, rounded up.
+/// Returns the time to load `bytes` of a payload into the FIFO, with the command before them, µs, rounded up.
 const fn load_us(bytes: usize) -> u32 {
     ((bytes as u64 + 1) * 8 * 1_000_000).div_ceil(SPI_HZ as u64) as u32
 }
@@ -104,8 +100,8 @@ const fn round_up_10(us: u32) -> u32 {
     us.div_ceil(10) * 10
 }
 
-/// The instant at which each frame of a cycle is fired, µs after the tick. The profile states these times, since the
-/// DPR computes a sample's age from them ([`profile::air::send_slot_us`], with a table of the values).
+/// The instant at which each frame of a cycle is fired, µs after the tick. The profile states these times
+/// ([`profile::air::send_slot_us`]), since the DPR computes a sample's age from them.
 pub const SLOT_US: [u32; FRAMES] = {
     let mut slots = [0; FRAMES];
     let mut frame = 0;
@@ -119,8 +115,8 @@ pub const SLOT_US: [u32; FRAMES] = {
     slots
 };
 
-/// Returns the earliest time at which frame `frame` can be fired, µs after the tick: after the profile was filled and
-/// sealed and the first frame's head was loaded; for a second frame also after the air time of the first and the gap.
+/// Returns the earliest time at which frame `frame` can be fired, µs after the tick: when the profile is sealed and the
+/// first frame's head is loaded; for a second frame, when the first frame and the gap are over.
 const fn earliest_slot_us(frame: usize) -> u32 {
     round_up_10(match frame {
         0 => FILL_US + LOAD_START_US + load_us(HEAD),
@@ -148,8 +144,8 @@ pub const SLOT_TICKS: [u32; FRAMES] = {
     ticks
 };
 
-/// The time after the tick from which nothing of the cycle is due but the end of its last frame, which is whole in the
-/// FIFO, µs: a log message may then take a critical section of a few microseconds without moving a slot.
+/// The time after the tick, µs, from which only the end of the cycle's last frame is due, which is whole in the FIFO. A
+/// log message may then mask interrupts for a few µs without moving a slot.
 pub const QUIET_FROM_US: u32 = SLOT_US[FRAMES - 1] + REST_STARTS_US + load_us(payload(FRAMES - 1) - HEAD) + 20;
 /// The time after the tick until which a log message may begin, µs: it then ends long before the next tick.
 pub const QUIET_UNTIL_US: u32 = 1_000 * profile::CYCLE_MS - 200;
@@ -163,25 +159,25 @@ const WATCHDOG_COUNTS: u32 = WATCHDOG_MS * 32 / 4;
 /// The value of the watchdog's reload register. The watchdog resets one count after it has reached 0 (RM0090 21.3).
 pub const WATCHDOG_RELOAD: u32 = WATCHDOG_COUNTS - 1;
 
-/// The watchdog's time from the reset until it is first fed, ms at the nominal 32 kHz: the watchdog starts from the
-/// reset value of its reload register (RM0090 21.3.1). With LSI at 17 to 47 kHz this time is 348 to 964 ms.
+/// The watchdog's time from the reset until it is first fed, ms at the nominal 32 kHz: it starts from the reset value
+/// of its reload register (RM0090 21.3.1). With LSI at 17 to 47 kHz this time is 348 to 964 ms.
 pub const FIRST_WATCHDOG_MS: u32 = 4_096 * 4 / 32;
 
 /// The watchdog's shortest time, ms: it is 68 to 190 ms, since LSI runs at 17 to 47 kHz (DS9405).
 pub const WATCHDOG_SHORTEST_MS: u32 = WATCHDOG_MS * 32 / 47;
 
-/// How long the watchdog's reload value takes to reach the watchdog's clock domain, cycles of the internal oscillator,
-/// on which the start begins: up to 5 periods of LSI (RM0090 "IWDG", status register) and LSI's start-up time, 40 µs
-/// (DS9405); 0.33 ms at 17 kHz, with margin 0.5 ms. A watchdog that is not fed after that keeps [`FIRST_WATCHDOG_MS`].
+/// How long the watchdog's reload value takes to reach the watchdog's clock domain, cycles of the internal oscillator.
+/// It takes up to 5 periods of LSI (RM0090 "IWDG", status register) and LSI's start-up time, 40 µs (DS9405): 0.33 ms at
+/// 17 kHz, with margin 0.5 ms. A watchdog that is not fed after that keeps [`FIRST_WATCHDOG_MS`].
 pub const WATCHDOG_UPDATE_CYCLES: u32 = clock::INTERNAL_HZ / 2_000;
 
 /// The longest time of the comparison of a program that fills its flash with its CRC, ms, at [`CORE_HZ`]: about 14
-/// cycles a byte, and 20 when each read of the CRC's table waits for the flash. A program of 45 KB takes 4.4 to 6.3 ms.
-/// On the internal oscillator's 16 MHz, before the PLL is on, it would take 46 ms.
+/// cycles a byte, and 20 when each read of the CRC's table waits for the flash. A program of 45 KB takes 4.4 to 6.3 ms;
+/// on the internal oscillator's 16 MHz it would take 46 ms.
 pub const PROGRAM_CHECK_MAX_MS: u32 = (crate::integrity::FLASH_BYTES * 20).div_ceil(CORE_HZ / 1_000);
 
 // The waits of the start (a missing external clock, then the comparison of the program) take at most two thirds of the
-// watchdog's shortest time. The PLL's lock time, 0.3 ms, and the rest of the start are negligible beside them.
+// watchdog's shortest time. The PLL's lock time, 0.3 ms, and the rest of the start are negligible.
 const _: () = assert!(3 * (clock::START_MAX_MS + PROGRAM_CHECK_MAX_MS) <= 2 * WATCHDOG_SHORTEST_MS);
 
 /// Whether a log message may begin when the cycle timer reads `count`.
@@ -190,8 +186,7 @@ pub const fn quiet(count: u32) -> bool {
     count >= QUIET_FROM_US * TICKS_PER_US && count < QUIET_UNTIL_US * TICKS_PER_US
 }
 
-/// Returns the time of tick `tick`, ms since the start: every tick is 10 ms after the previous one. The milliseconds
-/// and the ticks wrap together, so the step is 10 ms at the wrap as well.
+/// Returns the time of tick `tick`, ms since the start. The milliseconds and the ticks wrap together.
 #[must_use]
 pub const fn timestamp(tick: u32) -> u32 {
     tick.wrapping_mul(profile::CYCLE_MS)
@@ -201,9 +196,9 @@ pub const fn timestamp(tick: u32) -> u32 {
 /// ticks served, the timer's count, whether a tick is due (its update flag), the number of ticks served again.
 ///
 /// If a tick was served between the two reads and the count is high, the count was read before the tick, and the time
-/// is the tick's first moment. A tick that is due and not served yet, because its interrupt is delayed, counts if the
-/// count is low, and so was read after the tick. That holds while the delay is less than half a cycle. Without this
-/// rule the time would step back by a cycle whenever the counter wraps just before it is read.
+/// is the tick's first moment. A tick that is due and not served yet counts if the count is low, and so was read after
+/// the tick. That holds while the delay of the tick's interrupt is less than half a cycle. Otherwise the time would
+/// step back by a cycle whenever the counter wraps just before it is read.
 #[must_use]
 pub const fn now_ms(before: u32, count: u32, due: bool, after: u32) -> u32 {
     let wrapped = count < PERIOD_TICKS / 2;
@@ -224,8 +219,7 @@ const _: () = assert!(SLOT_US[FRAMES - 1] + air_us(FRAMES - 1) + GAP_US <= 1_000
 const _: () = assert!(SLOT_US[FRAMES - 1] + air_us(FRAMES - 1) + GAP_US <= 1_000 * profile::CYCLE_MS);
 // The head of the second frame can be loaded in the gap.
 const _: () = assert!(FRAMES == 1 || BETWEEN_FRAMES_US + LOAD_START_US + load_us(HEAD) <= GAP_US);
-// The FIFO never runs dry: the load of a frame's rest begins before the head has been sent, and is faster than the
-// sending.
+// The FIFO never runs dry: the load of a frame's rest begins before the head has been sent, and is faster than the air.
 const _: () = match poller::rest_within_us(SPI_HZ) {
     Some(within_us) => assert!(REST_STARTS_US <= within_us),
     None => panic!("the SPI is slower than the air"),
@@ -248,8 +242,7 @@ mod tests {
         assert_eq!(air::send_slot_us::<RECEIVERS>(FRAMES), None);
     }
 
-    /// Returns the ticks served, the counter and its update flag at the time `instant`, in counts of the timer. Each
-    /// tick is served `late` counts after it, and no tick is served before the first.
+    /// Returns ticks served, counter and update flag at `instant`, if each tick is served `late` counts after it.
     fn at(instant: u32, late: u32) -> (u32, u32, bool) {
         let (cycle, count) = (instant / PERIOD_TICKS, instant % PERIOD_TICKS);
         let served = if cycle > 0 && count < late { cycle - 1 } else { cycle };

@@ -2,22 +2,20 @@
 //!
 //! # Design
 //!
-//! The [`Poller`], a state machine, handles the chip and no time slots; the SPI, the IRQ pin and a one-shot timer
-//! handle nothing that is specific to the chip. The driver's [`Executor`] stands between them, and each of their
-//! interrupts calls [`Transmitter::poll`]. The transmitter owns the executor: it decides which frame the state machine
-//! prepares and loads, and when. No task ever waits for the SPI.
+//! The [`Poller`], a state machine, handles the chip and no time slots. The driver's [`Executor`] stands between it and
+//! the hardware, whose interrupts call [`Transmitter::poll`]. The transmitter owns the executor: it decides which frame
+//! the state machine prepares and loads, and when. No task ever waits for the SPI.
 //!
-//! When a frame was sent, the chip is prepared at once for the next one, long before there is anything to send. So only
-//! the load of the frame's head is left between the tick and the slot.
+//! When a frame was sent, the chip is prepared at once for the next one, so that only its head is loaded after the
+//! tick.
 //!
-//! The command that starts a frame is the one transfer that must happen at an exact instant. When the frame's head is
-//! loaded, the transmitter *arms* a [`Ticket`], which says for which cycle and frame the head was loaded, and starts no
-//! other transfer. The slot's interrupt, which has the highest priority, asks [`Ticket::due`], writes the command's
-//! byte, and reports to [`Transmitter::slot`], which starts the load of the rest. A slot without a ticket, or with that
-//! of another cycle or frame, sends nothing: no frame is sent late, or with data older than its cycle's.
+//! The command that starts a frame must be sent at an exact instant. When the frame's head is loaded, the transmitter
+//! *arms* a [`Ticket`], which says for which cycle and frame the head was loaded, and starts no other transfer. The
+//! slot's interrupt, which has the highest priority, asks [`Ticket::due`], writes the command's byte, and reports to
+//! [`Transmitter::slot`], which starts the load of the rest. A slot without a ticket, or with that of another cycle or
+//! frame, sends nothing: no frame is sent late, or with data older than its cycle's.
 //!
-//! The state machine recovers from a fault of the chip by itself. A fault costs only the frames that fall into the
-//! recovery, each of which is counted. The cycle goes on.
+//! The state machine recovers from a fault of the chip by itself. Only the frames that fall into the recovery are lost.
 
 use core::ops::Range;
 
@@ -72,7 +70,7 @@ impl Ticket {
 pub struct Slot {
     /// The number, in its cycle, of the frame to which the slot belongs.
     pub frame: usize,
-    /// The byte clocked in while the command was sent, or `None` if no frame was fired.
+    /// The byte clocked in while the command was sent; `None` if no frame was fired.
     pub fired: Option<u8>,
 }
 
@@ -84,11 +82,10 @@ pub trait FrontEndPort: executor::Port {
     fn point_at(&mut self, frame: Range<usize>);
     /// Hands a ticket to the slot's interrupt.
     fn arm(&mut self, ticket: Ticket);
-    /// Takes an unused ticket back; returns false if a slot has taken the ticket already.
+    /// Takes an unused ticket back. Returns false if a slot has taken the ticket already.
     fn disarm(&mut self) -> bool;
 }
 
-/// Who has to act before the state machine can go on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turn {
     /// The executor has to act: a transfer or a wait is under way.
@@ -104,11 +101,9 @@ pub struct Transmitter<'a, P> {
     executor: Executor<Poller, P>,
     telemetry: &'a Telemetry,
     turn: Turn,
-    /// The tick of the profile that was deposited last.
     tick: u32,
     /// The index of the frame to load next; [`FRAMES`] if there is none.
     next: usize,
-    /// The index of the frame that the chip is prepared for.
     prepared: usize,
     /// The tick and frame whose head was loaded last.
     sending: (u32, usize),
@@ -135,8 +130,8 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         transmitter
     }
 
-    /// Offers the profile of tick `tick`. It replaces the frames of the previous profile that were not sent. If the
-    /// chip is not prepared yet, the profile's frames are loaded as soon as it is, if that is in time for their slots.
+    /// Offers the profile of tick `tick`, which replaces the unsent frames of the previous profile. If the chip is not
+    /// prepared yet, the profile's frames are loaded later, if that is in time for their slots.
     ///
     /// Returns false, and takes nothing, if a frame of an earlier cycle is being loaded or was fired just now (so late
     /// that this cycle's slot is lost anyway), because that frame's bytes must not change.

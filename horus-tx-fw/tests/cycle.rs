@@ -20,8 +20,7 @@ use ubx::{esf_ins, nav_att, NavPvt};
 const INACTIVE: Levels = Levels { active: false, inactive: true };
 
 trait Tick<const N: usize> {
-    /// Votes for a tick and fills its profile from `solutions`, which were all there at the vote, with inputs of the
-    /// state that have settled as inactive.
+    /// Votes for a tick and fills its profile from `solutions`, with settled, inactive inputs of HORUS's state.
     fn voted_and_filled(&mut self, tick: u32, solutions: &[Solution; N]) -> Profile<N>;
 }
 
@@ -50,7 +49,6 @@ fn read<const N: usize>(profile: &Profile<N>) -> (ReportedValues, [GpsValues; N]
     )
 }
 
-/// Asserts that every value is the design's NaN, bit for bit.
 fn assert_absent(values: &GpsValues, timestamp: u32) {
     let absent = GpsValues { status: values.status, ..GpsValues::absent(timestamp) };
     let sealed = |values| *GpsObject::seal(Identifier::gps(1), values).as_bytes();
@@ -103,8 +101,7 @@ fn reported_position_is_the_majoritys_and_the_outvoted_is_excluded() {
     assert_eq!([reported.pitch, reported.yaw, reported.roll], [gps[1].pitch, gps[1].yaw, gps[1].roll]);
     // The bits mean: two receivers agree; position, attitude and acceleration valid; degraded; monitoring.
     assert_eq!(reported.status.bits(), 0b0111_1010 | 1 << 8);
-    // The bits mean: 3D fix, position valid, heard, excluded. The receiver's own object still has the values that it
-    // sends.
+    // The bits mean: 3D fix, position valid, heard, excluded. The receiver's own object still has its values.
     assert_eq!(gps[0].status.bits(), 0x0293);
     assert_eq!(gps[0].latitude, 1e-7);
     // The bits mean: 3D fix; position, attitude and acceleration valid; heard.
@@ -244,8 +241,7 @@ fn an_active_input_is_the_state_with_a_position_and_without() {
     }
 }
 
-/// Returns the status of Reported-Position and of GPS1 when the solution of `arrived` is `age` ms old, also for ages
-/// that are no multiple of a cycle.
+/// Returns the status of Reported-Position and of GPS1 when the solution of `arrived` is `age` ms old.
 fn status_at(arrived: impl Fn(u32) -> Solution, age: u32) -> (ReportedStatus, GpsStatus) {
     // The tick is fixed, and the arrival varies, so that every age in ms is possible.
     let tick = 1_000;
@@ -325,8 +321,8 @@ fn what_is_not_valid_any_more_is_absent_from_both_objects() {
     assert_eq!(ReportedPosition::seal(&reported).as_bytes(), ReportedPosition::seal(&absent).as_bytes());
 }
 
-/// Plays a log of GPS1 that ends, byte by byte, through parser and cycle as the firmware runs them. Returns when
-/// Reported-Position was last valid, ms after the last solution arrived.
+/// Plays a log of GPS1, byte by byte, through parser and cycle as the firmware runs them. Returns how long after the
+/// last solution's arrival Reported-Position was valid, ms.
 fn valid_after_the_end(period: u32, solutions: u32, repeats_its_last: bool) -> u32 {
     let mut receiver = Receiver::new();
     let mut cycle = Cycle::new();

@@ -9,7 +9,6 @@ use profile::FixType;
 use proptest::prelude::*;
 use ubx::{esf_ins, message, nav_att, NavPvt, NMEA};
 
-/// Feeds all of `bytes` to the receiver at `now`, in as many calls as it takes.
 fn feed(receiver: &mut Receiver, mut bytes: &[u8], now: u32) {
     while !bytes.is_empty() {
         let taken = receiver.receive(bytes, now);
@@ -24,8 +23,8 @@ fn fed(bytes: &[u8]) -> Receiver {
     receiver
 }
 
-/// Returns the float64 nearest to `raw` / 10^`decimals`, by way of its decimal digits: the standard library's parser
-/// rounds correctly, and has no code in common with a division.
+/// Returns the float64 nearest to `raw` / 10^`decimals`. The standard library's parser of decimal digits rounds
+/// correctly, and has no code in common with a division.
 fn decimal(raw: i32, decimals: usize) -> f64 {
     let digits = format!("{:0width$}", raw.unsigned_abs(), width = decimals + 1);
     let (whole, part) = digits.split_at(digits.len() - decimals);
@@ -271,7 +270,6 @@ fn attitude_is_in_radians_and_an_angle_without_accuracy_is_not_given() {
     assert!(!attitude.roll.is_nan() && !attitude.pitch.is_nan());
 }
 
-/// Returns every combination of three values that may be there or not.
 fn combinations() -> impl Iterator<Item = [bool; 3]> {
     (0..8).map(|bits| [0, 1, 2].map(|bit| bits >> bit & 1 == 1))
 }
@@ -449,7 +447,7 @@ fn a_silent_receiver_still_counts_as_silent_when_the_clock_wraps() {
     }
 }
 
-/// Reads recordings of real receivers, if there are any: the parser must find exactly the NAV-PVT messages that a plain
+/// In recordings of real receivers, if there are any, the parser must find exactly the NAV-PVT messages that a plain
 /// search for sync bytes with its own checksum finds.
 #[test]
 fn recordings_of_real_receivers_are_read_in_full() {

@@ -1,5 +1,4 @@
-//! Tests the transmitter on the model of the chip that it drives: every slot of a cycle in virtual time, byte by byte
-//! on the SPI.
+//! Tests the transmitter on the model of the chip: every slot of a cycle in virtual time, byte by byte on the SPI.
 
 use horus_tx_fw::{
     cycle::Cycle,
@@ -25,7 +24,6 @@ const BYTE_NS: u64 = 889;
 const OVERHEAD_NS: u64 = 2_000;
 const CYCLE_NS: u64 = 10_000_000;
 
-/// An SPI transfer that is under way.
 struct Transfer {
     out: Vec<u8>,
     into: Vec<u8>,
@@ -43,7 +41,6 @@ struct Bench {
     ticket: Ticket,
     profile: Vec<u8>,
     frame: Range<usize>,
-    /// Whether the end of the transfer under way is never reported.
     hang: bool,
     aborted: u32,
     /// The delay before the load of a frame's rest begins, ns.
@@ -145,7 +142,6 @@ fn run(cycles: u32, telemetry: &Telemetry, before: impl FnMut(u32, &mut Bench) -
     run_on(Config::default(), cycles, telemetry, before)
 }
 
-/// Does the same as [`run`] with the given chip.
 fn run_on(
     config: Config,
     cycles: u32,
@@ -155,7 +151,7 @@ fn run_on(
     let mut transmitter = Transmitter::start(PollerConfig::new(), telemetry, Bench::new(config));
     let cycle = Cycle::new();
     let mut sent: Vec<Sent> = Vec::new();
-    // The queue holds the events with an instant of their own: the slots and the offer of the present tick.
+    // The queue holds the slots and the offer of the present tick, each with its instant.
     let mut due: Vec<(u64, Option<usize>)> = Vec::new();
     let mut tick = 0;
     let mut next_tick = CYCLE_NS;
@@ -248,8 +244,7 @@ fn is_whole(frame: &Sent) -> bool {
     objects.is_ok_and(|mut objects| objects.all(|(index, bytes)| Object::verify(index, bytes).is_ok()))
 }
 
-/// Asserts that every object of `frame` is intact and of the cycle in which it was sent. Returns the cycle and the
-/// frame's number in it.
+/// Asserts that every object of `frame` is intact and of its cycle. Returns the cycle and the frame's number in it.
 fn check(frame: &Sent) -> (u32, usize) {
     let tick = (frame.at / CYCLE_NS) as u32;
     let place = air::place::<RECEIVERS>(&frame.payload).expect("a length that a frame has");

@@ -1,7 +1,5 @@
-//! Tests the whole chain without boards: simulated receivers measure one flight while one or two of them fail, their
-//! bytes go through parser and voter at every tick, and Reported-Position is compared with the aircraft's true
-//! position.
-//! position.
+//! Tests the whole chain without boards. Simulated receivers measure one flight while one or two of them fail; their
+//! bytes go through parser and voter at every tick, and Reported-Position is compared with the true position.
 //!
 //! # Bounds
 //!
@@ -9,13 +7,11 @@
 //! each axis, of which five deviations in two axes are 7.8 m, white noise, and 30 ms of latency more or less at 16
 //! m/s). If one of three receivers is wrong, every result has a right receiver among its members, and each member
 //! agrees with that one. So the result is at most [`AGREE_M`] away from the right receiver, and at most the sum of both
-//! bounds away from the truth, whatever the wrong receiver does, whose stated accuracy could raise the agreement
-//! distance to its ceiling. If all three receivers are members, the median lies between the two right ones or on one of
-//! them, and is off by no more than they are.
+//! bounds away from the truth, whatever the wrong receiver does. If all three receivers are members, the median lies
+//! between the two right ones or on one of them.
 //!
-//! There is a result at every tick as long as the two right receivers agree with each other, which the test checks
-//! without the failed receiver. Two right receivers do disagree, rarely; then nobody can tell which is right, and a run
-//! in which that happens is only compared with the bound.
+//! There is a result at every tick as long as the two right receivers agree with each other. If they rarely disagree,
+//! nobody can tell which is right, and the run is only compared with the bound.
 
 use std::sync::Arc;
 
@@ -23,7 +19,7 @@ use gnss_sim::{ubx, Flight, Geodetic, TangentPlane};
 use horus_tx_fw::{cycle::Cycle, receiver::Receiver, timing::timestamp};
 use profile::{GpsObject, ReportedPosition};
 
-/// The most that a right receiver is off over ground, m. The documentation of this file derives it.
+/// The most that a right receiver is off over ground, m (see above).
 const RIGHT_M: f64 = 9.0;
 /// The greatest distance of two receivers that agree, m: the ceiling of decision 15.
 const AGREE_M: f64 = 30.0;
@@ -32,10 +28,9 @@ const RIGHT_HEIGHT_M: f64 = 10.0;
 /// The greatest difference in height of two receivers that agree, m: the ceiling of decision 15.
 const AGREE_HEIGHT_M: f64 = 50.0;
 
-/// What goes wrong with a receiver.
+/// The failure of a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
-    /// The receiver sends nothing more.
     Silence,
     /// The receiver repeats its last solution, time of week included.
     Frozen,
@@ -55,11 +50,9 @@ enum Kind {
     Overstated,
     /// Every checksum of the receiver is wrong.
     Checksum,
-    /// The receiver's time of week jumps.
     Time,
     /// The receiver's velocity is wrong by up to 50 m/s.
     Velocity,
-    /// The receiver has a 2D fix.
     Flat,
     /// The receiver's altitude is 60 m to 5 km too high.
     Height,
@@ -204,7 +197,6 @@ impl Failure {
             Kind::Heading => {
                 let off = (15e5 + self.metres * 10e5) as i32;
                 let turn = |payload: &mut [u8], itow: usize| {
-                    // Only NAV-ATT has 32 bytes of payload.
                     if itow == 0 && payload.len() == ubx::NavAtt::PAYLOAD {
                         let heading = i32::from_le_bytes(payload[16..20].try_into().expect("four bytes"));
                         payload[16..20].copy_from_slice(&((heading + off) % 36_000_000).to_le_bytes());
@@ -266,7 +258,6 @@ fn itow(burst: &[u8]) -> [u8; 4] {
     burst[6..10].try_into().expect("four bytes")
 }
 
-/// The figures of one run.
 #[derive(Clone, Copy, Debug, Default)]
 struct Outcome {
     /// The greatest error over ground of all ticks with a result, m.
@@ -277,8 +268,7 @@ struct Outcome {
     left_after_ms: Option<u32>,
     /// The number of ticks without a result after [`SETTLED_MS`].
     without: u32,
-    /// The number of ticks after [`SETTLED_MS`] at which the two right receivers did not agree in a vote of these two
-    /// alone.
+    /// The number of ticks after [`SETTLED_MS`] at which the two right receivers did not agree in a vote of their own.
     apart: u32,
     /// The number of ticks at which a right receiver was excluded.
     wronged: u32,
@@ -288,8 +278,7 @@ struct Outcome {
     unexplained: u32,
     /// The greatest error in height of all ticks with an altitude, m.
     worst_height_m: f64,
-    /// The number of ticks after [`SETTLED_MS`] with an attitude. The next field is the greatest error of their
-    /// headings, degrees.
+    /// The number of ticks after [`SETTLED_MS`] with an attitude.
     oriented: u32,
     worst_heading: f64,
     /// The time from the failure to the first tick with a result that is farther from the truth than the bound, ms.
@@ -366,8 +355,7 @@ fn run(seed: u64, failures: &mut [(usize, Failure)]) -> Outcome {
             };
             let error = off(reported.latitude, reported.longitude);
             outcome.worst_m = outcome.worst_m.max(error);
-            // A result beyond the bound can only be that of two wrong receivers that agree with each other and not with
-            // the right one.
+            // A result beyond the bound can only come from two wrong receivers that agree with each other alone.
             let of_two_wrong = failures.len() == 2 && agreeing == 2 && {
                 let wrong: Vec<_> = failures.iter().map(|(who, _)| &gps[*who]).collect();
                 wrong.iter().all(|gps| gps.status.position_valid() && !gps.status.excluded())
@@ -401,7 +389,6 @@ fn failure(kind: Kind, seed: u64, number: u64) -> Failure {
     Failure::new(kind, from_ns, draw)
 }
 
-/// Makes one of three receivers fail, in each way in turn.
 fn one_of_three(runs: u64) {
     println!("kind          runs  excluded  left   worst m  excluded s  left s  not excluded  right ones apart");
     let (mut worst_height, mut worst_heading) = (0.0_f64, 0.0_f64);
@@ -417,7 +404,7 @@ fn one_of_three(runs: u64) {
             assert_eq!(outcome.undegraded, 0, "{said}");
             assert!(outcome.worst_m <= RIGHT_M + AGREE_M, "{said}");
             assert!(outcome.worst_height_m <= RIGHT_HEIGHT_M + AGREE_HEIGHT_M, "{said}");
-            // Where the right receivers disagree, nobody can tell which of them is right, so these checks are left out.
+            // If the right receivers disagree, nobody can tell which of them is right, so these checks are left out.
             if outcome.apart == 0 {
                 assert_eq!((outcome.without, outcome.wronged), (0, 0), "{said}");
             }
@@ -429,7 +416,6 @@ fn one_of_three(runs: u64) {
                     assert!(outcome.left_after_ms.is_some_and(|ms| ms <= 650), "{said}");
                     assert!(outcome.worst_m <= RIGHT_M, "right ones are left: {said}");
                 }
-                // A position with a wrong time of week is still right.
                 Kind::Time => assert!(outcome.worst_m <= RIGHT_M, "{said}"),
                 Kind::Jump | Kind::Height if outcome.apart == 0 => {
                     assert!(outcome.excluded_after_ms.is_some_and(|ms| ms <= 300), "{said}");

@@ -1,7 +1,7 @@
 //! The answerer: a listener that answers a frame from a buffer, at an instant of its owner's choice.
 //!
-//! A [`Listener`], which is a part of this machine, receives. An answer is sent like a poller's frame, by load
-//! modulation of the poller's field. A [`Listener`] alone has load modulation off and no step that transmits.
+//! A [`Listener`], which is a part of this machine, receives the frames. An answer is sent like a poller's frame, but
+//! by load modulation of the poller's field.
 //!
 //! # States
 //!
@@ -31,11 +31,11 @@
 //!
 //! After [`AnswererEvent::Frame`] the owner calls [`Answerer::answer`], with the answer ready in its buffer. The
 //! machine clears the FIFO, sets the length, checks that neither the field has gone nor another frame has begun, and
-//! loads the first bytes of the answer. At [`AnswererEvent::Loaded`] the owner performs [`Answerer::transmit`] at an
-//! instant that it chooses, counted from the end of the frame (the edge of I_rxe, 5 µs after the last bit), and then
-//! gives [`Input::Done`]. A timer may start this transfer of one byte with no code in between, so that the instant does
-//! not depend on the data. The instant must be at least [`EARLIEST_US`] after the end of the frame, and early enough
-//! for the exchange on the other side, which waits for an answer for [`crate::exchange::WINDOW_US`].
+//! loads the first bytes of the answer. After [`AnswererEvent::Loaded`] the owner performs [`Answerer::transmit`] at an
+//! instant that it chooses, and then gives [`Input::Done`]. A timer may start this transfer of one byte, so that the
+//! instant does not depend on the data. The instant counts from the end of the frame (the edge of I_rxe, 5 µs after the
+//! last bit). It must be at least [`EARLIEST_US`], and early enough for the exchange on the other side, which waits for
+//! [`crate::exchange::WINDOW_US`].
 //!
 //! # Bounds
 //!
@@ -77,7 +77,7 @@ use crate::sender::{SendError, SendState, Sender, Sending, is_light};
 use crate::status::Status;
 use crate::{Variant, command};
 
-/// The earliest first bit of an answer, in microseconds after the end of the frame: 2672/fc, rounded up.
+/// The earliest first bit of an answer, µs after the end of the frame: 2672/fc, rounded up.
 pub const EARLIEST_US: u32 = (reg::GUARD_FC * 100).div_ceil(1_356);
 
 /// An answerer's event. The caller may swap the frame buffer on any event.
@@ -86,23 +86,23 @@ pub const EARLIEST_US: u32 = (reg::GUARD_FC * 100).div_ceil(1_356);
 pub enum AnswererEvent {
     /// The chip listens, see [`ListenerEvent::Listening`].
     Listening,
-    /// A frame was received, see [`ListenerEvent::Frame`]. [`Answerer::answer`] is possible; [`Input::Start`] listens
-    /// again without an answer.
+    /// A frame was received, see [`ListenerEvent::Frame`]. The owner may call [`Answerer::answer`]; [`Input::Start`]
+    /// listens again without an answer.
     Frame {
         /// Payload length in bytes, 1..=254.
         len: usize,
         /// The chip's flags about the frame.
         flags: FrameFlags,
     },
-    /// The FIFO holds the first bytes of the answer: perform [`Answerer::transmit`] at the chosen instant, then give
-    /// [`Input::Done`]. ([`Input::Start`] gives the answer up instead.)
+    /// The FIFO holds the first bytes of the answer. The owner performs [`Answerer::transmit`] at its chosen instant,
+    /// then gives [`Input::Done`]. [`Input::Start`] gives the answer up instead.
     Loaded,
     /// The chip has sent the answer. [`Input::Start`] listens again.
     Answered {
         /// Whether the interrupt I_txe confirmed the end. If not, the answer's time is over and the FIFO is empty.
         confirmed: bool,
     },
-    /// The answer was given up before its transmit command; [`Input::Start`] listens again.
+    /// The answer was given up before its transmit command. [`Input::Start`] listens again.
     Unanswered(Unanswered),
     /// A frame was dropped, see [`ListenerEvent::Dropped`].
     Dropped(Dropped),
@@ -110,7 +110,7 @@ pub enum AnswererEvent {
     FieldOn,
     /// The field has gone, see [`ListenerEvent::FieldOff`].
     FieldOff,
-    /// The answer is lost, or the chip has failed; [`Input::Start`] begins the recovery.
+    /// The answer is lost, or the chip has failed. [`Input::Start`] begins the recovery.
     Fault(Fault),
 }
 
@@ -128,13 +128,13 @@ pub enum Unanswered {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum AnswererState {
-    /// The listener within the answerer acts; [`Answerer::listener_state`] returns its state.
+    /// The listener within the answerer is at work; [`Answerer::listener_state`] returns its state.
     Listening,
-    /// A frame was delivered: [`Answerer::answer`] is possible.
+    /// A frame was delivered, so that [`Answerer::answer`] is possible.
     Delivered,
-    /// An answer is being prepared, loaded, or is on air.
+    /// An answer is being prepared or loaded, or is on air.
     Sending(SendState),
-    /// The answer was sent, or given up, and the owner has got the event about it.
+    /// The answer was sent or given up, and the owner has got the event about it.
     Over,
     /// The answer was lost and reported as a fault; the chip needs to be stopped.
     Lost,
@@ -142,7 +142,7 @@ pub enum AnswererState {
     Stopping,
 }
 
-/// Counts since the answerer was made; each wraps.
+/// Counts since the answerer was made; each count wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AnswererCounters {
@@ -150,7 +150,7 @@ pub struct AnswererCounters {
     pub listener: ListenerCounters,
     /// Answers sent.
     pub answered: u32,
-    /// Answers that were sent without a confirmation by I_txe.
+    /// Answers whose end I_txe did not confirm.
     pub unconfirmed: u32,
     /// Frames whose answer was given up or lost.
     pub unanswered: u32,
@@ -162,7 +162,6 @@ pub struct Answerer {
     listener: Listener,
     sender: Sender,
     state: AnswererState,
-    /// Whether the last answer was lost, and no answer has been sent since.
     lost: bool,
     answered: u32,
     unconfirmed: u32,
@@ -170,7 +169,7 @@ pub struct Answerer {
 }
 
 impl Answerer {
-    /// An answerer that has not accessed its chip yet. The first [`Input::Start`] begins bring-up.
+    /// Returns an answerer that has not accessed its chip yet. The first [`Input::Start`] begins bring-up.
     #[must_use]
     pub const fn new(config: ListenerConfig) -> Self {
         Self {
@@ -184,7 +183,7 @@ impl Answerer {
         }
     }
 
-    /// The chip's type, as its identity register gave it at the last bring-up.
+    /// The chip's type, as the last bring-up read it; `None` before that.
     #[must_use]
     pub const fn variant(&self) -> Option<Variant> {
         self.listener.variant()
@@ -202,7 +201,7 @@ impl Answerer {
         self.state
     }
 
-    /// The state of the listener within the answerer, which acts in [`AnswererState::Listening`].
+    /// The state of the listener within the answerer, which is at work in [`AnswererState::Listening`].
     #[must_use]
     pub const fn listener_state(&self) -> ListenerState {
         self.listener.state()
@@ -219,15 +218,15 @@ impl Answerer {
         }
     }
 
-    /// The transfer that starts the answer (C4, one byte). The executor makes it after [`AnswererEvent::Loaded`], at an
-    /// instant that it chooses, and then gives [`Input::Done`].
+    /// The transfer that starts the answer: one byte, the command C4. The owner makes it after
+    /// [`AnswererEvent::Loaded`], at an instant that it chooses, and then gives [`Input::Done`].
     #[must_use]
     pub const fn transmit() -> Short {
         Poller::transmit()
     }
 
-    /// Begins an answer of `len` payload bytes, 1..=254. Allowed when the last step was [`AnswererEvent::Frame`]. The
-    /// payload must be ready.
+    /// Begins an answer of `len` payload bytes, 1..=254, which must be ready. Allowed when the last step was
+    /// [`AnswererEvent::Frame`].
     ///
     /// # Errors
     /// [`SendError`]; the machine is unchanged.
@@ -278,8 +277,8 @@ impl Answerer {
         })
     }
 
-    /// Notes what a status that was read while sending says about the field and the next frame. Returns the next step
-    /// if the field's loss or the next frame ends the answer.
+    /// Evaluates a status that was read while an answer is sent. Returns the next step if the loss of the field or
+    /// another frame ends the answer.
     fn overtaken(&mut self, state: SendState, response: &[u8]) -> Option<Step<AnswererEvent>> {
         let loads = match state {
             SendState::CheckingFifo => true,
@@ -304,7 +303,7 @@ impl Answerer {
         let (state, step) = match sending {
             Sending::Transfer(state, transfer) => (AnswererState::Sending(state), Step::Transfer(transfer)),
             Sending::Wait(state, us) => (AnswererState::Sending(state), Step::Wait { us }),
-            // The caller of `answer` has the payload ready, so it is loaded at once.
+            // The caller of `answer` has the payload ready, so the machine loads it at once.
             Sending::Prepared => {
                 let sending = self.sender.head();
                 return self.sending(sending);
@@ -322,7 +321,7 @@ impl Answerer {
         step
     }
 
-    /// Reports a lost answer. The chip is brought up again unless the fault is light and no answer was lost before it.
+    /// Reports a lost answer. The chip is brought up again unless the fault is light and the answer before was sent.
     fn fault(&mut self, fault: Fault) -> Step<AnswererEvent> {
         self.unanswered = self.unanswered.wrapping_add(1);
         if is_light(fault) && !self.lost {

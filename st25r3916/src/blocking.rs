@@ -1,8 +1,6 @@
-//! Runs the machines of this crate in the [`Executor`] with polling, on an [`SpiDevice`], an [`InputPin`] for the IRQ
-//! pin, and a [`DelayNs`].
+//! Runs the machines with polling, on an [`SpiDevice`], an [`InputPin`] for the IRQ pin, and a [`DelayNs`].
 //!
-//! This module is for bring-up on a bench, examples and small hosts. The IRQ pin is polled every [`POLL_US`]; every
-//! call returns after a bounded time.
+//! This module is for bring-up on a bench, examples and small hosts. Every call returns after a bounded time.
 //!
 //! ```no_run
 //! # fn demo<S, P, D>(spi: S, irq: P, delay: D) -> Result<(), st25r3916::blocking::Error<S::Error, P::Error>>
@@ -30,7 +28,7 @@ use crate::{Variant, command};
 /// The polling interval of the IRQ pin, µs.
 pub const POLL_US: u32 = 10;
 
-/// The reason why a blocking call failed. The next call recovers the chip by itself.
+/// The reason why a blocking call failed. The next call recovers the chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Error<S, P> {
@@ -44,7 +42,6 @@ pub enum Error<S, P> {
     Length,
 }
 
-/// The result of the last transfer. A blocking transfer has ended when the call that starts it returns.
 #[derive(Clone, Copy, Debug)]
 enum Made {
     Short(usize),
@@ -59,12 +56,10 @@ struct Wires<SPI: SpiDevice, IRQ: InputPin, DELAY> {
     spi: SPI,
     irq: IRQ,
     delay: DELAY,
-    /// The response to the last short transfer.
     response: [u8; Short::MAX],
     /// The payload that is sent, or the frame that was received.
     frame: [u8; BUFFER],
     made: Made,
-    /// The remaining time of the timer, µs.
     left_us: u32,
     /// The last error of the SPI device or of the IRQ pin, until the caller takes it.
     error: Option<Error<SPI::Error, IRQ::Error>>,
@@ -76,7 +71,6 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Wires<SPI, IRQ, DELAY> {
         Self { spi, irq, delay, response, frame, made: Made::Failed, left_us: 0, error: None }
     }
 
-    /// Records the result of a transfer, and its error.
     fn made(&mut self, result: Result<Made, SPI::Error>) {
         self.made = result.unwrap_or_else(|error| {
             self.error = Some(Error::Spi(error));
@@ -84,7 +78,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Wires<SPI, IRQ, DELAY> {
         });
     }
 
-    /// Lets up to `most_us` of the timer's time pass; returns the time passed, µs.
+    /// Lets up to `most_us` of the timer's time pass. Returns the time passed, µs.
     fn pass(&mut self, most_us: u32) -> u32 {
         let us = self.left_us.min(most_us);
         self.delay.delay_us(us);
@@ -149,13 +143,12 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Port for Wires<SPI, IRQ, DEL
     }
 }
 
-/// The next event `E` of a machine, or `None` when the time limit is over.
+/// The next event `E` of a machine; `None` if the time limit ends first.
 type Next<E, S, P> = Result<Option<E>, Error<S, P>>;
 
-/// An executor with a machine and the polled wires as its port.
 type Blocking<M, SPI, IRQ, DELAY> = Executor<M, Wires<SPI, IRQ, DELAY>>;
 
-/// The next event after `event`, or `None` when `limit_us` microseconds of waiting are over.
+/// Returns the next event after `event`; `None` if `limit_us` of waiting, in µs, end first.
 fn next<M: Machine, SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs>(
     executor: &mut Blocking<M, SPI, IRQ, DELAY>,
     mut event: Option<M::Event>,
@@ -184,12 +177,12 @@ fn next<M: Machine, SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs>(
     }
 }
 
-/// A poller that blocks.
+/// A poller whose calls block.
 #[derive(Debug)]
 pub struct Poller<SPI: SpiDevice, IRQ: InputPin, DELAY>(Blocking<poller::Poller, SPI, IRQ, DELAY>);
 
 impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
-    /// A poller with this SPI device, IRQ pin and delay. No transfer has been made yet.
+    /// Returns a poller that has not accessed its chip yet.
     pub const fn new(spi: SPI, irq: IRQ, delay: DELAY, config: PollerConfig) -> Self {
         Self(Executor::new(poller::Poller::new(config), Wires::new(spi, irq, delay)))
     }
@@ -199,19 +192,19 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
         self.0.machine().counters()
     }
 
-    /// Brings the chip up or, if it is up already, checks it: one attempt, which takes at most about 0.3 s.
+    /// Brings the chip up, or checks it if it is up already. This is one attempt, which takes about 0.3 s at most.
     ///
     /// # Errors
-    /// The error that stopped the bring-up; the next call tries again after a back-off of 1 ms to 64 ms.
+    /// The error that stopped the bring-up. The next call tries again after a back-off of 1 ms to 64 ms.
     pub fn bring_up(&mut self) -> Result<Variant, Error<SPI::Error, IRQ::Error>> {
         self.go_on(|machine| machine.step(Input::Start))?;
         self.0.machine().variant().ok_or(Error::Fault(Fault::Executor))
     }
 
-    /// Sends one frame of 1..=254 bytes and returns when the chip has sent it. Brings the chip up first if necessary.
+    /// Sends one frame of 1..=254 bytes, and returns when the chip has sent it. Brings the chip up first if necessary.
     ///
     /// # Errors
-    /// The error that stopped the sending; the frame may or may not have been sent.
+    /// The error that stopped the sending. The frame may or may not have been sent.
     pub fn send(&mut self, payload: &[u8]) -> Result<(), Error<SPI::Error, IRQ::Error>> {
         if !self.0.machine().is_ready() {
             self.bring_up()?;
@@ -238,7 +231,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
         self.go_on(|machine| machine.step(Input::Start)) // checked, Ready again
     }
 
-    /// Makes the machine take one step, and carries out the steps that follow, to the next event.
+    /// Makes the machine take one step, and carries out all steps to the next event.
     fn go_on(
         &mut self,
         take: impl FnOnce(&mut poller::Poller) -> crate::Step<PollerEvent>,
@@ -251,12 +244,12 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
     }
 }
 
-/// A listener that blocks.
+/// A listener whose calls block.
 #[derive(Debug)]
 pub struct Listener<SPI: SpiDevice, IRQ: InputPin, DELAY>(Blocking<listener::Listener, SPI, IRQ, DELAY>);
 
 impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Listener<SPI, IRQ, DELAY> {
-    /// A listener with this SPI device, IRQ pin and delay. No transfer has been made yet.
+    /// Returns a listener that has not accessed its chip yet.
     pub const fn new(spi: SPI, irq: IRQ, delay: DELAY, config: ListenerConfig) -> Self {
         Self(Executor::new(listener::Listener::new(config), Wires::new(spi, irq, delay)))
     }
@@ -266,24 +259,24 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Listener<SPI, IRQ, DELAY> {
         self.0.machine().counters()
     }
 
-    /// The chip's type, as its identity register gave it at the last bring-up.
+    /// The chip's type, as the last bring-up read it; `None` before that.
     pub const fn variant(&self) -> Option<Variant> {
         self.0.machine().variant()
     }
 
-    /// Continues to the next event, or for `limit_us` microseconds of waiting, whichever comes first. Returns `None` if
-    /// there was no event. A fault is an event, too: the next call recovers from it.
+    /// Continues to the next event. Returns `None` if `limit_us` of waiting, in µs, end first. A fault is an event,
+    /// too, from which the next call recovers.
     ///
     /// # Errors
     /// The bus or the pin failed; the next call recovers.
     pub fn next(&mut self, limit_us: u32) -> Result<Option<ListenerEvent>, Error<SPI::Error, IRQ::Error>> {
-        // The machine continues after an event. If the call before returned no event, this has no effect.
+        // This continues the machine after an event. It has no effect if the call before returned no event.
         let event = self.0.resume();
         next(&mut self.0, event, Some(limit_us))
     }
 
-    /// The first `len` bytes of the receive buffer's payload. They are those of the last [`ListenerEvent::Frame`] until
-    /// the next call of [`Listener::next`].
+    /// The first `len` bytes of the receive buffer's payload. Until the next call of [`Listener::next`] these are the
+    /// payload of the last [`ListenerEvent::Frame`].
     pub fn payload(&mut self, len: usize) -> &[u8] {
         self.0.port().frame.get(PAYLOAD_OFFSET..PAYLOAD_OFFSET + len).unwrap_or(&[])
     }

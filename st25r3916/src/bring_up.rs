@@ -1,4 +1,4 @@
-//! Bring-up of a chip in any role: one list of operations, carried out one at a time.
+//! Bring-up of a chip in any role: a list of operations, carried out one at a time.
 //!
 //! # The list
 //!
@@ -11,10 +11,10 @@
 //! 4. Operate ([`Part::Operate`]): receiver or field on, the role's last commands, operation control, mode and bit
 //!    rate read back.
 //!
-//! The order of the first part is the data sheet's power-up sequence. Two steps are needed only by a chip in an unknown
-//! state. The IO drivers are set before the identity is read, so that MISO is driven as strongly as in operation when
-//! it is first relied on. The interrupt registers are read once before the first wait, because the IRQ pin may have
-//! been high since before the host's reset. The field stays off until every register has been read back.
+//! The order of the first part is the data sheet's power-up sequence. Two more steps serve a chip in an unknown state.
+//! The IO drivers are set before the identity is read, so that MISO is driven as strongly as in operation. The
+//! interrupt registers are read once before the first wait, because the IRQ pin may have been high since before the
+//! host's reset. The field stays off until every register has been read back.
 //!
 //! # Sources of the supply sequence
 //!
@@ -22,8 +22,8 @@
 //! and the threshold of 3.6 V are the same in ST's library (stm32duino/ST25R3916, `src/st25r3916.cpp`), in Flipper Zero
 //! (`targets/f7/furi_hal/furi_hal_nfc.c`) and in embassy-rs/rnfc (`rnfc-st25r39/src/lib.rs`). ST's library and rnfc
 //! toggle `reg_s` before the adjustment. ST's library waits for I_dct after the RC calibration and continues if I_dct
-//! does not come. This driver does the same, because it must not take a late I_dct of the calibration for the end of
-//! the measurement.
+//! does not come. This driver does so too, because it must not take a late I_dct of the calibration for the end of the
+//! measurement.
 
 use crate::command;
 use crate::machine::{Fault, Input, Short};
@@ -32,26 +32,25 @@ use crate::{
     CALIBRATION_US, MEASUREMENT_US, OSCILLATOR_US, REGULATOR_US, SUPPLY_5V_MV, SUPPLY_MAX_MV, SUPPLY_MIN_MV, Variant,
 };
 
-/// The latest first bit of an answer, in microseconds after the end of the frame.
+/// How long after the end of a frame the first bit of an answer may come, µs.
 pub const WINDOW_US: u32 = 3_000;
-/// The number of steps of 64/fc in the no-response timer: the window, preamble and sync (64 bits of 32/fc), and one
-/// step of jitter (RFAL, `RFAL_FWT_ADJUSTMENT`).
+/// The number of steps of 64/fc in the no-response timer: the window for an answer, preamble and sync (64 bits of
+/// 32/fc), and one step of jitter (RFAL, `RFAL_FWT_ADJUSTMENT`).
 pub(crate) const NO_RESPONSE_STEPS: u16 = {
     let cycles = (WINDOW_US * 1_356).div_ceil(100) + HEADER_FC + 64;
     cycles.div_ceil(64) as u16
 };
-/// Preamble and sync at 424 kbit/s, in carrier periods.
+/// The duration of preamble and sync at 424 kbit/s, in carrier periods.
 const HEADER_FC: u32 = 64 * 32;
 
-/// A read of only the interrupt registers, for the time before the masks are set.
+/// A read of the interrupt registers alone, for the time before the masks are set.
 const IRQ_READ: Short = Short::new([command::READ | reg::IRQ_MAIN, 0, 0, 0, 0]);
 /// A read of operation control, mode and bit rate, which a reset would change.
 pub(crate) const CONFIGURATION_READ: Short = Short::new([command::READ | reg::OPERATION_CONTROL, 0, 0, 0]);
-/// A read of the auxiliary display.
 pub(crate) const DISPLAY_READ: Short = Short::new([command::READ | reg::AUXILIARY_DISPLAY, 0]);
-/// The number of interrupts without the awaited bit after which the pin counts as stuck.
+/// The number of interrupts in a row, without the awaited bit, after which the IRQ pin counts as stuck.
 pub(crate) const IDLE_IRQS: u8 = 8;
-/// The shortest back-off before a bring-up, in microseconds; each fault doubles it.
+/// The shortest back-off before a bring-up, µs. Each fault doubles it.
 const BACK_OFF_US: u32 = 1_000;
 /// The number of faults in a row after which the back-off no longer doubles: 1 ms · 2⁶ = 64 ms.
 const BACK_OFF_STEPS: u8 = 7;
@@ -60,15 +59,13 @@ const BACK_OFF_STEPS: u8 = 7;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ReceiverMode {
-    /// `rx_en` = 0: the receiver is off, so the chip itself guarantees that the poller never listens.
+    /// `rx_en` = 0: the receiver is off, so the chip itself guarantees that the poller does not listen.
     #[default]
     Off,
-    /// `rx_en` = 1 and the receive data masked (D0): I_txe confirms every frame, also on a chip that turns out not to
-    /// raise it with its receiver off.
+    /// `rx_en` = 1 and the receive data masked (D0), for a chip that does not raise I_txe while its receiver is off.
     OnMasked,
 }
 
-/// The role in which the chip is brought up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
     /// A poller, which sends frames and never listens.
@@ -99,7 +96,7 @@ impl Role {
     /// Checks that a [`CONFIGURATION_READ`] found the registers as they were set.
     ///
     /// # Errors
-    /// [`Fault::Reset`] where the oscillator is not switched on, [`Fault::Register`] where another bit is wrong.
+    /// [`Fault::Reset`] if the oscillator is not switched on, [`Fault::Register`] if another bit is wrong.
     pub(crate) fn check_configuration(self, response: &[u8]) -> Result<(), Fault> {
         match response {
             [_, operation, ..] if operation & reg::OP_EN == 0 => Err(Fault::Reset),
@@ -132,17 +129,15 @@ struct Setting {
 }
 
 impl Setting {
-    /// A setting of registers of space A, from `address` on.
     const fn a(address: u8, values: &'static [u8]) -> Self {
         Self { in_space_b: false, address, values }
     }
 
-    /// A setting of registers of space B, from `address` on.
     const fn b(address: u8, values: &'static [u8]) -> Self {
         Self { in_space_b: true, address, values }
     }
 
-    /// The first bytes of a transfer that accesses this setting's registers in the given operation mode.
+    /// Returns a transfer that accesses this setting's registers: operation mode and address, then `rest`.
     fn access(self, mode: u8, rest: &[u8]) -> Short {
         let head = [command::SPACE_B, mode | self.address];
         let from = usize::from(!self.in_space_b);
@@ -158,10 +153,10 @@ impl Setting {
         self.access(command::READ, ZEROS.get(..self.values.len()).unwrap_or(&ZEROS))
     }
 
-    /// Checks that the response to [`Setting::read`] has the written values.
+    /// Checks the response to [`Setting::read`].
     ///
     /// # Errors
-    /// [`Fault::Register`] for the first difference.
+    /// [`Fault::Register`] for the first register that differs.
     fn check(self, response: &[u8]) -> Result<(), Fault> {
         let (head, space) = if self.in_space_b { (2, reg::SPACE_B) } else { (1, 0) };
         check(space | self.address, self.values, response.get(head..).unwrap_or(&[]))
@@ -181,7 +176,7 @@ fn check(address: u8, set: &[u8], found: &[u8]) -> Result<(), Fault> {
 
 /// Mode and bit rate of a poller: registers 03 and 04.
 const POLLER_MODE: [u8; 2] = [reg::MODE_POLLER_NFC_F, reg::BIT_RATE_424];
-/// Mode and bit rate of a listener.
+/// Mode and bit rate of a listener: registers 03 and 04.
 const LISTENER_MODE: [u8; 2] = [reg::MODE_LISTENER_NFC_F, reg::BIT_RATE_424];
 
 const IO_5V: Setting =
@@ -193,8 +188,8 @@ const IO_3V: Setting = Setting::a(
 const REGULATOR_MANUAL: Setting = Setting::a(reg::REGULATOR_CONTROL, &[reg::REGULATOR_MANUAL]);
 const REGULATOR_ADJUSTED: Setting = Setting::a(reg::REGULATOR_CONTROL, &[reg::REGULATOR_ADJUSTED_MEASURE_VDD]);
 
-/// Auxiliary definition, receiver and mask-receive timer: registers 0A to 0F. A poller sets them too: its receiver
-/// is off, but its register values should not depend on that, and [`ReceiverMode::OnMasked`] switches it on.
+/// Auxiliary definition, receiver and mask-receive timer: registers 0A to 0F. A poller whose receiver is off sets them
+/// too, so that its register values do not depend on [`ReceiverMode`].
 const RECEIVER: Setting = Setting::a(
     reg::AUXILIARY,
     &[
@@ -206,9 +201,9 @@ const RECEIVER: Setting = Setting::a(
         reg::MASK_RECEIVE_SHORT,
     ],
 );
-/// The receiver's registers 0A to 0F for a poller that receives answers with an ST25R3916.
+/// The registers 0A to 0F of a poller with an ST25R3916 that receives answers.
 const ANSWER_RECEIVER_A: Setting = Setting::a(reg::AUXILIARY, &answer_receiver(reg::RECEIVER_2_ANSWER_A));
-/// The receiver's registers 0A to 0F for a poller that receives answers with an ST25R3916B.
+/// The registers 0A to 0F of a poller with an ST25R3916B that receives answers.
 const ANSWER_RECEIVER_B: Setting = Setting::a(reg::AUXILIARY, &answer_receiver(reg::RECEIVER_2_ANSWER_B));
 const CORRELATOR: Setting = Setting::b(reg::B_CORRELATOR, &reg::CORRELATOR_NFC_F);
 
@@ -343,7 +338,6 @@ const fn listener(listening: Listening, antenna: &'static [u8]) -> [Setting; 9] 
     ]
 }
 
-/// A part of the list of bring-up operations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Part {
     Power,
@@ -352,23 +346,19 @@ enum Part {
     Operate,
 }
 
-/// One entry of the list of bring-up operations.
 enum Operation {
-    /// A command or a write; the response is ignored.
+    /// Sends a command or a write; the response is ignored.
     Send(Short),
-    /// A command or a write, followed by a wait for the interrupt at its end.
+    /// Sends a command or a write, then waits for the interrupt at its end.
     Run(Short, Awaited),
-    /// Read the identity.
     Identify,
-    /// Read the result of the supply measurement.
     ReadSupply,
-    /// Read these registers back.
+    /// Reads these registers back.
     ReadBack(Setting),
-    /// Read operation control, mode and bit rate back.
+    /// Reads operation control, mode and bit rate back.
     Verify,
-    /// This chip type needs no operation here.
+    /// Does nothing, since this chip type needs no operation here.
     Skip,
-    /// This part of the list has no further operation.
     End,
 }
 
@@ -381,7 +371,7 @@ enum Awaited {
 }
 
 impl Awaited {
-    /// The longest wait for the interrupt, in microseconds.
+    /// The longest wait for the interrupt, µs.
     const fn limit_us(self) -> u32 {
         match self {
             Self::Oscillator => OSCILLATOR_US,
@@ -413,17 +403,16 @@ impl Awaited {
 enum Phase {
     /// The operation's transfer is under way.
     Sent,
-    /// The awaited interrupt is outstanding.
+    /// The awaited interrupt has not come yet.
     Waiting,
     /// The interrupt registers are being read; `last` means that the wait's time is over.
     Reading { last: bool },
 }
 
-/// The next action of bring-up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Progress {
     Transfer(Short),
-    /// Wait for the IRQ pin, at most this many microseconds.
+    /// Wait for the IRQ pin, at most this many µs.
     Wait(u32),
     Finished,
     Failed(Fault),
@@ -433,10 +422,8 @@ pub(crate) enum Progress {
 pub(crate) struct BringUp {
     role: Role,
     variant: Option<Variant>,
-    /// The measured supply voltage, mV.
     supply_mv: Option<u16>,
     part: Part,
-    /// The index of the present operation within `part`.
     index: u8,
     phase: Phase,
     /// The number of interrupts in a row without the awaited bit.
@@ -473,7 +460,7 @@ impl BringUp {
         self.supply_mv
     }
 
-    /// Records a fault: the next back-off is twice as long, up to 64 ms.
+    /// Records a fault, which doubles the next back-off, up to 64 ms.
     pub(crate) const fn failed(&mut self) {
         if self.failures < BACK_OFF_STEPS {
             self.failures += 1;
@@ -485,8 +472,8 @@ impl BringUp {
         BACK_OFF_US << self.failures.saturating_sub(1)
     }
 
-    /// Records that the link works: the next back-off is the shortest again. It is not called at the end of bring-up,
-    /// so that a chip that resets right after each bring-up is not brought up without a pause.
+    /// Records that the link works, so that the next back-off is the shortest again. It is not called at the end of
+    /// bring-up, so that there is a pause even if a chip resets right after each bring-up.
     pub(crate) const fn works(&mut self) {
         self.failures = 0;
     }
@@ -620,7 +607,7 @@ impl BringUp {
         }
     }
 
-    /// The IO configuration for the measured supply, or, before the measurement, for 5 V as after a reset.
+    /// The IO configuration for the measured supply, or for 5 V before the measurement.
     fn io(&self) -> Setting {
         match self.supply_mv {
             Some(millivolts) if millivolts < SUPPLY_5V_MV => IO_3V,
@@ -629,7 +616,7 @@ impl BringUp {
     }
 
     fn operation(&self) -> Operation {
-        // Bring-up fails where no chip type is identified, so every operation after the identity's has a type.
+        // Bring-up fails if no chip type is identified, so every operation after the identity's has a type.
         let variant = self.variant.unwrap_or(Variant::A);
         match self.part {
             Part::Power => self.power(variant),
@@ -645,8 +632,7 @@ impl BringUp {
         }
     }
 
-    /// The setting at `index` among those that stay as they are after bring-up, in the order in which they are read
-    /// back. [`CONFIGURATION_READ`] covers operation control.
+    /// The setting at `index` among those that are read back. [`CONFIGURATION_READ`] covers operation control.
     fn in_force(&self, index: u8) -> Option<Setting> {
         match index {
             0 => Some(self.io()),
@@ -660,8 +646,7 @@ impl BringUp {
         self.in_force(self.rotation)
     }
 
-    /// The transfer that reads the next setting back. It is made once for each frame, so that every setting is read
-    /// within as many frames as there are settings.
+    /// The transfer that reads the next setting back. It is made once for each frame.
     pub(crate) fn read_next(&self) -> Short {
         self.turn().map_or(CONFIGURATION_READ, Setting::read)
     }
@@ -724,7 +709,7 @@ impl BringUp {
     }
 }
 
-/// Converts a result of the supply measurement to millivolts: steps of 23.4 mV, rounded.
+/// Converts a result of the supply measurement to mV: steps of 23.4 mV, rounded.
 const fn supply_mv(steps: u8) -> u16 {
     (steps as u16 * 234 + 5) / 10
 }

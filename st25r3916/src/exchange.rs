@@ -1,7 +1,6 @@
-//! The exchange: a poller sends a frame, receives at most one answer within a fixed window, and goes on.
+//! The exchange: a poller sends a frame and receives at most one answer within a fixed window.
 //!
-//! A [`Poller`], which is a part of this machine, carries out bring-up, checks and sending. A [`Poller`] alone has its
-//! receiver off and no step that reads the FIFO.
+//! A [`Poller`], which is a part of this machine, carries out bring-up, checks and sending.
 //!
 //! # States
 //!
@@ -27,16 +26,14 @@
 //!
 //! # The window
 //!
-//! The receiver is masked (D0) outside the window, so that no signal at the antenna can disturb the FIFO while a frame
-//! is loaded: the chip empties the FIFO at each I_rxs. After the frame the machine waits until the guard time is nearly
-//! over ([`OPENS_US`]), and then unmasks the receiver (D1). No listener may answer within the guard time, in which the
-//! chip's mask-receive timer and squelch run. The chip's no-response timer starts by itself at the end of the frame. It
-//! raises I_nre if no sync has come within [`WINDOW_US`] and the time of an answer's preamble and sync. The driver does
-//! not depend on I_nre: its own wait ends a little later.
+//! The receiver is masked (D0) outside the window. Otherwise a signal at the antenna could disturb the FIFO while a
+//! frame is loaded, since the chip empties the FIFO at each I_rxs. After the frame the machine waits until the guard
+//! time, in which no listener may answer, is nearly over ([`OPENS_US`]). Then it unmasks the receiver (D1). The chip's
+//! no-response timer starts at the end of the frame. It raises I_nre if no sync has come within [`WINDOW_US`] and the
+//! time of preamble and sync. The driver does not depend on I_nre: its own wait ends a little later.
 //!
-//! An answer is read when it has ended, because nothing needs it earlier: LEN and the payload, at most 255 bytes. Then
-//! the receiver is masked again. If a second answer has begun meanwhile, it may have emptied the FIFO during the read,
-//! and neither answer is delivered.
+//! An answer is read when it has ended: LEN and the payload, at most 255 bytes. Then the receiver is masked again. If a
+//! second answer has begun meanwhile, it may have emptied the FIFO during the read, and neither answer is delivered.
 //!
 //! # Bounds
 //!
@@ -63,8 +60,7 @@
 //! | from a foreign card | [`ExchangeEvent::Answer`]: only the payload's own checks tell it |
 //! | a fault of the chip or the bus | [`ExchangeEvent::Fault`], recovered from as by a [`Poller`] |
 //!
-//! Nothing is repeated. After each event the next [`Input::Start`] leads to [`ExchangeEvent::Ready`], whatever the
-//! other side does.
+//! No frame is sent again. After each event the next [`Input::Start`] leads to [`ExchangeEvent::Ready`].
 //!
 //! ```compile_fail
 //! // HORUS's poller has no receive path: there is no event with an answer.
@@ -88,25 +84,25 @@ use crate::sender::{SendError, SendState};
 use crate::status::{STATUS_READ, Status};
 use crate::{FRAME_US, Variant, command};
 
-/// The wait from I_txe until the receiver is unmasked, in microseconds: the mask-receive timer, 189 µs, has run out by
-/// then, and the sync of the earliest answer begins later, 197 + 113 µs after the frame.
+/// The wait from I_txe until the receiver is unmasked, µs. The mask-receive timer, 189 µs, has run out by then, and the
+/// earliest answer's sync begins later, 197 + 113 µs after the frame.
 pub const OPENS_US: u32 = 190;
-/// The driver's own limit for I_rxs, from the opening of the receiver: window, preamble and sync (152 µs), and a margin
-/// within which I_nre comes.
+/// The driver's own limit for I_rxs, µs from the opening of the receiver: window, preamble and sync (152 µs), and a
+/// margin in which I_nre comes.
 const AWAIT_US: u32 = WINDOW_US + 152 + 50 - OPENS_US;
 
 /// An event of an exchange.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ExchangeEvent {
-    /// The chip is configured, checked, and its field is on: [`Exchange::prepare`] is possible.
+    /// The chip is configured and checked, and its field is on: [`Exchange::prepare`] is possible.
     Ready,
     /// The chip is prepared for the next frame, see [`PollerEvent::Prepared`].
     Prepared,
-    /// The FIFO holds the frame's beginning, see [`PollerEvent::Loaded`]: perform [`Exchange::transmit`], then give
-    /// [`Input::Done`].
+    /// The FIFO holds the first bytes of the frame, see [`PollerEvent::Loaded`]. The owner performs
+    /// [`Exchange::transmit`], then gives [`Input::Done`].
     Loaded,
-    /// An answer is in the buffer: `buffer[1..1 + len]` is its payload, as of [`crate::ListenerEvent::Frame`].
+    /// An answer is in the buffer: `buffer[1..1 + len]` is its payload, as in [`crate::ListenerEvent::Frame`].
     Answer {
         /// Payload length in bytes, 1..=254.
         len: usize,
@@ -115,7 +111,7 @@ pub enum ExchangeEvent {
     },
     /// The frame was sent, and there is no answer.
     NoAnswer(NoAnswer),
-    /// The frame is lost, or the chip has failed; [`Input::Start`] begins the recovery.
+    /// The frame is lost, or the chip has failed. [`Input::Start`] begins the recovery.
     Fault(Fault),
 }
 
@@ -135,9 +131,9 @@ pub enum NoAnswer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ExchangeState {
-    /// The poller within the exchange acts; [`Exchange::poller_state`] returns its state.
+    /// The poller within the exchange is at work; [`Exchange::poller_state`] returns its state.
     Polling,
-    /// The frame is sent; the guard time runs.
+    /// The frame is sent, and the guard time runs.
     Guarding,
     /// The receiver is being unmasked.
     Opening,
@@ -159,19 +155,19 @@ pub enum ExchangeState {
     Closing,
     /// The receiver's gain is being reset.
     ResettingGain,
-    /// The status is being read for the last time.
+    /// The status is being read after the receiver was masked.
     CheckingClosed,
     /// The result was reported.
     Over,
 }
 
-/// Counts since the exchange was made; each wraps.
+/// Counts since the exchange was made; each count wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ExchangeCounters {
     /// The counts of the poller within the exchange.
     pub poller: PollerCounters,
-    /// Answers delivered, with any flags.
+    /// Answers that were delivered, with or without flags.
     pub answers: u32,
     /// Answers delivered with at least one of the chip's flags.
     pub flagged: u32,
@@ -186,7 +182,6 @@ pub struct ExchangeCounters {
 pub struct Exchange {
     poller: Poller,
     state: ExchangeState,
-    /// The answer that is being received.
     frame: Option<Frame>,
     /// The result of the exchange, which is reported when the receiver is masked.
     result: Result<(usize, FrameFlags), NoAnswer>,
@@ -198,7 +193,7 @@ pub struct Exchange {
 }
 
 impl Exchange {
-    /// An exchange that has not accessed its chip yet. The first [`Input::Start`] begins bring-up.
+    /// Returns an exchange that has not accessed its chip yet. The first [`Input::Start`] begins bring-up.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -214,7 +209,7 @@ impl Exchange {
         }
     }
 
-    /// The chip's type, as its identity register gave it at the last bring-up.
+    /// The chip's type, as the last bring-up read it; `None` before that.
     #[must_use]
     pub const fn variant(&self) -> Option<Variant> {
         self.poller.variant()
@@ -232,7 +227,7 @@ impl Exchange {
         self.state
     }
 
-    /// The state of the poller within the exchange, which acts in [`ExchangeState::Polling`].
+    /// The state of the poller within the exchange, which is at work in [`ExchangeState::Polling`].
     #[must_use]
     pub const fn poller_state(&self) -> PollerState {
         self.poller.state()
@@ -250,8 +245,7 @@ impl Exchange {
         }
     }
 
-    /// Whether [`Exchange::prepare`] is possible now: the last step was [`ExchangeEvent::Ready`] or
-    /// [`ExchangeEvent::Prepared`].
+    /// Whether [`Exchange::prepare`] is possible: after [`ExchangeEvent::Ready`] or [`ExchangeEvent::Prepared`].
     #[must_use]
     pub const fn is_ready(&self) -> bool {
         matches!(self.state, ExchangeState::Polling) && self.poller.is_ready()
@@ -326,7 +320,6 @@ impl Exchange {
         }
     }
 
-    /// Converts a step of the poller to a step of the exchange.
     fn poll(&mut self, step: Step<PollerEvent>) -> Step<ExchangeEvent> {
         step.map(|event| match event {
             PollerEvent::Ready => Step::Event(ExchangeEvent::Ready),
@@ -337,8 +330,8 @@ impl Exchange {
         })
     }
 
-    /// The status that the poller waits for, if it shows that an answer has begun. This happens where the executor is
-    /// late: the frame has been sent, and the FIFO holds the answer.
+    /// Returns the status that the poller has read, if it shows that an answer has begun. A late executor finds such a
+    /// status: the frame has been sent, and the FIFO holds the answer.
     fn answer_before(&self, input: Input<'_>) -> Option<Status> {
         let PollerState::Sending(SendState::ReadingIrqs { .. }) = self.poller.state() else { return None };
         let Input::Done(response) = input else { return None };
@@ -349,7 +342,7 @@ impl Exchange {
         self.frame.insert(Frame::new(ReadMode::StoreAndForward)).note(status);
     }
 
-    /// Begins the guard time after the poller has sent the frame.
+    /// Begins the guard time after the frame was sent.
     fn sent(&mut self) -> Step<ExchangeEvent> {
         self.idle_irqs = 0;
         self.state = ExchangeState::Guarding;
@@ -467,7 +460,8 @@ mod tests {
 
     #[test]
     fn the_no_response_timer_covers_window_preamble_and_sync() {
-        // 3 ms are 40 680 carrier periods; with 2 048 of preamble and sync and one step of jitter 669 steps of 64.
+        // 3 ms are 40 680 carrier periods. With preamble, sync (2 048) and one step of jitter, they are 669 steps of
+        // 64.
         assert_eq!(NO_RESPONSE_STEPS, 669);
         let after_us = u32::from(NO_RESPONSE_STEPS) * 64 * 100 / 1_356;
         assert!(after_us < OPENS_US + AWAIT_US, "I_nre comes before the driver's own limit");

@@ -1,25 +1,24 @@
-//! The executor carries out a machine's steps through a port: an interface to hardware that starts things only.
+//! The executor carries out a machine's steps through a [`Port`] to the hardware.
 //!
 //! Three interrupts drive the executor: a transfer has ended, the IRQ pin has risen, or the timer has run out. Each of
-//! them calls [`Executor::poll`], which reads the port's state and does not rely on which interrupt came. So no harm is
-//! done if an edge of the IRQ pin is lost or reported twice, or if an interrupt comes late, and a poll without a cause,
-//! now and then, recovers from a lost edge.
+//! them calls [`Executor::poll`], which reads the port's state and does not rely on which interrupt came. So a late
+//! interrupt and an edge that is reported twice do no harm. If an edge of the IRQ pin can be lost, poll also without an
+//! interrupt now and then.
 //!
-//! The executor never blocks: a call returns when a transfer or the timer runs, or with an event. Every transfer has a
-//! time limit, [`TRANSFER_US`]. A transfer that does not end in time is reported to the machine as failed, and the
-//! machine brings the chip up again.
+//! The executor never blocks: a call returns with an event, or when a transfer or the timer runs. A transfer that does
+//! not end within [`TRANSFER_US`] is reported to the machine as failed, and the machine brings the chip up again.
 
 use core::num::NonZeroUsize;
 
 use crate::machine::{Input, Short, Step, Transfer};
 use crate::{Answerer, AnswererEvent, Exchange, ExchangeEvent, Listener, ListenerEvent, Poller, PollerEvent};
 
-/// The longest transfer, µs: 258 bytes at 8 MHz take 258 µs; the rest is margin.
+/// The longest duration of a transfer, µs. 258 bytes at 8 MHz take 258 µs; the rest is margin.
 pub const TRANSFER_US: u32 = 1_000;
 
 /// The number of steps without a transfer or a wait after which a call returns. The machines need two at most.
 const STEPS: u32 = 8;
-/// The pause, µs, after a machine has taken [`STEPS`] steps without a transfer or a wait.
+/// The pause, µs, after a machine has taken [`STEPS`] such steps.
 const PAUSE_US: u32 = 1_000;
 
 /// The machine that an executor drives: [`Poller`], [`Listener`], [`Exchange`] or [`Answerer`].
@@ -67,25 +66,25 @@ impl Machine for Answerer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Failed;
 
-/// The hardware that an executor needs. Every operation starts something and returns at once.
+/// The hardware that an executor needs. Every operation returns at once.
 pub trait Port {
-    /// Starts this transfer, full duplex, chip select low from first to last bit.
+    /// Starts this full-duplex transfer, with chip select low from its first to its last bit.
     fn start_short(&mut self, short: &Short);
 
-    /// Starts a [`Transfer::Load`]; returns false where the payload has no such bytes. A listener needs no loads.
+    /// Starts a [`Transfer::Load`]. Returns false if the payload has no such bytes. A listener needs no loads.
     fn start_load(&mut self, offset: usize, len: usize) -> bool {
         let _ = (offset, len);
         false
     }
 
-    /// Starts a [`Transfer::Read`]; returns false where the buffer has no such bytes. A poller needs no reads.
+    /// Starts a [`Transfer::Read`]. Returns false if the buffer has no such bytes. A poller needs no reads.
     fn start_read(&mut self, offset: usize, len: usize) -> bool {
         let _ = (offset, len);
         false
     }
 
-    /// Whether the transfer has ended, with or without success. If so, chip select is high again, and the executor does
-    /// not call this function again before the next transfer.
+    /// Whether the transfer has ended, with or without success, and chip select is high again. After it has returned
+    /// true, the executor does not call it again before the next transfer.
     fn ended(&mut self) -> bool;
 
     /// The bytes that the ended transfer has clocked in, as [`Input::Done`] describes them.
@@ -104,18 +103,16 @@ pub trait Port {
     /// Starts the timer for `us` µs, or slightly more. An earlier start of the timer is replaced.
     fn start_timer(&mut self, us: u32);
 
-    /// Whether the time for which the timer was started is over.
+    /// Whether the time of the last [`Port::start_timer`] is over.
     fn elapsed(&mut self) -> bool;
 }
 
 /// The condition for which an executor waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Waiting {
-    /// The end of a transfer.
     Transfer,
     /// The IRQ pin or the timer, whichever comes first.
     IrqOrTime,
-    /// The timer.
     Time,
     /// The timer, before the machine continues after an event.
     Later,
@@ -129,7 +126,6 @@ pub struct Executor<M, P> {
     machine: M,
     port: P,
     waiting: Waiting,
-    /// Whether the present transfer is a load.
     loading: bool,
     /// The number of bytes of the frame in the buffer once the present read has ended; `None` if no read is running.
     reading_to: Option<NonZeroUsize>,
@@ -138,17 +134,17 @@ pub struct Executor<M, P> {
 }
 
 impl<M: Machine, P: Port> Executor<M, P> {
-    /// The initial state; [`Executor::resume`] begins the bring-up.
+    /// Returns an executor in its initial state; [`Executor::resume`] begins the bring-up.
     pub const fn new(machine: M, port: P) -> Self {
         Self { machine, port, waiting: Waiting::Owner, loading: false, reading_to: None, arrived: None }
     }
 
-    /// Read access to the machine.
+    /// The machine.
     pub const fn machine(&self) -> &M {
         &self.machine
     }
 
-    /// The port, to swap its buffer after an event.
+    /// The port, so that the owner can swap its buffer after an event.
     pub const fn port(&mut self) -> &mut P {
         &mut self.port
     }
@@ -163,14 +159,14 @@ impl<M: Machine, P: Port> Executor<M, P> {
         matches!(self.waiting, Waiting::IrqOrTime | Waiting::Time | Waiting::Later)
     }
 
-    /// The number of bytes of the present frame that are in the buffer, LEN included; it is returned once for each read
+    /// The number of bytes of the present frame that are in the buffer, LEN included. It is returned once for each read
     /// that has ended. `None` while a further read runs, because the buffer must not be read then.
     pub fn take_arrived(&mut self) -> Option<usize> {
         self.arrived.take().filter(|_| self.reading_to.is_none()).map(NonZeroUsize::get)
     }
 
-    /// Evaluates the port's state and continues as far as possible; returns an event if there is one, after which the
-    /// owner calls [`Executor::resume`], [`Executor::go_on`] or [`Executor::resume_later`].
+    /// Evaluates the port's state and continues as far as possible. After an event the owner calls
+    /// [`Executor::resume`], [`Executor::go_on`] or [`Executor::resume_later`].
     pub fn poll(&mut self) -> Option<M::Event> {
         let step = match self.waiting {
             Waiting::Transfer if self.port.ended() => {
@@ -198,8 +194,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         self.go_on(|machine| machine.step(Input::Start))
     }
 
-    /// Continues after an event with another step: `take` makes the machine take it. While a transfer or a wait is
-    /// under way this call has no effect, because the outstanding step would be lost.
+    /// Continues after an event with the step that `take` makes. This has no effect during a transfer or a wait.
     pub fn go_on(&mut self, take: impl FnOnce(&mut M) -> Step<M::Event>) -> Option<M::Event> {
         if self.waiting != Waiting::Owner {
             return None;
@@ -208,7 +203,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         self.carry_out(step)
     }
 
-    /// Continues after an event with [`Input::Start`], but only `us` µs later.
+    /// Continues after an event with [`Input::Start`], `us` µs later.
     pub fn resume_later(&mut self, us: u32) {
         self.wait(Waiting::Later, us);
     }
@@ -217,7 +212,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         for _ in 0..STEPS {
             step = match step {
                 Step::Transfer(transfer) => {
-                    // The transfer is started first: its time limit can be set while it runs.
+                    // The transfer is started first, since its time limit can be set while it runs.
                     if self.start(transfer) {
                         self.wait(Waiting::Transfer, TRANSFER_US);
                         return None;
@@ -226,7 +221,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
                 }
                 Step::Wait { us } => {
                     self.wait(Waiting::IrqOrTime, us);
-                    // The IRQ pin may already be high, or high again; then no edge of it, and so no interrupt, comes.
+                    // The IRQ pin may already be high, or high again; then no edge and no interrupt comes.
                     if !self.port.irq_is_high() {
                         return None;
                     }
@@ -247,7 +242,6 @@ impl<M: Machine, P: Port> Executor<M, P> {
         None
     }
 
-    /// Starts a transfer; returns false where the port has no such bytes.
     fn start(&mut self, transfer: Transfer) -> bool {
         match transfer {
             Transfer::Short(short) => {

@@ -1,13 +1,11 @@
-//! Driver for ST's ST25R3916 and ST25R3916B NFC front ends: NFC-F at 424 kbit/s, poller and listener, in one direction
-//! or with one answer.
+//! Driver for ST's NFC front ends ST25R3916 and ST25R3916B: NFC-F at 424 kbit/s, poller and listener.
 //!
 //! A [`Poller`] keeps its field on and sends frames of 1 to 254 bytes; it never listens. A [`Listener`] receives them;
-//! it never answers, and its driver registers are set so that it cannot. There is no activation, no acknowledgement and
-//! no retry: a lost frame stays lost, and both ends recover by themselves.
+//! it never answers, and its registers are set so that it cannot. There is no activation, no acknowledgement and no
+//! retry: a lost frame stays lost, and both ends recover by themselves.
 //!
 //! Where data have to come back, an [`Exchange`] replaces the poller and an [`Answerer`] the listener: each frame gets
-//! at most one answer, within a fixed window. They are separate types, so that a [`Poller`] still cannot listen and a
-//! [`Listener`] still cannot answer.
+//! at most one answer, within a fixed window.
 //!
 //! # Simple use
 //!
@@ -39,11 +37,10 @@
 //!
 //! # Machines and executors
 //!
-//! No machine accesses a bus. Each machine is a value with one method, `step`, which takes the last event ([`Input`])
-//! and returns the next action ([`Step`]): make one SPI transfer, wait for the IRQ pin with a time limit, or report an
-//! event to the caller. An executor carries the steps out. The module [`executor`] has one that uses a
-//! [`executor::Port`], whose operations only start something: interrupts and DMA implement the port, or [`blocking`]
-//! with polling. So the logic is the same for both, and it is tested without hardware.
+//! A machine is a value with one method, `step`, which takes the last event ([`Input`]) and returns the next action
+//! ([`Step`]): make one SPI transfer, wait for the IRQ pin with a time limit, or report an event to the caller. An
+//! executor carries the steps out. The module [`executor`] has one that uses a [`executor::Port`], which interrupts and
+//! DMA implement, or [`blocking`] with polling. So the logic is the same for both, and it is tested without hardware.
 //!
 //! | step | the executor | the next input |
 //! |---|---|---|
@@ -59,15 +56,15 @@
 //! - with a working chip and an executor that answers the outstanding step, the machine returns to
 //!   [`PollerEvent::Ready`] or [`ListenerEvent::Listening`] by itself.
 //!
-//! The IRQ pin is a level: high while an unmasked interrupt is set, low once the interrupt registers are read.
-//! Executors on an edge-triggered input read the level when a [`Step::Wait`] begins.
+//! The IRQ pin is a level: high while an unmasked interrupt is set, low once the interrupt registers are read. An
+//! executor on an edge-triggered input reads the level when a [`Step::Wait`] begins.
 //!
 //! The states of each machine, with a diagram, are in [`poller`], [`listener`], [`exchange`] and [`answerer`].
 //!
 //! # An exchange, on both sides
 //!
-//! The owner of an [`executor::Executor`] handles one event after another. It sends the transmit command by itself, at
-//! an instant that it chooses, with a timer if the instant has to be exact, and then gives [`Input::Done`].
+//! The owner of an [`executor::Executor`] handles one event after another. It sends the transmit command itself, at an
+//! instant that it chooses, and then gives [`Input::Done`].
 //!
 //! ```
 //! use st25r3916::{Answerer, AnswererEvent, Exchange, ExchangeEvent, Input, Step};
@@ -271,9 +268,9 @@
 //! # Sources
 //!
 //! "DS13541" is ST's data sheet of the ST25R3916B. Where the ST25R3916 differs (identity, overheat protection, antenna
-//! tuning, the coding of the AM depth), the driver reads the part's identity and adapts. Values that the data sheet
-//! leaves to the user follow public drivers, named in [`register`] and in `bring_up.rs`. The README's list of known
-//! trouble has what no source settles.
+//! tuning, the coding of the AM depth), the driver adapts to the identity that it reads. Values that the data sheet
+//! leaves to the user follow public drivers, named in [`register`] and in `bring_up.rs`. The README lists what no
+//! source settles.
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
@@ -301,18 +298,16 @@ pub use machine::{Fault, Input, Short, Step, Transfer};
 pub use poller::{Poller, PollerConfig, PollerCounters, PollerEvent, PollerState};
 pub use sender::{SendError, SendState};
 
-/// The longest wait for a stable oscillator, in microseconds (typically 0.7 ms).
+/// The longest wait for a stable oscillator, µs (typically 0.7 ms).
 pub const OSCILLATOR_US: u32 = 10_000;
-/// The longest wait for the RC calibration of an ST25R3916B, in microseconds (5 ms in the data sheet). If the interrupt
-/// at the calibration's end does not come, bring-up continues after this time.
+/// The longest wait for the RC calibration of an ST25R3916B, µs (5 ms in the data sheet). Bring-up then continues even
+/// if the interrupt at the calibration's end has not come.
 pub const CALIBRATION_US: u32 = 6_000;
-/// The longest wait for the supply measurement, in microseconds (25 µs in the data sheet).
+/// The longest wait for the supply measurement, µs (25 µs in the data sheet).
 pub const MEASUREMENT_US: u32 = 1_000;
-/// The longest wait for the regulator adjustment, in microseconds (at most 5 ms in the data
-/// sheet).
+/// The longest wait for the regulator adjustment, µs (at most 5 ms in the data sheet).
 pub const REGULATOR_US: u32 = 6_000;
-/// The longest time from a frame's sync (I_rxs) to its end (I_rxe), in microseconds: 257 bytes
-/// take 4.852 ms.
+/// The longest time from a frame's sync (I_rxs) to its end (I_rxe), µs: 257 bytes take 4.852 ms.
 pub const FRAME_US: u32 = 6_000;
 
 /// The lowest supply voltage (VDD) that the data sheet allows, mV; a lower one is [`Fault::SupplyOutOfRange`].
@@ -332,17 +327,16 @@ pub enum Variant {
     B,
 }
 
-/// The air time of a frame at 424 kbit/s, first preamble bit to last CRC bit, in microseconds, rounded up: the time for
-/// which a poller waits for the end of its own frame.
+/// The air time of a frame at 424 kbit/s, from the first preamble bit to the last CRC bit, µs, rounded up.
 ///
-/// A frame consists of 48 bits of preamble, 16 of sync, then LEN, `payload` bytes and CRC-16; a bit is 32 carrier
+/// A frame consists of 48 bits of preamble, 16 of sync, then LEN, `payload` bytes and CRC-16. A bit is 32 carrier
 /// periods of 13.56 MHz. 64-bit arithmetic is avoided, because it is a library call on a Cortex-M4.
 const fn air_time_us(payload: u8) -> u32 {
     let bits = 64 + 8 * (payload as u32 + 3);
     (bits * 3_200).div_ceil(1_356)
 }
 
-/// A test that compiles and runs the README's example.
+/// This test compiles and runs the README's example.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;

@@ -30,40 +30,37 @@
 //!  └── CheckingSetting ◄── RearmUnmask ◄── RearmClear
 //! ```
 //!
-//! The diagram omits two transitions: an error outside a frame leads from ReadingStatus to RearmClear; a second sync
-//! within a frame is DROPPED, from where Reported leads back to Receiving.
+//! The diagram omits two transitions: an error outside a frame leads from ReadingStatus to RearmClear, and a second
+//! sync within a frame is DROPPED, from where Reported leads back to Receiving.
 //!
 //! # A frame
 //!
-//! I_rxs (sync detected) begins it, I_rxe ends it, and in between the bytes fill the FIFO, one every 18.9 µs. With
-//! [`ReadMode::StoreAndForward`] the machine waits until I_rxe and then reads everything: at 8 MHz 246 µs for the 245
-//! bytes before the CRC-16 of a frame of 247. With [`ReadMode::WhileFilling`] it reads three times before that,
+//! I_rxs (sync detected) begins a frame, I_rxe ends it, and in between its bytes fill the FIFO, one every 18.9 µs. With
+//! [`ReadMode::StoreAndForward`] the machine waits until I_rxe and then reads all bytes but the CRC-16: at 8 MHz 246 µs
+//! for a frame of 247 bytes. With [`ReadMode::WhileFilling`] it reads the bytes present three times before that:
 //!
-//! 1. 16 bytes after the sync: the bytes present, which include LEN and so determine the frame's end;
-//! 2. [`BODY`] bytes before that end: the bytes present, most of the frame;
-//! 3. [`TAIL`] bytes before that end: the bytes present,
+//! 1. 16 bytes after the sync: these include LEN, which determines the frame's end;
+//! 2. [`BODY`] bytes before that end: most of the frame;
+//! 3. [`TAIL`] bytes before that end.
 //!
-//! so that [`TAIL`] - 2 bytes of the payload are left after I_rxe (5 µs at 8 MHz with the command). Bytes of the CRC-16
-//! that have not been read by then stay in the FIFO: the chip has compared the CRC-16, and re-arming clears the FIFO.
-//! The machine never empties the FIFO while the chip fills it: an early read takes one byte less than the level, which
-//! can only have grown since, or takes so long that another byte has come by its end. An executor that is late for one
-//! of the reads finds more bytes, or the end of the frame; the result is the same, only later. A LEN that was damaged
-//! on air only puts the second read at a wrong instant.
+//! So [`TAIL`] - 2 bytes of the payload are left after I_rxe (5 µs at 8 MHz with the command). The CRC-16 may stay in
+//! the FIFO unread: the chip has compared it, and re-arming clears the FIFO. The machine never empties the FIFO while
+//! the chip fills it: an early read takes one byte less than the level, or takes so long that another byte has come by
+//! its end. A late executor finds more bytes, or the end of the frame; the result is the same, only later. A damaged
+//! LEN only puts the second read at a wrong instant.
 //!
 //! # Delivery before re-arming
 //!
-//! [`ListenerEvent::Frame`] is returned as soon as the last byte is in the buffer; the transfers that re-arm the
-//! receiver (status, clear FIFO, unmask receive data: 10 bytes) come after the next [`Input::Start`]. A frame's first
-//! byte comes only after its preamble and sync (151 µs). If the next frame has begun before the executor continues,
-//! the status read shows its I_rxs. The machine then does not clear the FIFO (the chip resets it at I_rxs) and
-//! receives the frame. It clears only a FIFO that holds bytes, as after a frame, when the next frame is far away, and
-//! not that of an idle chip. One case cannot be detected: a sync in the few microseconds between the status read and
-//! the clear. If the clear also discards the interrupt (the data sheet contradicts itself), that frame is recognised
-//! only by its I_rxe.
+//! [`ListenerEvent::Frame`] is returned as soon as the last byte is in the buffer. The transfers that re-arm the
+//! receiver (status, clear FIFO, unmask receive data: 10 bytes) come after the next [`Input::Start`]. If the next frame
+//! has begun by then, the status shows its I_rxs. The machine then does not clear the FIFO (the chip resets it at
+//! I_rxs) and receives the frame. It clears only a FIFO that holds bytes, as after a frame, when the next frame is far
+//! away. One case cannot be detected: a sync in the few µs between the status read and the clear. If the clear also
+//! discards the interrupt (the data sheet contradicts itself), that frame is recognised only by its I_rxe.
 //!
 //! The clear may discard I_eon and I_eof as well. So the field detector's output is read after a bring-up, and
-//! [`ListenerConfig::supervision_us`] after the last interrupt. It is reported if it differs from the last report.
-//! (ST's RFAL reads the same bit before it relies on these interrupts.)
+//! [`ListenerConfig::supervision_us`] after the last interrupt, and reported if it has changed. ST's RFAL reads the
+//! same bit before it relies on these interrupts.
 //!
 //! # Recovery
 //!
@@ -79,14 +76,15 @@
 //! | reset of the chip | [`Fault::Reset`] at the next interrupt or supervision, bring-up |
 //! | dead bus, stuck IRQ pin | [`Fault::Bus`], [`Fault::IrqStuck`], bring-up after a back-off |
 //!
-//! The back-off before a bring-up is 1 ms after the first fault and doubles with each one up to 64 ms. Silence causes
-//! none: the poller may be off, and a listener that backs off cannot receive. Only the next bring-up is postponed.
+//! The back-off before a bring-up is 1 ms after the first fault and doubles with each fault up to 64 ms. Silence causes
+//! no back-off, in which the listener could not receive, since the poller may just be off; the next bring-up comes
+//! later.
 //!
 //! # Settings read back while the chip runs
 //!
 //! At each re-arming, one of the settings of bring-up is read back, in turn. With a frame every 10 ms each setting is
-//! read within 0.12 s; an idle listener re-arms every 20 ms. The read-back is the last transfer before the wait, so
-//! that a frame which begins meanwhile is received, and it takes at most 8 bytes.
+//! read within 0.12 s; without frames the listener re-arms every 20 ms. The read-back takes at most 8 bytes and is the
+//! last transfer before the wait, so that a frame that begins meanwhile is received.
 
 use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, IDLE_IRQS, Progress, Role};
 use crate::command;
@@ -95,40 +93,39 @@ use crate::register as reg;
 use crate::status::{STATUS_READ, Status};
 use crate::{FRAME_US, Variant};
 
-/// With [`ReadMode::WhileFilling`], the number of bytes that are still to come when the second read begins. The third
-/// read begins 24 bytes later, 453 µs on air. The second read, at most 227 bytes, takes 237 µs at 8 MHz with its
-/// status, and the executor has the rest of that time to verify the received bytes.
+/// The number of bytes that are still to come when the second read of [`ReadMode::WhileFilling`] begins. The third read
+/// begins 24 bytes later, 453 µs on air. The second read, at most 227 bytes, takes 237 µs at 8 MHz with its status. The
+/// executor has the rest of that time to verify the received bytes.
 pub const BODY: usize = 30;
-/// With [`ReadMode::WhileFilling`], the number of bytes, the CRC-16 included, that are still to come when the third
-/// read begins. They arrive within 113 µs; the third read, at most 28 bytes, takes 38 µs at 8 MHz with its status. The
-/// rest of the 113 µs covers the executor's lateness: one byte's time, 19 µs, because LEN gives the end in whole bytes,
-/// its own work, and interrupts. A third read that is still under way at the frame's end makes the delivery late.
+/// The number of bytes, the CRC-16 included, that are still to come when the third read of [`ReadMode::WhileFilling`]
+/// begins. They arrive within 113 µs, and the third read, at most 28 bytes, takes 38 µs at 8 MHz with its status. The
+/// rest of the 113 µs covers a late executor and one byte's time, 19 µs, because LEN gives the end in whole bytes. If
+/// the third read is still under way at the frame's end, the delivery is late.
 pub const TAIL: usize = 6;
-/// With [`ReadMode::WhileFilling`], the number of bytes that must have arrived before the first read begins.
+/// The number of bytes that must have arrived before the first read of [`ReadMode::WhileFilling`] begins.
 const HEAD: u16 = 16;
-/// The number of bytes that an early read leaves in the FIFO, so that it never runs dry while the chip fills it.
+/// The number of bytes that an early read leaves in the FIFO, so that the FIFO never runs dry while the chip fills it.
 const MARGIN: u16 = 1;
-/// The number of bytes whose reading takes so long, even at 10 MHz, that another byte arrives meanwhile, if LEN
-/// announces more. A third read of so many bytes needs no [`MARGIN`]; little time is left after that read.
+/// The number of bytes whose reading takes so long, even at 10 MHz, that another byte arrives meanwhile. A third read
+/// of so many bytes leaves no [`MARGIN`] if LEN announces more bytes, since little time is left after that read.
 const REFILLED: u16 = 24;
 const _: () =
     assert!((1 + REFILLED as u32) * 800 > 18_879, "ns of the command and the bytes at 10 MHz, and of one on air");
-/// The time of a read without its bytes: status and command, 10 bytes. Each byte takes 1 µs at 8 MHz.
+/// The time of a read without its bytes, µs: status and command, 10 bytes of 1 µs at 8 MHz.
 const READ_OVERHEAD_US: u16 = 10;
-/// The time without a delivered frame after which a listener is brought up again, in microseconds: 50 cycles of 10 ms.
-/// The listener adds up its waits, so this is a lower bound of the true time.
+/// The time without a delivered frame after which a listener is brought up again, µs: 50 cycles of 10 ms. The listener
+/// adds up its waits, so the true time may be longer.
 pub const SILENCE_US: u32 = 500_000;
-/// The longest time to a bring-up for silence, µs: the time doubles with each such bring-up in a row.
+/// The longest time to a bring-up for silence, µs. The time doubles with each such bring-up in a row.
 pub const SILENCE_LONGEST_US: u32 = SILENCE_US << SILENCE_DOUBLINGS;
 const SILENCE_DOUBLINGS: u8 = 4;
-/// The time, in microseconds, that each wait for a frame and each frame that begins within another adds to the time of
-/// silence. So a deaf listener detects its silence even if interrupts without a frame keep coming.
+/// The time, µs, that each wait for a frame and each frame within another adds to the time of silence. So a deaf
+/// listener detects its silence even if interrupts without a frame keep coming.
 const DISTURBED_US: u32 = 1_000;
-/// The least number of bytes of a frame: LEN, one byte of payload, CRC-16.
+/// The length of the shortest frame, bytes: LEN, one byte of payload, CRC-16.
 const SHORTEST: u16 = 4;
-/// The number of bytes of the CRC-16 at a frame's end.
 const CRC: u16 = 2;
-/// The number of bytes of a frame beside its payload: LEN and CRC-16.
+/// The number of bytes of a frame besides its payload: LEN and CRC-16.
 const OVERHEAD: u16 = 3;
 
 /// The time on the air of `bytes` bytes at 424 kbit/s, µs: 8 · 32 / 13.56 MHz = 18.879 µs each.
@@ -136,10 +133,9 @@ const fn bytes_us(bytes: u16) -> u16 {
     ((bytes as u32 * 1_208) >> 6) as u16
 }
 
-/// The size of the caller's receive buffer, bytes: LEN (one byte, ≤ 255) counts itself and the payload; the CRC-16
-/// follows.
+/// The size of the caller's receive buffer, bytes. LEN, at most 255, counts itself and the payload; the CRC-16 follows.
 pub const BUFFER: usize = 257;
-/// The offset of the payload in the receive buffer; the byte before it is LEN.
+/// The offset of the payload in the receive buffer; the byte before the payload is LEN.
 pub const PAYLOAD_OFFSET: usize = 1;
 
 /// The instants at which a listener reads the FIFO.
@@ -148,25 +144,24 @@ pub const PAYLOAD_OFFSET: usize = 1;
 pub enum ReadMode {
     /// The listener reads the whole frame at once after its end (I_rxe).
     StoreAndForward,
-    /// The listener reads while the frame arrives, at instants computed from the bit rate and the frame's own LEN, so
-    /// that few bytes are left to read when the frame ends.
+    /// The listener reads while the frame arrives, at instants computed from the bit rate and LEN, so that few bytes
+    /// are left to read when the frame ends.
     #[default]
     WhileFilling,
 }
 
-/// The settings of a listener's bring-up.
+/// The configuration of a listener.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ListenerConfig {
     /// The instants at which the FIFO is read.
     pub read_mode: ReadMode,
-    /// The interval at which an idle chip is checked and re-armed, in microseconds. An interval longer than the time
-    /// between frames costs nothing while frames come.
+    /// The interval at which the chip is checked and re-armed while no frame comes, µs.
     pub supervision_us: u32,
 }
 
 impl ListenerConfig {
-    /// The default reads while the frame arrives and checks an idle chip every 20 ms.
+    /// The default reads while the frame arrives and checks the chip after 20 ms without a frame.
     #[must_use]
     pub const fn new() -> Self {
         Self { read_mode: ReadMode::WhileFilling, supervision_us: 20_000 }
@@ -185,7 +180,7 @@ impl Default for ListenerConfig {
 pub struct FrameFlags(u8);
 
 impl FrameFlags {
-    /// I_crc: the frame's CRC-16 is wrong; or, on a good frame, the interrupt was read late.
+    /// I_crc: the frame's CRC-16 is wrong, or the interrupt of a good frame was read late.
     pub const CRC: Self = Self(0x01);
     /// I_par, I_err1 or I_err2: parity or framing error.
     pub const FRAMING: Self = Self(0x02);
@@ -257,10 +252,9 @@ pub enum Dropped {
 pub enum ListenerEvent {
     /// The chip is configured, checked and listening.
     Listening,
-    /// A frame is in the buffer: `buffer[1..1 + len]` is its payload. The event comes before the chip is re-armed,
-    /// which [`Input::Start`] does.
+    /// A frame is in the buffer: `buffer[1..1 + len]` is its payload. [`Input::Start`] re-arms the chip.
     Frame {
-        /// Payload length in bytes, 1..=254, from the number of whole bytes received.
+        /// The payload's length in bytes, 1..=254, from the number of whole bytes received.
         len: usize,
         /// The chip's flags about the frame.
         flags: FrameFlags,
@@ -271,15 +265,15 @@ pub enum ListenerEvent {
     FieldOn,
     /// The poller's field is gone.
     FieldOff,
-    /// The chip has failed; [`Input::Start`] brings it up again.
+    /// The chip has failed. [`Input::Start`] brings it up again.
     Fault(Fault),
 }
 
-/// Counts since the listener was made; each wraps.
+/// Counts since the listener was made; each count wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ListenerCounters {
-    /// Delivered frames, with any flags.
+    /// Delivered frames, with or without flags.
     pub frames: u32,
     /// Delivered frames with [`FrameFlags::CRC`].
     pub crc: u32,
@@ -293,7 +287,7 @@ pub struct ListenerCounters {
     pub no_end: u32,
     /// Frames that were dropped for any other reason of [`Dropped`].
     pub dropped: u32,
-    /// Times the field went off.
+    /// How often the field went off.
     pub field_losses: u32,
     /// Faults reported.
     pub faults: u32,
@@ -315,10 +309,9 @@ impl ListenerCounters {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ListenerState {
-    /// The chip needs a bring-up, which the next step begins: this is the initial state, or follows a report of
-    /// silence.
+    /// The chip needs a bring-up, which the next step begins: no bring-up has been made yet, or silence was reported.
     New,
-    /// A fault was reported; the chip needs a bring-up.
+    /// A fault was reported, and the chip needs a bring-up.
     Faulted,
     /// Waiting before the next bring-up.
     BackingOff,
@@ -326,7 +319,7 @@ pub enum ListenerState {
     BringingUp,
     /// An event was reported; the receiver is armed, or a frame is being received.
     Reported,
-    /// A frame was delivered or dropped, and reported; the receiver needs re-arming.
+    /// The end of a frame, delivered or dropped, was reported; the receiver needs re-arming.
     Delivered,
     /// Re-arming: the status is being read.
     RearmStatus,
@@ -343,13 +336,13 @@ pub enum ListenerState {
         /// Whether the wait before this read ended by its time limit.
         late: bool,
     },
-    /// Re-armed: one of the settings of bring-up is being read back.
+    /// The receiver is re-armed, and one of the settings of bring-up is being read back.
     CheckingSetting,
-    /// After a wait without an event: operation control, mode and bit rate are being read.
+    /// Operation control, mode and bit rate are being read after a wait without an event.
     CheckingConfiguration,
-    /// After a bring-up, or a wait without an event: the field detector's output is being read.
+    /// The field detector's output is being read after a bring-up, or after a wait without an event.
     CheckingField {
-        /// Whether the wait without an event came before it: the receiver is re-armed afterwards.
+        /// Whether this follows a wait without an event, so that the receiver is re-armed afterwards.
         idle: bool,
     },
     /// Bytes of a frame are being read.
@@ -361,7 +354,7 @@ pub enum ListenerState {
     },
 }
 
-/// The frame being received.
+/// The frame that is being received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Frame {
     plan: Plan,
@@ -369,20 +362,19 @@ pub(crate) struct Frame {
     got: u16,
     /// The number of bytes of the whole frame, LEN + 2, once LEN is known.
     total: Option<u16>,
-    /// The time waited since I_rxs, µs; a lower bound of the time passed. All times in this structure are at most
+    /// The time waited since I_rxs, µs, a lower bound of the time passed. All times in this structure are at most
     /// [`FRAME_US`], or just above it.
     waited_us: u16,
-    /// The time of the present wait, µs.
     waiting_us: u16,
-    /// The time of the last read, with its status, at 8 MHz; on a slower bus the next read comes later, not earlier.
+    /// The time of the last read, with its status, at 8 MHz, µs. On a slower bus the next read comes later.
     read_us: u16,
     flags: FrameFlags,
-    /// The number of bytes of the CRC-16 that stay unread; it is known once the frame has ended.
+    /// The number of bytes of the CRC-16 that stay unread. It is known once the frame has ended.
     unread: u16,
 }
 
-/// The purpose of the next time-out within a frame: the first, second or third read, or the limit for its end. It only
-/// moves forward, so a frame costs at most three reads before its end.
+/// The purpose of the next time-out within a frame: one of the three early reads, or the limit for the frame's end. It
+/// only moves forward, so a frame costs at most three reads before its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Plan {
     Head,
@@ -404,22 +396,20 @@ pub struct Listener {
     idle_irqs: u8,
     /// The number of [`Fault::Silence`]s in a row.
     silences: u8,
-    /// The time of silence: the time waited since the last delivered frame or since bring-up, µs; a lower bound.
+    /// The time waited since the last delivered frame or since bring-up, µs; a lower bound of the time passed.
     silent_us: u32,
     counters: ListenerCounters,
-    /// The flags of the last delivered frame, until the next step counts it, so that the counting does not delay the
-    /// delivery.
+    /// The flags of the last delivered frame. The next step counts them, so that counting delays no delivery.
     uncounted: Option<FrameFlags>,
 }
 
 impl Listener {
-    /// A listener that has not accessed its chip yet. The first [`Input::Start`] begins bring-up.
+    /// Returns a listener that has not accessed its chip yet. The first [`Input::Start`] begins bring-up.
     #[must_use]
     pub const fn new(config: ListenerConfig) -> Self {
         Self::with_role(Role::Listener, config)
     }
 
-    /// A listener in `role`, which receives as [`Role::Listener`] does.
     pub(crate) const fn with_role(role: Role, config: ListenerConfig) -> Self {
         Self {
             config,
@@ -447,13 +437,13 @@ impl Listener {
         }
     }
 
-    /// The chip's type, as its identity register gave it at the last bring-up.
+    /// The chip's type, as the last bring-up read it; `None` before that.
     #[must_use]
     pub const fn variant(&self) -> Option<Variant> {
         self.bring_up.variant()
     }
 
-    /// The chip's supply (VDD) in millivolts, as the last bring-up measured it: steps of 23.4 mV, within
+    /// The chip's supply voltage (VDD) as the last bring-up measured it, mV, in steps of 23.4 mV, within
     /// [`crate::SUPPLY_MIN_MV`]..=[`crate::SUPPLY_MAX_MV`].
     #[must_use]
     pub const fn supply_mv(&self) -> Option<u16> {
@@ -482,7 +472,7 @@ impl Listener {
             return self.fault(Fault::Bus);
         }
         match (self.state, input) {
-            // An event was returned: the next input continues from it.
+            // These states follow an event that needs a bring-up.
             (ListenerState::New, _) | (ListenerState::BackingOff, Input::Timeout) => {
                 self.state = ListenerState::BringingUp;
                 let progress = self.bring_up.begin();
@@ -543,7 +533,7 @@ impl Listener {
                         if display & reg::DISPLAY_FIELD == 0 { (false, reg::IRQ_EOF) } else { (true, reg::IRQ_EON) };
                     self.field_irqs = if there == self.field_on { 0 } else { irq };
                 }
-                // In an idle chip the status is read again, because a frame may have begun since the read before.
+                // The status is read again before re-arming, because a frame may have begun since the last status read.
                 if idle {
                     self.short(ListenerState::RearmStatus, STATUS_READ)
                 } else {
@@ -599,14 +589,14 @@ impl Listener {
         if status.is_set(reg::IRQ_RXS) {
             self.status_begins(status)
         } else if status.is_quiet() && status.count == 0 && !status.flow_error() {
-            // The FIFO is empty, so no clear is needed, and it could discard the I_rxs of a frame that begins just now.
+            // The FIFO is empty, so it needs no clear, which could discard the I_rxs of a frame that begins just now.
             self.short(ListenerState::RearmUnmask, command::UNMASK_RECEIVE_DATA)
         } else {
             self.short(ListenerState::RearmClear, command::CLEAR_FIFO)
         }
     }
 
-    /// Reports changes of the field that are not reported yet; if there are none, waits.
+    /// Reports changes of the field that are not reported yet, or waits if there are none.
     fn resume(&mut self) -> Step<ListenerEvent> {
         if self.frame.is_none() {
             let first = if self.field_on { reg::IRQ_EOF } else { reg::IRQ_EON };
@@ -643,8 +633,8 @@ impl Listener {
         Step::Wait { us }
     }
 
-    /// Notes a status that was read after a frame was delivered. Returns whether the status shows that another frame
-    /// has begun: the next [`Input::Start`] receives that frame, unless it has ended already.
+    /// Evaluates a status that was read after a frame was delivered. Returns whether another frame has begun. The next
+    /// [`Input::Start`] receives that frame, unless it has ended already.
     pub(crate) fn overtaken(&mut self, status: Status) -> bool {
         self.note_field(status);
         let (begun, over) = (status.is_set(reg::IRQ_RXS), status.is_set(reg::IRQ_RXE));
@@ -685,9 +675,9 @@ impl Listener {
         }
     }
 
-    /// Begins a frame, which may be over already. I_rxe without I_rxs is the end of one whose I_rxs was cleared.
+    /// Begins a frame. If the status shows I_rxe without I_rxs, the frame is over already, and its I_rxs was cleared.
     fn status_begins(&mut self, status: Status) -> Step<ListenerEvent> {
-        // A frame proves that there is a field, whether I_eon has reported it or not (at a start with the field on).
+        // A frame proves that there is a field, even if I_eon has not reported it, as at a start with the field on.
         self.field_on = true;
         self.begin_frame(status);
         if status.is_set(reg::IRQ_RXE) { self.frame_ends(status) } else { self.wait() }
@@ -702,8 +692,8 @@ impl Listener {
             return self.fault(Fault::Executor);
         };
         if status.is_set(reg::IRQ_RXS) {
-            // The chip resets the FIFO at each I_rxs: unread bytes are lost. With I_rxe as well it is unknown which of
-            // the two frames ended.
+            // The chip resets the FIFO at each I_rxs, so unread bytes are lost. If I_rxe came as well, it is unknown
+            // which of the two frames has ended.
             if status.is_set(reg::IRQ_RXE) {
                 return self.lose(Dropped::Overrun);
             }
@@ -740,7 +730,7 @@ impl Listener {
         }
     }
 
-    /// Ends the frame: reads the rest of it without the CRC-16, which the chip has compared already.
+    /// Ends the frame: reads its remaining bytes without the CRC-16, which the chip has compared already.
     fn frame_ends(&mut self, status: Status) -> Step<ListenerEvent> {
         let Some(frame) = &mut self.frame else {
             return self.fault(Fault::Executor);
@@ -823,14 +813,13 @@ impl Frame {
             .union(flag(ended && status.fifo & reg::FIFO_LAST_BITS != 0, FrameFlags::PARTIAL));
     }
 
-    /// Ends the frame. Returns the number of bytes that are still to be read, from [`Frame::got`] on; 0 if the frame is
-    /// complete in the buffer.
+    /// Ends the frame. Returns the number of bytes that are still to be read, from [`Frame::got`] on.
     ///
     /// # Errors
     /// The reason why the frame is not delivered.
     pub(crate) fn ends(&mut self, status: Status) -> Result<u16, Dropped> {
-        // If a frame broke off within a byte, the FIFO's level counts that byte, but it is left out of the frame. If
-        // the frame ended while the last early read's status was read, that read has taken the incomplete byte already.
+        // If a frame broke off within a byte, the FIFO's level counts that byte, but the byte is left out of the frame.
+        // An early read may have taken the incomplete byte already.
         let mut count = status.count;
         if self.flags.contains(FrameFlags::PARTIAL) {
             match count.checked_sub(1) {
@@ -848,7 +837,7 @@ impl Frame {
         }
     }
 
-    /// Notes a read of `count` bytes; `first` is the first of them.
+    /// Records a read of `count` bytes; `first` is the first of them.
     pub(crate) fn was_read(&mut self, count: u16, first: Option<u8>) {
         if self.got == 0 {
             self.total = first.map(|len| u16::from(len) + 2);
@@ -857,7 +846,7 @@ impl Frame {
         self.read_us = count + READ_OVERHEAD_US;
     }
 
-    /// The length of the payload of a complete frame, and its flags.
+    /// The length of a complete frame's payload, and the frame's flags.
     pub(crate) fn delivered(&self) -> (usize, FrameFlags) {
         let received = self.got + self.unread;
         let flags = if self.total == Some(received) { self.flags } else { self.flags.union(FrameFlags::LENGTH) };
@@ -872,8 +861,8 @@ impl Frame {
         };
     }
 
-    /// The time of the next wait, µs. If the plan has a further read, it is the time until that read's bytes should
-    /// have arrived: counted from the bytes at the last read, less that read's duration. Otherwise it lasts until the
+    /// The time of the next wait, µs. If a further early read follows, the wait ends when that read's bytes should have
+    /// arrived: it is counted from the bytes at the last read, less that read's duration. Otherwise it ends when the
     /// longest frame would have ended.
     fn next_wait_us(&mut self) -> u16 {
         let left_us = (FRAME_US as u16).saturating_sub(self.waited_us).max(1);
@@ -896,7 +885,6 @@ impl Frame {
     }
 }
 
-/// Whether the caller's buffer has no room for a frame of `bytes` bytes.
 const fn is_too_long(bytes: u16) -> bool {
     bytes as usize > BUFFER
 }

@@ -1,7 +1,6 @@
 //! The interface between a machine and its executor: the machine's steps and its inputs.
 
-/// One register access or direct command: at most [`Short::MAX`] bytes, full duplex, within one
-/// chip-select-low period.
+/// One register access or direct command: at most [`Short::MAX`] bytes, full duplex, with chip select low throughout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Short {
@@ -10,10 +9,10 @@ pub struct Short {
 }
 
 impl Short {
-    /// The longest short transfer, in bytes: enough for one register address and seven registers.
+    /// The longest short transfer, bytes: enough for one register address and seven registers.
     pub const MAX: usize = 8;
 
-    /// The bytes to clock out. The executor returns the bytes clocked in, the same number, in [`Input::Done`].
+    /// The bytes to clock out. The executor returns the same number of clocked-in bytes in [`Input::Done`].
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(..usize::from(self.len)).unwrap_or(&[])
@@ -25,7 +24,6 @@ impl Short {
         &self.bytes
     }
 
-    /// A transfer of the `N` bytes `from`; the compiler checks that they fit.
     pub(crate) const fn new<const N: usize>(from: [u8; N]) -> Self {
         const { assert!(N >= 1 && N <= Self::MAX) };
         let mut bytes = [0; Self::MAX];
@@ -34,7 +32,7 @@ impl Short {
         Self { bytes, len: N as u8 }
     }
 
-    /// A transfer of `head`, then `rest`: together at most [`Short::MAX`] bytes; further bytes are not sent.
+    /// Returns a transfer of `head`, then `rest`: together at most [`Short::MAX`] bytes, further bytes are not sent.
     pub(crate) fn of(head: &[u8], rest: &[u8]) -> Self {
         let mut short = Self { bytes: [0; Self::MAX], len: 0 };
         for (slot, byte) in short.bytes.iter_mut().zip(head.iter().chain(rest)) {
@@ -45,29 +43,27 @@ impl Short {
     }
 }
 
-/// One SPI transfer with chip select low from its first bit to its last.
-///
-/// SPI mode 1 (CPOL 0, CPHA 1), most significant bit first, at most 10 MHz (DS13541, SPI
-/// interface).
+/// One SPI transfer with chip select low from its first bit to its last: SPI mode 1 (CPOL 0, CPHA 1), most significant
+/// bit first, at most 10 MHz (DS13541, SPI interface).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Transfer {
     /// Clock out [`Short::bytes`] and keep the bytes clocked in.
     Short(Short),
     /// FIFO load: clock out [`crate::command::FIFO_LOAD`] (one byte), then `frame[offset..offset + len]` of the
-    /// caller's payload; the bytes clocked in are meaningless.
+    /// caller's payload. The bytes clocked in are meaningless.
     Load {
-        /// First byte of the payload to clock out.
+        /// The offset of the first payload byte to clock out.
         offset: usize,
-        /// Number of payload bytes, 1..=254.
+        /// The number of payload bytes, 1..=254.
         len: usize,
     },
     /// FIFO read: clock out [`crate::command::FIFO_READ`] (one byte), then clock `len` bytes into
-    /// `buffer[offset..offset + len]`; the bytes clocked out meanwhile are meaningless (send zeros).
+    /// `buffer[offset..offset + len]` while zeros are clocked out.
     Read {
         /// The offset of the first byte in the caller's receive buffer.
         offset: usize,
-        /// Number of bytes to read, ≥ 1; `offset + len` ≤ [`crate::listener::BUFFER`].
+        /// The number of bytes to read, ≥ 1; `offset + len` ≤ [`crate::listener::BUFFER`].
         len: usize,
     },
 }
@@ -79,44 +75,41 @@ pub enum Input<'a> {
     Start,
     /// The requested transfer is over and chip select is high again.
     ///
-    /// The bytes after a [`Transfer::Short`] are those clocked in, as many as were sent (the first is meaningless).
-    /// After a [`Transfer::Read`] they are the bytes just read, `buffer[offset..offset + len]`. After a
-    /// [`Transfer::Load`] there are none, `&[]`.
+    /// After a [`Transfer::Short`] the bytes are those clocked in, as many as were sent (the first is meaningless).
+    /// After a [`Transfer::Read`] they are the bytes just read. After a [`Transfer::Load`] there are none.
     Done(&'a [u8]),
-    /// The IRQ pin is high. This is a level, not an edge: if the pin is still high, or high again, when a machine
-    /// returns [`Step::Wait`], this input is due at once.
+    /// The IRQ pin is high: a level, not an edge. If it is high when a machine returns [`Step::Wait`], this is due at
+    /// once.
     Irq,
     /// The time of a [`Step::Wait`] or [`Step::Delay`] is over.
     Timeout,
-    /// The requested transfer could not be made (a DMA or bus error). It leads to [`Fault::Bus`] and a new bring-up.
+    /// The requested transfer could not be made. This leads to [`Fault::Bus`] and a new bring-up.
     Failed,
 }
 
-/// A machine's request to its executor. Every call to a machine returns exactly one step and costs a constant number of
-/// instructions.
+/// A machine's request to its executor. Every call to a machine returns one step in a bounded number of instructions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[must_use = "the machine stands still until its step is carried out"]
 pub enum Step<E> {
-    /// Make this transfer, then give [`Input::Done`] (or [`Input::Failed`]).
+    /// Make this transfer, then give [`Input::Done`] or [`Input::Failed`].
     Transfer(Transfer),
-    /// Give [`Input::Irq`] when the IRQ pin is, or becomes, high, or [`Input::Timeout`] after `us`, whichever is first.
-    /// Every wait has a time limit.
+    /// Give [`Input::Irq`] when the IRQ pin is or becomes high, or [`Input::Timeout`] after `us`, whichever is first.
     Wait {
-        /// The time limit, µs; a late [`Input::Timeout`] is harmless, an early one is not.
+        /// The time limit, µs. A late [`Input::Timeout`] is harmless, an early one is not.
         us: u32,
     },
     /// Give [`Input::Timeout`] after `us`, whatever the IRQ pin does.
     Delay {
-        /// The duration, µs; a late [`Input::Timeout`] is harmless.
+        /// The duration, µs. A late [`Input::Timeout`] is harmless.
         us: u32,
     },
-    /// An event for the caller. Give [`Input::Start`] to continue.
+    /// An event for the caller, who gives [`Input::Start`] to continue.
     Event(E),
 }
 
 impl<E> Step<E> {
-    /// This step with the events of another machine: `event` converts an event to a step of that machine.
+    /// Converts a step of one machine to a step of another; `event` converts an event.
     pub(crate) fn map<F>(self, event: impl FnOnce(E) -> Step<F>) -> Step<F> {
         match self {
             Self::Transfer(transfer) => Step::Transfer(transfer),
@@ -127,8 +120,7 @@ impl<E> Step<E> {
     }
 }
 
-/// The reason why a machine gave up its operation. Every fault is followed by a recovery that the machine carries out
-/// by itself after [`Input::Start`].
+/// The reason why a machine gave up its operation. After [`Input::Start`] the machine recovers by itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Fault {
@@ -149,27 +141,26 @@ pub enum Fault {
     Regulator,
     /// A register differs from the driver's setting, at the end of bring-up or while the chip runs.
     Register {
-        /// The address of the register, 0x00..=0x3F; in space B [`crate::register::SPACE_B`] is added to it.
+        /// The address of the register, 0x00..=0x3F. In space B [`crate::register::SPACE_B`] is added.
         address: u8,
         /// The value that was set.
         expected: u8,
         /// The value that was read.
         found: u8,
     },
-    /// The chip has lost its configuration since bring-up: it was reset by a power-up or a brown-out.
+    /// The chip was reset since bring-up, by a power-up or a brown-out, and has lost its configuration.
     Reset,
     /// Listener, answerer: no frame was delivered for [`crate::listener::SILENCE_US`], or, after the first silence in a
-    /// row, for twice as long each time. The listener cannot distinguish a silent poller from its own deafness.
+    /// row, for twice as long each time. A silent poller and a deaf listener look the same.
     Silence {
         /// Whether the chip detects the poller's field.
         field: bool,
     },
     /// Poller, exchange: the transmitter or the oscillator is off without a command.
     FieldDropped,
-    /// A response that no ST25R3916 gives (all ones, or of the wrong length), or a transfer that the executor reported
-    /// as failed.
+    /// A response that no ST25R3916 gives (all ones, or of the wrong length), or a transfer that failed.
     Bus,
-    /// Sending: bytes are left in the FIFO, and there was no I_txe, after the frame's air time and a margin.
+    /// Sending: after the frame's air time and a margin, bytes are left in the FIFO and I_txe has not come.
     NoTransmitEnd,
     /// Sending: the FIFO held a wrong number of bytes.
     FifoCount {

@@ -43,23 +43,22 @@
 //! # A frame
 //!
 //! [`Poller::prepare`] clears the FIFO, sets the length, and reads the status, so that no earlier interrupt is taken
-//! for one of this frame. This is everything that can be done before the payload is known. The next [`Input::Start`]
-//! loads the first [`HEAD`] bytes of the payload, and after [`PollerEvent::Loaded`] only one byte on the bus is left,
-//! [`Poller::transmit`], which the executor sends at an instant of its own choice (a timer's compare event may start it
-//! with no code in between). The rest is loaded directly afterwards, while the chip sends preamble and sync. Then the
-//! machine waits for I_txe for as long as the frame's own air time and [`TRANSMIT_MARGIN_US`], and returns
-//! [`PollerEvent::Sent`]. The next [`Input::Start`] checks the chip (configuration in place, oscillator and transmitter
-//! on, and one of the settings of bring-up, in turn) and leads to [`PollerEvent::Ready`]. The field stays on from
-//! bring-up on.
+//! for one of this frame. The payload need not be known yet. The next [`Input::Start`] loads the first [`HEAD`] bytes
+//! of the payload. After [`PollerEvent::Loaded`] only one byte on the bus is left, [`Poller::transmit`], which the
+//! executor sends at an instant of its choice (a timer's compare event may start it). The rest is loaded directly
+//! afterwards, while the chip sends preamble and sync. Then the machine waits for I_txe, at most the frame's air time
+//! and [`TRANSMIT_MARGIN_US`], and returns [`PollerEvent::Sent`]. The next [`Input::Start`] checks the chip
+//! (configuration in place, oscillator and transmitter on, and one of the settings of bring-up, in turn) and leads to
+//! [`PollerEvent::Ready`]. The field stays on from bring-up on.
 //!
 //! The data sheet implies that the chip raises I_txe while its receiver is off, but no public driver sends with the
-//! receiver off, and this was never observed. So the driver does not depend on I_txe: if it has not come within its
-//! time, and the FIFO is empty, the chip has sent the frame, and [`PollerEvent::Sent`] reports it as unconfirmed.
+//! receiver off. So the driver does not depend on I_txe: if I_txe has not come in time and the FIFO is empty, the chip
+//! has sent the frame, and [`PollerEvent::Sent`] reports it as unconfirmed.
 //!
 //! The FIFO cannot run dry if the executor begins to load the rest within [`rest_within_us`] of the transmit command.
-//! If the chip reports it all the same, the frame is lost ([`Fault::FifoFlow`], counted), and the next frame is sent.
-//! The number of loaded bytes is not checked before the frame is sent: with a byte too few the FIFO runs dry, a byte
-//! too many is left over ([`Fault::FifoCount`]), and the listener rejects other damage by the payload's own checks.
+//! If the chip reports it all the same, the frame is lost ([`Fault::FifoFlow`]), and the next frame is sent. The number
+//! of loaded bytes is not checked before the frame is sent: with a byte too few the FIFO runs dry, and a byte too many
+//! is left over ([`Fault::FifoCount`]).
 //!
 //! # Recovery
 //!
@@ -71,8 +70,7 @@
 //! A register that loses a bit while the chip runs is [`Fault::Register`] within 15 frames, when it is read back.
 //!
 //! A bring-up takes the chip about 6 ms (ST25R3916) or up to 11 ms (ST25R3916B, whose RC calibration takes up to 5 ms)
-//! and drops the field meanwhile, which the listener detects. Therefore a single lost frame does not cause a bring-up,
-//! and the field stays on.
+//! and drops the field meanwhile. Therefore a single lost frame does not cause a bring-up.
 
 use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, Progress, ReceiverMode, Role};
 use crate::machine::{Fault, Input, Short, Step, Transfer};
@@ -81,15 +79,15 @@ pub use crate::sender::{HEAD, SendError, SendState, TRANSMIT_MARGIN_US};
 use crate::sender::{Sender, Sending, is_light};
 use crate::{Variant, command};
 
-/// The longest payload of one frame, in bytes: LEN = payload + 1 is one byte.
+/// The longest payload of one frame, bytes: LEN, which counts itself as well, is one byte.
 pub const MAX_PAYLOAD: usize = 254;
 
 /// The latest time after the transmit command at which the load of the rest of the payload may begin, µs, on an SPI of
-/// `spi_hz`, so that the FIFO never runs dry; `None` if the SPI is not faster than the air, 53 kB/s.
+/// `spi_hz`, so that the FIFO never runs dry. `None` if the SPI is not faster than the air, 53 kB/s.
 ///
-/// The chip takes byte `n` of the payload (from 0) when preamble, sync, LEN and `n` bytes are on the air: they are
-/// `64 + 8 · (n + 1)` bits of 32 / 13.56 MHz. The SPI has loaded byte `n` after `n - HEAD + 2` bytes, the first of them
-/// the FIFO load command. The SPI is faster than the air: if the first byte of the rest is in time, all later ones are.
+/// The chip takes byte `n` of the payload (from 0) after `64 + 8 · (n + 1)` bits of 32 / 13.56 MHz: preamble, sync, LEN
+/// and `n` bytes. The SPI has loaded byte `n` after `n - HEAD + 2` bytes, the first of them the FIFO load command.
+/// Since the SPI is faster than the air, all bytes are in time if the first byte of the rest is.
 #[must_use]
 pub const fn rest_within_us(spi_hz: u32) -> Option<u32> {
     const AIR_BITS: u64 = 64 + 8 * (HEAD as u64 + 1);
@@ -102,17 +100,15 @@ pub const fn rest_within_us(spi_hz: u32) -> Option<u32> {
     Some((needed_us - brought_us) as u32)
 }
 
-/// The settings of a poller's bring-up.
+/// The configuration of a poller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PollerConfig {
     /// The state of the receiver: off, or on and masked.
     pub receiver: ReceiverMode,
-    /// After a frame, fail with [`Fault::FifoCount`] if bytes are left in the FIFO: more were loaded than the frame
-    /// has.
+    /// After a frame, fail with [`Fault::FifoCount`] if bytes are left in the FIFO.
     pub check_left_over: bool,
-    /// Between frames, check in the auxiliary display that oscillator and transmitter are on, and fail with
-    /// [`Fault::FieldDropped`] if they are not.
+    /// Between frames, fail with [`Fault::FieldDropped`] if the display shows oscillator or transmitter off.
     pub check_field: bool,
 }
 
@@ -134,21 +130,21 @@ impl Default for PollerConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PollerEvent {
-    /// The chip is configured, checked, and its field is on: [`Poller::prepare`] is possible. ([`Input::Start`] checks
-    /// the chip once more and returns here.)
+    /// The chip is configured and checked, and its field is on: [`Poller::prepare`] is possible. [`Input::Start`]
+    /// checks the chip once more.
     Ready,
-    /// The FIFO is empty and the length is set: [`Input::Start`] loads the first bytes of the payload, which must be
-    /// ready by then. ([`Poller::prepare`] instead prepares a frame of another length.)
+    /// The FIFO is empty and the length is set. [`Input::Start`] loads the first bytes of the payload, which must be
+    /// ready by then; [`Poller::prepare`] prepares a frame of another length instead.
     Prepared,
-    /// The FIFO holds the first bytes of the frame: perform [`Poller::transmit`] at the chosen instant, then give
-    /// [`Input::Done`]. ([`Input::Start`] gives the frame up instead.)
+    /// The FIFO holds the first bytes of the frame. The owner performs [`Poller::transmit`] at its chosen instant, then
+    /// gives [`Input::Done`]. [`Input::Start`] gives the frame up instead.
     Loaded,
     /// The chip has sent the frame. [`Input::Start`] checks the chip and leads to [`PollerEvent::Ready`].
     Sent {
         /// Whether the interrupt I_txe confirmed the end. If not, the frame's time is over and the FIFO is empty.
         confirmed: bool,
     },
-    /// The frame is lost, or the chip has failed; [`Input::Start`] begins the recovery, which leads to
+    /// The frame is lost, or the chip has failed. [`Input::Start`] begins the recovery, which leads to
     /// [`PollerEvent::Ready`] or to the next fault.
     Fault(Fault),
 }
@@ -159,39 +155,39 @@ pub enum PollerEvent {
 pub enum PollerState {
     /// The chip needs its first bring-up, which the next step begins.
     New,
-    /// A fault was reported; the chip needs a bring-up.
+    /// A fault was reported, and the chip needs a bring-up.
     Faulted,
-    /// A frame was lost and reported as a fault; the chip needs to be stopped and checked.
+    /// A lost frame was reported as a fault, and the chip needs to be stopped and checked.
     FrameLost,
     /// Waiting before the next bring-up.
     BackingOff,
     /// The chip is being brought up.
     BringingUp,
-    /// After a lost frame: the stop command is under way.
+    /// The stop command is under way after a lost frame.
     Stopping,
-    /// After a lost frame: the FIFO is being cleared.
+    /// The FIFO is being cleared after a lost frame.
     Clearing,
-    /// Between frames: operation control, mode and bit rate are being read.
+    /// Operation control, mode and bit rate are being read between two frames.
     CheckingConfiguration,
-    /// Between frames: the auxiliary display is being read.
+    /// The auxiliary display is being read between two frames.
     CheckingField,
-    /// Between frames: one of the settings of bring-up is being read back.
+    /// One of the settings of bring-up is being read back between two frames.
     CheckingSetting,
     /// The chip is configured and checked, so that [`Poller::prepare`] is possible.
     Ready,
-    /// A frame is being prepared, loaded, or is on air.
+    /// A frame is being prepared or loaded, or is on air.
     Sending(SendState),
     /// The frame was sent, and the owner has got the event about it.
     Sent,
 }
 
-/// Counts since the poller was made; each wraps.
+/// Counts since the poller was made; each count wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PollerCounters {
     /// Frames sent.
     pub sent: u32,
-    /// Frames that were sent without a confirmation by I_txe.
+    /// Frames whose end I_txe did not confirm.
     pub unconfirmed: u32,
     /// Faults reported.
     pub faults: u32,
@@ -214,13 +210,12 @@ pub struct Poller {
 }
 
 impl Poller {
-    /// A poller that has not accessed its chip yet. The first [`Input::Start`] begins bring-up.
+    /// Returns a poller that has not accessed its chip yet. The first [`Input::Start`] begins bring-up.
     #[must_use]
     pub const fn new(config: PollerConfig) -> Self {
         Self::with_role(Role::Poller(config.receiver), config)
     }
 
-    /// A poller in `role`, which sends as [`Role::Poller`] does.
     pub(crate) const fn with_role(role: Role, config: PollerConfig) -> Self {
         Self {
             config,
@@ -232,13 +227,13 @@ impl Poller {
         }
     }
 
-    /// The chip's type, as its identity register gave it at the last bring-up.
+    /// The chip's type, as the last bring-up read it; `None` before that.
     #[must_use]
     pub const fn variant(&self) -> Option<Variant> {
         self.bring_up.variant()
     }
 
-    /// The chip's supply (VDD) in millivolts, as the last bring-up measured it: steps of 23.4 mV, within
+    /// The chip's supply voltage (VDD) as the last bring-up measured it, mV, in steps of 23.4 mV, within
     /// [`crate::SUPPLY_MIN_MV`]..=[`crate::SUPPLY_MAX_MV`].
     #[must_use]
     pub const fn supply_mv(&self) -> Option<u16> {
@@ -257,22 +252,21 @@ impl Poller {
         self.counters
     }
 
-    /// Whether [`Poller::prepare`] is possible now: the last step was [`PollerEvent::Ready`] or
-    /// [`PollerEvent::Prepared`].
+    /// Whether [`Poller::prepare`] is possible: after [`PollerEvent::Ready`] or [`PollerEvent::Prepared`].
     #[must_use]
     pub const fn is_ready(&self) -> bool {
         matches!(self.state, PollerState::Ready | PollerState::Sending(SendState::Prepared))
     }
 
-    /// The transfer that starts the transmission (C4, one byte). The executor makes it after [`PollerEvent::Loaded`],
-    /// at an instant that it chooses, and then gives [`Input::Done`].
+    /// The transfer that starts the transmission: one byte, the command C4. The owner makes it after
+    /// [`PollerEvent::Loaded`], at an instant that it chooses, and then gives [`Input::Done`].
     #[must_use]
     pub const fn transmit() -> Short {
         command::TRANSMIT_WITH_CRC
     }
 
-    /// Prepares a frame of `len` payload bytes, 1..=254: clears the FIFO and sets the length, up to
-    /// [`PollerEvent::Prepared`]. Allowed when the last step was [`PollerEvent::Ready`] or [`PollerEvent::Prepared`].
+    /// Prepares a frame of `len` payload bytes, 1..=254, up to [`PollerEvent::Prepared`]. Allowed when the last step
+    /// was [`PollerEvent::Ready`] or [`PollerEvent::Prepared`].
     ///
     /// # Errors
     /// [`SendError`]; the machine is unchanged.
@@ -286,7 +280,7 @@ impl Poller {
         if matches!(input, Input::Failed) {
             return self.fault(Fault::Bus);
         }
-        // What a cycle does at its tick and in its slot comes first: the load of the head, and that of the rest.
+        // The steps that an owner makes at exact instants come first: the loads of the head and of the rest.
         let at_once = match (self.state, input) {
             (PollerState::Sending(SendState::Prepared), _) => Some(self.sender.head()),
             (PollerState::Sending(SendState::Loaded), Input::Done(_)) => Some(self.sender.rest()),
@@ -296,7 +290,7 @@ impl Poller {
             return self.sending(sending);
         }
         match (self.state, input) {
-            // An event was returned: the next input continues from it.
+            // These states follow an event.
             (PollerState::New, _) => self.begin_bring_up(),
             (PollerState::FrameLost, _) => self.short(PollerState::Stopping, command::STOP),
             (PollerState::Ready | PollerState::Sent, _) | (PollerState::Sending(SendState::Loaded), Input::Start) => {

@@ -1,11 +1,11 @@
 //! The register addresses and bits that this driver uses.
 //!
-//! The source is DS13541 (ST25R3916B), "Registers" chapter; differences of the ST25R3916 are noted. Bits marked *seen*
-//! were also observed on a real ST25R3916 (public SPI captures). Addresses are of space A unless the name starts with
-//! `B_`.
+//! The source is DS13541 (ST25R3916B), "Registers" chapter; differences of the ST25R3916 are noted. Values marked
+//! *seen* were also observed on a real ST25R3916 (public SPI captures). Addresses are of space A unless the name starts
+//! with `B_`.
 //!
-//! No table of the data sheet has the values of the receive chain, of the antenna tuning and of the supply measurement
-//! for this use. They follow public drivers, named in short where a value is defined:
+//! The data sheet has no values of the receive chain, of the antenna tuning and of the supply measurement for this use.
+//! They follow public drivers, which have these short names here:
 //!
 //! | short | repository, file |
 //! |---|---|
@@ -17,7 +17,7 @@
 //! | *Highboy* | HighCodeh/TentacleOS, its FeliCa emulation (`felica_emu.c`, ST25R3916) |
 //! | *TM* | techmccat/st25r39, `src/registers.rs` (paraphrases the ST25R3916B's data sheet) |
 //!
-//! Where they disagree, `docs/decisions/0008-receive-chain.md` gives the choice and the reason.
+//! Where the drivers disagree, `docs/decisions/0008-receive-chain.md` gives the choice and the reason.
 
 /// The offset that marks an address as one of space B, where a single number names a register of either space.
 pub const SPACE_B: u8 = 0x40;
@@ -38,8 +38,8 @@ pub const NFC_F_PREAMBLE: u8 = 0x07;
 pub const PASSIVE_TARGET: u8 = 0x08;
 /// Auxiliary definition.
 pub const AUXILIARY: u8 = 0x0A;
-/// Receiver configuration 1: channel, low-pass and high-pass filter. 0x08 after a reset (*seen*), which is
-/// `hz_600_400khz`, the filter for the 848 kHz subcarrier of NFC-A.
+/// Receiver configuration 1: channel, low-pass and high-pass filter. After a reset 0x08 (*seen*), `hz_600_400khz`, the
+/// filter for the 848 kHz subcarrier of NFC-A.
 pub const RECEIVER_1: u8 = 0x0B;
 /// Receiver configuration 2: demodulator, squelch, gain control. 0x2D after a reset (*seen*).
 pub const RECEIVER_2: u8 = 0x0C;
@@ -49,14 +49,12 @@ pub const RECEIVER_3: u8 = 0x0D;
 pub const RECEIVER_4: u8 = 0x0E;
 /// Mask-receive timer.
 pub const MASK_RECEIVE_TIMER: u8 = 0x0F;
-/// No-response timer, most significant byte. The least significant byte follows at 0x11, the timers' control at 0x12.
-/// The value 0 switches the timer off.
+/// No-response timer, most significant byte; least significant byte at 0x11, timers' control at 0x12. 0 is off.
 pub const NO_RESPONSE_TIMER: u8 = 0x10;
 /// First of four interrupt mask registers, 0x16..=0x19. A bit of 1 masks; a masked interrupt still sets its bit.
 pub const IRQ_MASK_MAIN: u8 = 0x16;
-/// Last interrupt mask register. All its interrupts concern card emulation in NFC-A and wake-up. This driver keeps the
-/// register at [`IRQ_MASK_TARGET_ALL`], while a reset chip has 0. Bit 2 is reserved and reads 0 whatever is written
-/// (*seen*: 0xFF written, 0xFB read).
+/// Last interrupt mask register, for card emulation in NFC-A and wake-up. This driver keeps it at
+/// [`IRQ_MASK_TARGET_ALL`], while a reset chip has 0. Bit 2 is reserved and reads 0 (*seen*: 0xFF written, 0xFB read).
 pub const IRQ_MASK_TARGET: u8 = 0x19;
 /// First of four interrupt registers, 0x1A..=0x1D; a read clears them.
 pub const IRQ_MAIN: u8 = 0x1A;
@@ -64,8 +62,7 @@ pub const IRQ_MAIN: u8 = 0x1A;
 pub const FIFO_STATUS_1: u8 = 0x1E;
 /// Transmit length in bytes, bits 12:5; bits 4:0 follow at 0x23, shifted left by 3.
 pub const TRANSMIT_LENGTH: u8 = 0x22;
-/// Result of the chip's A/D converter (read only). After [`crate::command::MEASURE_SUPPLY`] it is the supply voltage in
-/// steps of 23.4 mV.
+/// Result of the chip's A/D converter (read only): the measured supply voltage in steps of 23.4 mV.
 pub const AD_RESULT: u8 = 0x25;
 /// Antenna tuning A; B follows at 0x27. Both drive the tuning pins only while [`IO_2_ANTENNA_TUNING`] is set.
 pub const ANTENNA_TUNING: u8 = 0x26;
@@ -74,7 +71,7 @@ pub const TRANSMIT_DRIVER: u8 = 0x28;
 /// Passive target modulation: the driver's resistance while an answer modulates the field (`ptm_res`, bits 7:4) and
 /// while it does not (`pt_res`, bits 3:0).
 pub const PASSIVE_TARGET_MODULATION: u8 = 0x29;
-/// External field detector: the upper threshold, in mV, at which a field appears; the lower one, above which it stays,
+/// External field detector: the upper threshold, at which a field appears. The lower one, above which the field stays,
 /// follows at 0x2B. Bits 6:4 of each are for peer detection (trg), bits 3:0 for collision avoidance (rfe).
 pub const FIELD_THRESHOLDS: u8 = 0x2A;
 /// Regulator control: whether the regulated voltage is set by hand or as adjusted (`reg_s`), and the source of a supply
@@ -107,8 +104,7 @@ pub const IO_2_ANTENNA_TUNING: u8 = 0x20;
 /// [`IO_CONFIGURATION_2`]: `sup3V` for a supply between 2.4 V and 3.6 V; the bit is clear above 3.6 V.
 pub const IO_2_SUPPLY_3V: u8 = 0x80;
 
-/// [`REGULATOR_CONTROL`]: `reg_s`, which is set and cleared before the regulators are adjusted (*RFAL*, *Delpy*,
-/// *rnfc*).
+/// [`REGULATOR_CONTROL`]: `reg_s`, set and cleared before the regulators are adjusted (*RFAL*, *Delpy*, *rnfc*).
 pub const REGULATOR_MANUAL: u8 = 0x80;
 /// [`REGULATOR_CONTROL`]: regulated voltage as adjusted (`reg_s` = 0), and VDD measured (`mpsv` = 0).
 pub const REGULATOR_ADJUSTED_MEASURE_VDD: u8 = 0x00;
@@ -136,8 +132,8 @@ pub const PASSIVE_TARGET_SILENT: u8 = 0x5D;
 /// for NFC-F without its coherent option; reset value, *seen*.)
 pub const AUXILIARY_CORRELATOR: u8 = 0x00;
 /// [`RECEIVER_1`] for NFC-F: AM channel, `lp_600khz`, `hz_12_80khz`. NFC-F has no subcarrier: at 424 kbit/s its
-/// Manchester code has its energy at 424 kHz and below, which [`RECEIVER_1`]'s reset value filters away.
-/// (*Flipper*'s NFC-F listener; *RFAL*, both parts, and *Guyot* for receiving NFC-F, at 212 and 424 kbit/s alike.)
+/// Manchester code has its energy at 424 kHz and below, which the reset value filters away. (*Flipper*'s NFC-F
+/// listener; *RFAL*, both parts, and *Guyot* for receiving NFC-F, at 212 and 424 kbit/s alike.)
 pub const RECEIVER_1_NFC_F: u8 = 0x13;
 /// [`RECEIVER_2`] for NFC-F: AM demodulation by the peak detector, squelch after a transmission (`sqm_dyn`), gain
 /// control for the whole reception (`agc_en`, `agc_m`) with ratio 3 (`agc6_3`). (*Flipper*'s NFC-F listener; reset
@@ -159,7 +155,7 @@ pub const RECEIVER_2_ANSWER_A: u8 = 0x3D;
 /// mixer (`amd_sel`), which compare the answer with the poller's own carrier. (*RFAL* alone.)
 pub const RECEIVER_2_ANSWER_B: u8 = 0xFD;
 /// [`MASK_RECEIVE_TIMER`] of a poller that receives answers: 40 steps of 64/fc = 189 µs after its own frame. This is
-/// the time in which no listener may answer, less the one step of jitter that ST allows for. (*RFAL*: 2672/fc - 64/fc.)
+/// [`GUARD_FC`] less the one step of jitter that ST allows for. (*RFAL*: 2672/fc - 64/fc.)
 pub const MASK_RECEIVE_GUARD: u8 = ((GUARD_FC - 64) / 64) as u8;
 /// The time after a poller's frame in which a listener must not answer in NFC-F, in carrier periods: 197 µs. (NFC
 /// Forum, Digital Protocol 1.1, A.4, TR0F,LISTEN,MIN, as given by *RFAL* and by Proxmark3, `armsrc/felica.c`.)
@@ -176,8 +172,7 @@ pub const ANTENNA_TUNING_POLLER_B: [u8; 2] = [0xC5, 0xE3];
 pub const ANTENNA_TUNING_LISTENER_A: [u8; 2] = [0x00, 0xFF];
 /// [`ANTENNA_TUNING`], two registers, of a listener with an ST25R3916B (*RFAL*).
 pub const ANTENNA_TUNING_LISTENER_B: [u8; 2] = [0x00, 0x00];
-/// [`PASSIVE_TARGET_MODULATION`]: both resistances at high impedance, so that the driver cannot modulate the poller's
-/// field.
+/// [`PASSIVE_TARGET_MODULATION`]: high impedance, so that the driver cannot modulate the poller's field.
 pub const PASSIVE_TARGET_HIGH_Z: u8 = 0xFF;
 /// [`B_AUXILIARY_MODULATION`]: no load modulation by the internal (lm_dri) or by an external (lm_ext) driver.
 pub const NO_LOAD_MODULATION: u8 = 0x00;
@@ -194,9 +189,8 @@ pub const LOAD_MODULATION_BY_DRIVER_A: u8 = 0x10;
 /// bit depends on the board. `rgs_am` is clear. (*RFAL* clears it for listening; *TM*: clear in card mode.)
 pub const LOAD_MODULATION_BY_DRIVER_B: u8 = 0x90;
 /// [`FIELD_THRESHOLDS`], two registers. Peer detection, which a listener uses: upper threshold 105 mV, lower threshold
-/// 75 mV (*RFAL*, *Flipper*, *Delpy*). Collision avoidance, which is not used: 205 mV and 150 mV (*RFAL*, which says
-/// that 205 mV is from the data sheet; the others have 105 mV and 75 mV). No source states the values after a reset;
-/// with 00 00 all thresholds would be 75 mV.
+/// 75 mV (*RFAL*, *Flipper*, *Delpy*). Collision avoidance, which is not used: 205 mV and 150 mV (*RFAL*, from the data
+/// sheet; the others have 105 mV and 75 mV). No source states the values after a reset; 00 00 is 75 mV for all.
 pub const FIELD_THRESHOLDS_WITH_HYSTERESIS: [u8; 2] = [0x13, 0x02];
 /// [`B_AUXILIARY_MODULATION`] of a poller with an ST25R3916: amplitude modulation by the regulator (`dis_reg_am` = 0,
 /// `res_am` = 0), no load modulation. (*RFAL*, *Flipper*.)
@@ -218,8 +212,8 @@ pub const WAVE_SHAPING_TIMES_NFC_F: [u8; 4] = [0x01, 0x00, 0x79, 0x07];
 pub const DRIVER_NON_OVERLAP_LEAST: u8 = 0x80;
 /// [`TRANSMIT_DRIVER`] on the ST25R3916B: 12 % AM (am_mod = 4), lowest output resistance.
 pub const TRANSMIT_DRIVER_12_PERCENT_B: u8 = 0x40;
-/// [`TRANSMIT_DRIVER`] on the ST25R3916: 12 % AM (am_mod = 7, its reset value, *seen*). The ST25R3916 and the
-/// ST25R3916B code the depth differently: 4, which is 12 % on the latter, would be 9 % here.
+/// [`TRANSMIT_DRIVER`] on the ST25R3916: 12 % AM (am_mod = 7, its reset value, *seen*). The ST25R3916B codes the depth
+/// differently: its value 4 would be 9 % here.
 pub const TRANSMIT_DRIVER_12_PERCENT_A: u8 = 0x70;
 /// [`TEST_OVERHEAT`]: keeps the internal overheat protection of the ST25R3916 from switching off below the permitted
 /// junction temperature. The power-on sequence requires it after each set default (*RFAL*, *Flipper*, *Guyot*,
@@ -248,7 +242,7 @@ pub const IRQ_CRC: u8 = 0x80;
 pub const IRQ_FRAMING: u8 = 0x70;
 
 /// Interrupt masks of a poller, 0x16..=0x19: all but I_osc and I_txe (main), all but I_dct (timer), every error, every
-/// target interrupt. The masked ones include the FIFO water level (I_wl), which a frame of more than 200 bytes raises.
+/// target interrupt. They also mask the FIFO water level (I_wl), which a frame of more than 200 bytes raises.
 pub const POLLER_MASKS: [u8; 4] = [0x77, 0x7F, 0xFF, IRQ_MASK_TARGET_ALL];
 /// Interrupt masks of a poller that receives answers: all but I_osc, I_rxs, I_rxe and I_txe (main), all but I_dct and
 /// I_nre (timer), every error, every target interrupt.
@@ -258,8 +252,8 @@ pub const ANSWERER_MASKS: [u8; 4] = [0xC7, 0xE7, 0x0F, IRQ_MASK_TARGET_ALL];
 /// Interrupt masks of a listener: all but I_rxs and I_rxe (main), all but I_eon and I_eof (timer), no receive error,
 /// every target interrupt.
 pub const LISTENER_MASKS: [u8; 4] = [0xCF, 0xE7, 0x0F, IRQ_MASK_TARGET_ALL];
-/// [`IRQ_MASK_TARGET`] as this driver sets it: every existing interrupt, with the reserved bit 2 left 0, so that it
-/// reads back as written; it is 0x00 after a reset.
+/// [`IRQ_MASK_TARGET`] as this driver sets it: every existing interrupt. The reserved bit 2 is 0, so that the register
+/// reads back as written.
 pub const IRQ_MASK_TARGET_ALL: u8 = 0xFB;
 
 /// FIFO status 2: underflow.

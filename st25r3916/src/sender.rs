@@ -1,7 +1,7 @@
 //! The sending of one frame, as a part of a machine: from the frame's preparation to its last bit.
 //!
-//! The steps here are common to a poller's frame and an answer. The machine around them determines when a frame is
-//! prepared, what follows its end, and how a failure is recovered from. [`crate::poller`] describes the steps.
+//! A poller's frame and an answer have these steps in common; [`crate::poller`] describes them. The machine around them
+//! determines when a frame is prepared, and how a failure is recovered from.
 
 use crate::bring_up::IDLE_IRQS;
 use crate::machine::{Fault, Input, Short, Transfer};
@@ -9,9 +9,9 @@ use crate::register as reg;
 use crate::status::{STATUS_READ, Status};
 use crate::{air_time_us, command};
 
-/// The time, in microseconds, after a frame's air time at which its end counts as missing. Recordings show the first
-/// bit 3 to 5 µs after the command. Where I_txe never comes, this margin and the preparation of the next frame must fit
-/// between two frames.
+/// The time, µs, after a frame's air time at which its end counts as missing. Recordings show the first bit 3 to 5 µs
+/// after the command. If I_txe never comes, this margin and the preparation of the next frame must fit between two
+/// frames.
 pub const TRANSMIT_MARGIN_US: u32 = 100;
 /// The number of payload bytes that are in the FIFO before the transmit command; the rest is loaded after it.
 pub const HEAD: usize = 16;
@@ -24,7 +24,7 @@ pub enum SendState {
     PreparingClear,
     /// The frame's length is being written.
     PreparingLength,
-    /// The status is being read: interrupts from before the frame, which the read clears, and the FIFO level.
+    /// The status is being read: the FIFO level, and interrupts from before the frame, which the read clears.
     CheckingFifo,
     /// The FIFO is empty and the length is set; the payload is loaded next.
     Prepared,
@@ -32,13 +32,13 @@ pub enum SendState {
     LoadingHead,
     /// The transmit command is due.
     Loaded,
-    /// On air: the rest of the payload is being loaded.
+    /// The rest of the payload is being loaded while the frame is on air.
     LoadingRest,
-    /// On air: waiting for I_txe.
+    /// The frame is on air, and the machine waits for I_txe.
     OnAir,
-    /// On air: the interrupt registers are being read.
+    /// The interrupt registers are being read while the frame is on air.
     ReadingIrqs {
-        /// Whether the frame's time is over, so that this is the last read, which decides whether the frame was sent.
+        /// Whether the frame's time is over, so that this read decides whether the frame was sent.
         last: bool,
     },
 }
@@ -47,35 +47,30 @@ pub enum SendState {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SendError {
-    /// The last step was not an event that permits it.
+    /// The last step was not an event that permits a new frame.
     NotReady,
     /// The payload is empty or longer than [`crate::poller::MAX_PAYLOAD`].
     Length,
 }
 
-/// The next action in sending a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Sending {
     Transfer(SendState, Transfer),
-    /// Wait for the IRQ pin, at most this many microseconds.
+    /// Wait for the IRQ pin, at most this many µs.
     Wait(SendState, u32),
-    /// The FIFO is empty and the length is set.
     Prepared,
-    /// The FIFO holds the first bytes: the transmit command is due.
+    /// The FIFO holds the first bytes, and the transmit command is due.
     Loaded,
     Sent {
-        /// Whether the interrupt I_txe confirmed the end of the frame.
         confirmed: bool,
     },
     Failed(Fault),
 }
 
-/// The sending of a frame.
 #[derive(Clone, Debug)]
 pub(crate) struct Sender {
     /// Whether bytes that are left in the FIFO after the frame are a failure.
     check_left_over: bool,
-    /// The number of payload bytes of the present frame.
     len: u8,
     idle_irqs: u8,
 }
@@ -85,7 +80,7 @@ impl Sender {
         Self { check_left_over, len: 0, idle_irqs: 0 }
     }
 
-    /// Begins a frame of `len` payload bytes, if the state of the machine permits a new frame (`ready`).
+    /// Begins a frame of `len` payload bytes if `ready`, that is if the machine's state permits a new frame.
     ///
     /// # Errors
     /// [`SendError`]; nothing has been changed.
@@ -127,7 +122,6 @@ impl Sender {
         }
     }
 
-    /// Loads the first bytes of the payload.
     #[inline(always)]
     pub(crate) fn head(&self) -> Sending {
         load(SendState::LoadingHead, 0, usize::from(self.len).min(HEAD))
@@ -142,7 +136,7 @@ impl Sender {
         }
     }
 
-    /// Waits for the end of the frame. The time of its load counts as part of the wait; it is taken as on an SPI of 10
+    /// Waits for the end of the frame. The time of the load counts as part of the wait; it is taken as on an SPI of 10
     /// MHz, which is the shortest.
     fn wait(&self) -> Sending {
         let rest = u32::from(self.len).saturating_sub(HEAD as u32);
@@ -175,7 +169,7 @@ impl Sender {
     }
 }
 
-/// Whether a fault lost one frame and nothing else, as far as is known. The chip is then stopped and cleared, and is
+/// Whether a fault lost one frame and nothing else, as far as is known. The chip is then stopped and cleared, and
 /// brought up again only if the next frame is lost, too.
 pub(crate) const fn is_light(fault: Fault) -> bool {
     matches!(fault, Fault::NoTransmitEnd | Fault::FifoFlow | Fault::FifoCount { .. })

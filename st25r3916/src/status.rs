@@ -1,26 +1,22 @@
 //! The status read: interrupts and FIFO level in a single transfer.
 //!
-//! The transfer reads registers 0x19..=0x1F with auto-increment, eight bytes on the wire: the last mask register,
-//! the four interrupt registers (which the read clears), and the two FIFO status registers. One transfer instead of
-//! three for each interrupt saves time, and the FIFO level is never older than the interrupts. The mask register
-//! costs one byte and shows that the chip still has its configuration: this driver keeps it at 0xFB, and a reset
-//! makes it 0x00.
+//! The transfer reads registers 0x19..=0x1F with auto-increment, eight bytes on the wire: the last mask register, the
+//! four interrupt registers (which the read clears), and the two FIFO status registers. One transfer for each interrupt
+//! saves time, and the FIFO level is never older than the interrupts. The mask register shows that the chip still has
+//! its configuration: this driver keeps it at 0xFB, and a reset makes it 0x00.
 
 use crate::command;
 use crate::machine::{Fault, Short};
 use crate::register as reg;
 
-/// The status read.
 pub(crate) const STATUS_READ: Short = Short::new([command::READ | reg::IRQ_MASK_TARGET, 0, 0, 0, 0, 0, 0, 0]);
 
-/// The contents of a status read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Status {
     pub(crate) main: u8,
     pub(crate) timer: u8,
     pub(crate) error: u8,
     pub(crate) target: u8,
-    /// The number of bytes in the FIFO.
     pub(crate) count: u16,
     /// The bits of FIFO status 2 that do not belong to the number of bytes.
     pub(crate) fifo: u8,
@@ -30,9 +26,9 @@ impl Status {
     /// Parses the response to [`STATUS_READ`].
     ///
     /// # Errors
-    /// [`Fault::Bus`] where no chip gives this response (wrong length, or a level beyond the FIFO's size, as on a line
-    /// that is stuck high); [`Fault::Reset`] where the mask register has its reset value; [`Fault::Register`] where the
-    /// mask register otherwise differs from its setting.
+    /// [`Fault::Bus`] if no chip gives this response (wrong length, or a level beyond the FIFO's size, as on a line
+    /// that is stuck high). [`Fault::Reset`] if the mask register has its reset value. [`Fault::Register`] if the mask
+    /// register otherwise differs from its setting.
     pub(crate) fn parse(response: &[u8]) -> Result<Self, Fault> {
         let &[_, mask, main, timer, error, target, low, high] = response else {
             return Err(Fault::Bus);
@@ -56,7 +52,6 @@ impl Status {
         self.main & main != 0
     }
 
-    /// Whether no interrupt is set.
     pub(crate) const fn is_quiet(self) -> bool {
         self.main | self.timer | self.error | self.target == 0
     }

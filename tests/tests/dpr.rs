@@ -1,5 +1,4 @@
-//! The suite that runs on the DPR (nRF52840): it tests the profile's code, the rotation and the scrub of buffers, and
-//! measures their cycles.
+//! The suite of the DPR (nRF52840): the profile's code, the rotation and the scrub of buffers, and their cycles.
 #![no_std]
 #![no_main]
 
@@ -29,8 +28,7 @@ const WORDS: usize = 65;
 /// Fills a buffer with a pattern and reads it back, as a scrub does with each of its two patterns. Sound memory has no
 /// bit that differs.
 ///
-/// The function is inlined like a scrub's own passes. So the compiler has the pattern as a constant in both cases, and
-/// generates the same code for both.
+/// The function is inlined like a scrub's own passes, so that the compiler generates the same code for both.
 #[inline(always)]
 fn pass(memory: &mut [u32; WORDS], pattern: u32) {
     memory.fill(pattern);
@@ -107,15 +105,15 @@ mod tests {
         let mut memory = [0xA5A5_5A5A; WORDS];
         let ones = cycles.over([()], |()| pass(&mut memory, u32::MAX));
         let zeros = cycles.over([()], |()| pass(&mut memory, 0));
-        // The buffer is behind a reference, as in the firmware. Nothing is copied, so only the scrub is timed.
+        // The buffer is behind a reference, as in the firmware, so that no copy is timed.
         let scrub = cycles.over([()], |()| {
             defmt::assert!(Dirty::new(&mut memory).scrub().is_ok());
         });
         // To read a word back and count its bits takes more than two instructions.
         ones.assert_at_least("fill and read-back of ones", 2 * WORDS as u32);
         zeros.assert_at_least("fill and read-back of zeros", 2 * WORDS as u32);
-        // A sixteenth is allowed for the reading of the counter and, on a board, for how the code lies in the lines of
-        // the flash. Reading back takes nine tenths of a pass.
+        // A sixteenth is allowed for the reading of the counter and, on a board, for how the code lies in the flash.
+        // Reading back takes nine tenths of a pass.
         let both = ones.min + zeros.min;
         scrub.assert_at_least("both passes of a scrub", both - both / 16);
     }

@@ -1,8 +1,8 @@
 //! A suite for the DPR's board that fails, to show how a failure looks to the person who runs a suite.
 //!
 //! `xtask/tests/failing_suite.rs` runs this suite; `cargo xtask test` does not. The first start ends in a watchdog
-//! reset, as it does for a suite that is started while the watchdog of an earlier program runs. The second start ends
-//! in a test that fails.
+//! reset, as for a suite that is started while the watchdog of an earlier program runs. The second start ends in a test
+//! that fails.
 #![no_std]
 #![no_main]
 
@@ -13,14 +13,12 @@ use defmt_rtt as _;
 use nrf52840_hal::pac; // this crate also brings the interrupt vectors
 use panic_probe as _;
 
-/// The state of the part when the suite starts.
 struct Start {
     watchdog: pac::WDT,
-    /// Whether the watchdog caused this start.
     bitten: bool,
 }
 
-// The suite's start code starts no watchdog, because the suite would not feed one.
+// The start code starts no watchdog, because the suite would not feed one.
 firmware_common::install_start!([]);
 
 #[defmt_test::tests]
@@ -47,8 +45,7 @@ mod tests {
     #[test]
     fn the_watchdog_bites_once(start: &mut Start) {
         if start.bitten {
-            // The reset also cleared the breakpoints and settings of a debugger. The delay gives the runner of this
-            // suite the time to make them again.
+            // The reset also cleared a debugger's breakpoints and settings, which the runner makes again meanwhile.
             cortex_m::asm::delay(AGAIN);
             return;
         }

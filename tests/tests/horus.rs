@@ -1,5 +1,4 @@
-//! The suite that runs on HORUS (STM32F429): it tests the profile's code and the filling of a cycle's objects, and
-//! measures their cycles.
+//! The suite of HORUS (STM32F429): the profile's code, the filling of a cycle's objects, and their cycles.
 #![no_std]
 #![no_main]
 
@@ -26,8 +25,7 @@ mod tests {
     fn init() -> Cycles {
         let core = defmt::unwrap!(cortex_m::Peripherals::take());
         let device = defmt::unwrap!(pac::Peripherals::take());
-        // These are the firmware's clocks, because on a board the wait states of the flash, and with them the cycles,
-        // depend on the clock.
+        // These are the firmware's clocks, since on a board the wait states of the flash depend on the clock.
         let config = Config::hse(8.MHz())
             .bypass_hse_oscillator()
             .sysclk(timing::CORE_HZ.Hz())

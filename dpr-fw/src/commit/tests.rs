@@ -11,10 +11,9 @@ use profile::{
 };
 use proptest::prelude::*;
 
-/// Port-Status and uplinks as the port task prepares them; the commit task copies them without reading them.
+/// Any bytes do for Port-Status and the uplinks, since the commit task copies them without reading them.
 const PORT: [u8; PortArea::SIZE] = [0x5A; PortArea::SIZE];
 
-/// Keeps every image that the commit task has published.
 struct Album {
     filling: ImageMemory,
     published: Vec<ImageMemory>,
@@ -31,7 +30,7 @@ impl Album {
     fn link<const N: usize>(&self) -> LinkValues {
         self.last::<N>().link.expect("Link-Status is intact").values()
     }
-    /// Returns the objects in the newest image, each with its timestamp; all other bytes of HORUS's part must be zero.
+    /// Returns number and timestamp of each object in the newest image, in which all other bytes of HORUS's are zero.
     fn stamps<const N: usize>(&self) -> Vec<(usize, u32)> {
         let image: &[u8] = bytemuck::cast_slice(self.published.last().expect("an image was published"));
         let shown = (0..=N).filter_map(|index| {
@@ -42,7 +41,6 @@ impl Album {
         });
         shown.collect()
     }
-    /// Returns which objects of HORUS the newest image has.
     fn shown<const N: usize>(&self) -> Vec<usize> {
         let reading = self.last::<N>().profile;
         let gps = reading.gps.iter().enumerate().filter(|(_, object)| object.is_ok());
@@ -84,7 +82,7 @@ impl<const N: usize> Bench<N> {
         bench.commit.begin(0, &bench.health, &mut bench.album);
         bench
     }
-    /// Returns a bench in sequence: the last cycle had timestamp 40, was sampled at 40 ms, and no image is kept.
+    /// Returns a bench that is in sequence: the last cycle had timestamp 40 and was sampled at 40 ms.
     fn in_sequence() -> Self {
         let mut bench = Self::new();
         for cycle in 1..=4 {
@@ -98,8 +96,8 @@ impl<const N: usize> Bench<N> {
         let frame = Frame { payload, ended_us, early: &Early::default() };
         self.commit.frame(frame, now_us, &self.health, &mut self.album)
     }
-    /// Sends frame number `frame` of the cycle `timestamp` that is sampled at `sampled_us`. If it is `damaged`, all its
-    /// objects are.
+    /// Sends frame number `frame` of the cycle with this timestamp, which is sampled at `sampled_us`. If `damaged`,
+    /// none of the frame's objects is intact.
     fn frame(&mut self, timestamp: u32, frame: usize, sampled_us: u32, damaged: bool) -> u32 {
         let sent = profile::<N>(timestamp);
         let mut payload = air::split(&sent).nth(frame).expect("a frame of the cycle").to_vec();
@@ -133,9 +131,9 @@ fn a_profile_lies_in_the_image_as_it_was_sent() {
     assert!(image[468..].iter().all(|&byte| byte == 0));
     let link = bench.album.link::<3>();
     assert_eq!(link.status, LinkStatusBits::new().with_link_up(true).with_all_accepted(true));
-    // The sample is taken at 50 ms, the last bit comes 4.915 ms later, and the commit another 0.09 ms later.
+    // The sample is taken at 50 ms. The last bit comes 4.915 ms later, and the commit another 0.09 ms later.
     assert_eq!((link.timestamp, link.age_100us), (55, 50));
-    // The sequence was found with three cycles of four objects each, which are rejected.
+    // Three cycles of four objects each are rejected while the sequence is searched for.
     let counters = [link.objects_accepted, link.objects_rejected, link.frames_received, link.frames_missed];
     assert_eq!(counters, [8, 12, 5, 0]);
 }
@@ -164,7 +162,7 @@ fn silence_takes_everything_out_of_the_image_and_keeps_counting() {
     assert_eq!(bench.album.shown::<2>(), []);
     let link = bench.album.link::<2>();
     assert!(!link.status.link_up() && !link.status.all_accepted() && !link.status.out_of_sequence());
-    // From the sample to the last bit 3.922 ms pass, and until the image another 22.5 ms.
+    // The last bit comes 3.922 ms after the sample, and the image another 22.5 ms later.
     assert_eq!((link.frames_missed, link.age_100us), (2, 262));
     bench.frame(70, 0, 70_000, false);
     assert_eq!(bench.album.shown::<2>(), [0, 1, 2]);
@@ -182,7 +180,7 @@ fn an_image_that_must_not_be_shown_is_replaced_at_once() {
     let link = bench.album.link::<3>();
     assert!(link.status.ram_fault() && !link.status.link_up());
     assert_eq!((bench.commit.deadline_us(), bench.missed()), (deadline_us, 0));
-    // The cycle after the lost one is shown without a new search for the sequence.
+    // The cycle after the lost one needs no new search for the sequence.
     bench.frame(50, 0, 50_000, false);
     assert_eq!(bench.album.shown::<3>(), [0, 1, 2, 3]);
 }
@@ -210,7 +208,7 @@ fn an_image_is_not_withdrawn_while_a_frame_is_due() {
     is_not_withdrawn_while_a_frame_is_due::<1>();
     is_not_withdrawn_while_a_frame_is_due::<3>();
     is_not_withdrawn_while_a_frame_is_due::<5>();
-    // No frame is due if no cycle was received yet, or if the current cycle's second frame is missing.
+    // No frame is due before the first cycle, nor while the current cycle's second frame is missing.
     let mut bench = Bench::<5>::new();
     assert!(bench.commit.withdraw(FRAME_DEADLINE_US - 2_500, &Health::default(), &mut bench.album));
     let mut bench = Bench::<5>::in_sequence();
@@ -289,8 +287,7 @@ fn the_deadline_counts_from_the_end_of_the_frame() {
 
 #[test]
 fn a_frame_and_a_deadline_give_the_same_images_in_either_order() {
-    // The frame ends this much after the deadline. At the deadline or later the frame is late, and an image without
-    // objects was published before it.
+    // The frame ends this many µs after the deadline. From 0 on it is late, so an image without objects comes first.
     for after_us in [-1_i32, 0, 1, 150] {
         let mut images = Vec::new();
         for timer_first in [false, true] {
@@ -363,7 +360,7 @@ fn the_wrap_of_the_counter_is_no_break() {
 #[test]
 fn a_silence_as_long_as_the_counter_is_no_cycle() {
     let mut bench = Bench::<1>::in_sequence();
-    // The 32-bit counter has wrapped once and advanced by one more cycle since the last sample.
+    // The 32-bit counter of µs has wrapped once and gone one cycle further since the last sample.
     for _ in 0..4_294 {
         let now_us = bench.commit.deadline_us().wrapping_add(987_500);
         assert!(bench.check(now_us));
@@ -515,17 +512,16 @@ fn five_receivers_a_damaged_first_frame_is_not_repeated_either() {
     assert_eq!(bench.album.shown::<5>(), []);
 }
 
-/// A frame that was sent, and the instant of its end. What an image must show follows from all such frames.
+/// A frame that was sent, and the instant of its end. The images that must be shown follow from all such frames.
 struct Sent {
     second: bool,
-    /// The timestamps of the frame's objects that arrive intact, by their number in the profile.
+    /// The timestamps of the frame's intact objects, with the number of each object in the profile.
     intact: Vec<(usize, u32)>,
     ended_us: i128,
     sampled_us: i128,
 }
 
-/// Returns each frame that opens a cycle, in time order, with its timestamp and instant; and for each frame the cycle
-/// to which it belongs.
+/// Returns two lists: the timestamp and instant of each frame that begins a cycle, and the cycle of each frame.
 fn cycles(sent: &[Sent]) -> (Vec<(u32, i128)>, Vec<Option<usize>>) {
     let mut cycles: Vec<(u32, i128)> = Vec::new();
     let mut places: Vec<Vec<bool>> = Vec::new();
@@ -562,7 +558,7 @@ fn in_sequence(cycles: &[(u32, i128)]) -> bool {
     })
 }
 
-/// Returns the objects, with their timestamps, that frame number `number` brings and that an image may show.
+/// Returns the number and timestamp of each object that frame number `number` brings and an image may show.
 fn may_be_shown(sent: &[Sent], number: usize) -> Vec<(usize, u32)> {
     let (cycles, of_frame) = cycles(&sent[..=number]);
     match of_frame[number] {
@@ -574,8 +570,7 @@ fn may_be_shown(sent: &[Sent], number: usize) -> Vec<(usize, u32)> {
     }
 }
 
-/// Returns what the newest image shows once everything up to the instant `now` is done, which depends on the last frame
-/// before `now`.
+/// Returns what the newest image shows at the instant `now`. This depends on the last frame before `now`.
 fn newest(sent: &[Sent], receivers: usize, now: i128) -> Vec<(usize, u32)> {
     let Some(number) = sent.iter().rposition(|frame| frame.ended_us <= now) else { return Vec::new() };
     let (frame, passed) = (&sent[number], now - sent[number].ended_us);
@@ -584,8 +579,8 @@ fn newest(sent: &[Sent], receivers: usize, now: i128) -> Vec<(usize, u32)> {
         return Vec::new();
     }
     if receivers == 5 && !frame.second {
-        // This is the first frame of its cycle, so the DPR waits for the second. The image that was newest when this
-        // frame ended stays until the deadline, which this frame has restarted.
+        // This is the first frame of its cycle, so the DPR waits for the second frame. Until the second frame's
+        // deadline the image stays that was newest when the first frame ended.
         return if passed >= 7_000 { alone } else { before(sent, receivers, number) };
     }
     let Some(first) = number
@@ -604,8 +599,8 @@ fn newest(sent: &[Sent], receivers: usize, now: i128) -> Vec<(usize, u32)> {
     with_it.into_iter().chain(alone).collect()
 }
 
-/// Returns what the newest image shows from just before first frame `number` ends until that cycle's second frame has
-/// come: if the previous frame was a first one too, that frame's image is published now.
+/// Returns what the image shows that is newest when the first frame `number` ends. If the frame before it was a first
+/// frame too, that frame's image is published now.
 fn before(sent: &[Sent], receivers: usize, number: usize) -> Vec<(usize, u32)> {
     let Some(previous) = number.checked_sub(1) else { return Vec::new() };
     let passed = sent[number].ended_us - sent[previous].ended_us;
@@ -626,7 +621,7 @@ fn images_are_as_the_definition_says<const N: usize>(start_us: u32, steps: &[Ste
     let (mut timestamp, mut sampled_us) = (u32::MAX - 300, origin);
     let mut now = origin;
     for &(kind, number, hits) in steps {
-        // In most steps HORUS keeps its cycle; in the others its timestamp, its clock or the channel goes wrong.
+        // In most steps HORUS keeps its cycle. In the others its timestamp, its clock or the channel has a fault.
         let (ms, us) = match kind {
             0..=19 => (10, 10_000),
             20 | 21 => (10, 9_500 + i128::from(number % 1_002)),

@@ -1,26 +1,25 @@
-//! The image that the flight controller reads at present, as the idle loop reads it to verify it.
+//! The image that the flight controller reads at present, for the idle loop, which verifies it.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use dpr_fw::{integrity::Shown, ImageMemory, IMAGE_WORDS};
 use firmware_common::memory;
 
-/// The address of the buffer of the image that the SSI shows; 0 before the first image.
+/// The address of the image buffer that the SSI streams; 0 before the first image.
 static ADDRESS: AtomicU32 = AtomicU32::new(0);
-/// The number of images that the SSI has shown so far.
+/// The number of images that the SSI has streamed so far, without 0 when it wraps.
 static GENERATION: AtomicU32 = AtomicU32::new(0);
 
-/// Records that the SSI task has taken another image. This is called before the buffer of the previous image can be
-/// scrubbed, so a reader that finds the same generation before and after has read only that generation.
+/// Records that the SSI task has taken another image. To be called before the previous image's buffer can be scrubbed,
+/// so that a reader that finds the same generation before and after has read one image.
 #[inline]
 pub(super) fn shown(image: &ImageMemory) {
     ADDRESS.store(image.as_ptr() as u32, Ordering::Relaxed);
-    // The count skips 0 when it wraps, since 0 means that there was no image yet.
+    // The count skips 0, which means that there was no image yet.
     let next = GENERATION.load(Ordering::Relaxed).wrapping_add(1).max(1);
     GENERATION.store(next, Ordering::Release);
 }
 
-/// The image that the flight controller reads at present.
 #[derive(Clone, Copy)]
 pub(crate) struct ShownImage;
 
@@ -29,7 +28,7 @@ impl Shown for ShownImage {
         GENERATION.load(Ordering::SeqCst)
     }
 
-    /// Loads words in assembly and not through a reference, since other tasks may scrub or fill the buffer at any time.
+    /// Loads the words in assembly, since a reference would promise that no other task changes them.
     fn copy(&self, first: usize, words: &mut [u32]) {
         let image = ADDRESS.load(Ordering::Relaxed);
         for (word, index) in words.iter_mut().zip(first..IMAGE_WORDS) {

@@ -1,4 +1,4 @@
-//! The registers. Only the files of this module have `unsafe` code in this firmware.
+//! The register accesses. This firmware has `unsafe` code only in the files of this module.
 //!
 //! | file | what |
 //! |---|---|
@@ -11,13 +11,12 @@
 //!
 //! # Design
 //!
-//! Each peripheral is a type that owns the memory that its DMA may access. A receive buffer is inside [`RfPort`] for
-//! as long as SPIM0 may write it, and the image and the receive area are inside [`SsiPort`] for as long as SPIS1 may
-//! read and write them. All are `&'static mut`, so nothing else can access them meanwhile, and they leave the type
-//! only when the peripheral has reported that it is done. All of this memory is in RAM, as EasyDMA requires (PS
-//! v1.7, 6.3). Compiler fences stand before each start and after each end, so that no access to a buffer moves
-//! across; the Cortex-M4 has no data cache and completes its stores in order, so only the compiler could reorder
-//! them.
+//! Each peripheral is a type that owns the memory that its DMA may access. [`RfPort`] holds a receive buffer while
+//! SPIM0 may write it, and [`SsiPort`] holds the image and the receive area while SPIS1 may access them. All are
+//! `&'static mut`, so no other code can access them meanwhile. They are in RAM, as EasyDMA requires (PS v1.7, 6.3).
+//! Compiler fences before each start and after each end keep accesses to a buffer from moving across; the Cortex-M4
+//! itself has no data cache and completes its stores in order.
+//!
 //! # Anomalies
 //!
 //! The following anomalies of nRF52840 revisions 1 to 3 concern the peripherals that this firmware uses:
@@ -85,19 +84,16 @@ use crate::board;
 
 firmware_common::install_safe_state!(safe_state, protection::area, board::task_of);
 
-/// The counters, which a debugger finds by this symbol.
+/// The telemetry counters, which a debugger finds by this symbol.
 #[no_mangle]
 pub(crate) static DPR_TELEMETRY: Telemetry = Telemetry::new();
 
-/// A receive buffer of the RFID side in static memory.
 pub(crate) type ReceiveBuffer = &'static mut ReceiveMemory;
-/// An image buffer in static memory.
 pub(crate) type ImageBuffer = &'static mut ImageMemory;
-/// A receive area of the SSI in static memory.
 pub(crate) type AreaBuffer = &'static mut ReceiveArea;
 
-/// Reads and clears an event register, and waits until the write is through the bus bridge, so that the event does not
-/// call its interrupt again (PS v1.7, 6.1.8).
+/// Reads and clears an event register. Reads it again, so that the write is through the bus bridge and the event does
+/// not raise its interrupt a second time (PS v1.7, 6.1.8).
 macro_rules! take_event {
     ($event:expr) => {{
         let event = &$event;
@@ -111,41 +107,31 @@ macro_rules! take_event {
 }
 pub(crate) use take_event;
 
-/// The hardware that the tasks own once it is set up.
 pub(crate) struct Board {
-    /// The RFID front end.
     pub(crate) rf: RfPort,
-    /// The IRQ edge of the front end.
     pub(crate) rf_edge: RfEdge,
-    /// SPIS1, by which the flight controller reads and writes the DPR.
     pub(crate) ssi: SsiPort,
-    /// The deadline that notices a missed frame.
     pub(crate) deadline: Deadline,
-    /// The watchdog; `None` if something else has configured the watchdog, which then has to feed it.
+    /// The watchdog; `None` if it was configured by other software, which then has to feed it.
     pub(crate) watchdog: Option<WatchdogHandle<Hdl0>>,
-    /// The reason for which the part last started.
     pub(crate) reset_reason: ResetReason,
-    /// Whether the debug port stays open.
     pub(crate) debug_port: DebugPort,
 }
 
-/// The static memory that DMA uses.
 pub(crate) struct DmaMemory {
-    /// The bytes that a short transfer sends, or the command of a read.
     pub(crate) spi_tx: &'static mut [u8; Short::MAX],
-    /// The bytes that a short transfer receives.
+    /// The bytes that SPIM0 receives in a short transfer.
     pub(crate) spi_rx: &'static mut [u8; Short::MAX],
-    /// The area into which the SSI receives, and the queues by which areas go on from there.
+    /// The area into which the SSI receives, and the queues that carry the areas to the port task.
     pub(crate) ssi_rx: (Filling<AreaBuffer>, SsiEnd<'static, AreaBuffer>),
 }
 
-/// The registers that decide about the debug port (PS v1.7, "Debug and trace").
 struct Protection<'a> {
     ficr: &'a pac::FICR,
     uicr: &'a pac::UICR,
 }
 
-/// The address of APPROTECT.DISABLE, which this PAC does not have.
+/// The address of APPROTECT.DISABLE, which the PAC does not define.
 const APPROTECT_DISABLE: u32 = 0x4000_0558;
 
 impl debug_port::Registers for Protection<'_> {
@@ -167,21 +153,20 @@ impl debug_port::Registers for Protection<'_> {
 /// A word that keeps its value over every reset that leaves the RAM powered.
 #[link_section = ".uninit.RAM_KEPT"]
 static RAM_KEPT: AtomicU32 = AtomicU32::new(0);
-/// The value of [`RAM_KEPT`] once the firmware has run since power-on.
+/// The value that [`RAM_KEPT`] holds after the firmware has run once since power-on.
 const KEPT: u32 = 0x4450_5221;
 
-/// Configures all hardware. If the program differs from the one that was built, the DPR enters the safe state before
-/// any pin is an output.
+/// Configures all hardware. If the program in flash differs from the one that was built, the DPR enters the safe state
+/// before any pin is an output.
 pub(crate) fn init(
     core: &mut cortex_m::Peripherals,
     p: pac::Peripherals,
     memory: DmaMemory,
     receive: Filling<ReceiveBuffer>,
 ) -> Board {
-    // The debug port is opened first, so that a debugger reaches a board whose firmware stops early.
     let debug_port = debug_port::open(&mut Protection { ficr: &p.FICR, uicr: &p.UICR });
 
-    // The watchdog was started by the first instructions (`start_up`), or before a soft reset or a lockup.
+    // The watchdog already runs: the first instructions (`start_up`) have started it, or it ran on over a soft reset.
     let watchdog = Watchdog::try_recover::<One>(p.WDT).ok().map(|parts| parts.handles.0);
 
     let ram_kept = RAM_KEPT.swap(KEPT, Ordering::Relaxed) == KEPT;
@@ -219,9 +204,8 @@ pub(crate) fn init(
     Board { rf, rf_edge: RfEdge::new(gpiote), ssi, deadline, watchdog, reset_reason, debug_port }
 }
 
-/// Starts the 32 MHz crystal and waits for it, [`crystal::START_MAX_MS`] at most (the HAL would wait for ever). If it
-/// does not start, the DPR enters the safe state: without the crystal its clock is too coarse to judge HORUS's
-/// (docs/decisions/0023-start-and-clocks.md).
+/// Starts the 32 MHz crystal and waits for it. Without it the DPR enters the safe state, since its clock would be too
+/// coarse to judge HORUS's clock (docs/decisions/0023-start-and-clocks.md).
 fn start_crystal(clock: &pac::CLOCK) {
     // The event HFCLKSTARTED may still be set from an earlier start (anomaly 36).
     clock.events_hfclkstarted.reset();
@@ -237,13 +221,13 @@ fn start_crystal(clock: &pac::CLOCK) {
     }
 }
 
-/// The supply voltage at which the board stops, mV. The part itself needs 1.7 V, but its front end needs 2.4 V
-/// (DS13541, operating conditions). This threshold is the lowest one that lies above 2.4 V in every part: it is off by
-/// 5 % at most (PS v1.7, 5.3.8), so it is 2.57 to 2.84 V, below the kit's 3.0 V.
+/// The supply voltage at which the DPR stops, mV. The part needs 1.7 V, but its front end needs 2.4 V (DS13541,
+/// operating conditions). This is the lowest threshold whose tolerance of 5 % (PS v1.7, 5.3.8) keeps it above 2.4 V:
+/// 2.57 to 2.84 V, below the kit's 3.0 V.
 const POWER_FAIL_MV: u32 = 2_700;
 
-/// Switches the power-fail comparator and its interrupt on. A supply that is already below the threshold raises the
-/// event as well (PS v1.7, 5.3.3) and ends the start. The part's own brown-out reset, at 1.6 V, is always on.
+/// Switches the power-fail comparator and its interrupt on. A supply that is already below the threshold stops the DPR
+/// here (PS v1.7, 5.3.3). The part's own brown-out reset, at 1.6 V, is always on.
 fn watch_supply(power: &pac::POWER) {
     power.events_pofwarn.reset();
     power.intenset.write(|w| w.pofwarn().set());
@@ -260,14 +244,14 @@ fn stop_for_supply() -> ! {
     safe_state::enter(safe_state, stop, |stop| log_stop("supply", stop))
 }
 
-/// Stops the DPR because the supply falls; no other event of CLOCK and POWER is enabled to raise this interrupt.
+/// Stops the DPR because the supply falls. No other event of CLOCK and POWER can raise this interrupt.
 #[interrupt]
 fn POWER_CLOCK() -> ! {
     stop_for_supply()
 }
 
-/// Enters the safe state: takes the SSI's buffers back, so that the flight controller reads 0xFF. A transaction under
-/// way ends with the image with which it began. Before the SSI is set up, every transaction reads 0xFF anyway.
+/// Takes the SSI's buffers back, so that the flight controller reads 0xFF. A transaction under way still ends with its
+/// image. Before the SSI is set up, every transaction reads 0xFF anyway.
 pub(crate) fn safe_state() {
     if SsiDoorbell::is_enabled() {
         let _ = SsiDoorbell.request();

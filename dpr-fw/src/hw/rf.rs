@@ -1,4 +1,4 @@
-//! The front end's registers: SPIM0, chip select, the IRQ pin, and the driver's timer.
+//! The front end's hardware: SPIM0, chip select, the IRQ pin, and the driver's timer.
 
 use core::sync::atomic::{compiler_fence, Ordering};
 
@@ -18,10 +18,9 @@ use st25r3916::{
 use super::{now_us, take_event, time::SHORTEST_US, ReceiveBuffer};
 use crate::board::{call, RfPins, EDGE_CAPTURE, WAIT_COMPARE};
 
-/// The number of polls within which SPIM0 must have stopped; it stops at the end of the byte under way, within 1 µs.
+/// The number of polls within which SPIM0 must have stopped. It stops at the end of a byte, within 1 µs.
 const STOP_POLLS: u32 = 1_000;
 
-/// The interrupt of the front end's IRQ pin, which its rising edge raises.
 pub(crate) struct RfEdge(Gpiote);
 
 impl RfEdge {
@@ -29,21 +28,21 @@ impl RfEdge {
         Self(gpiote)
     }
 
-    /// Clears the interrupt of the IRQ pin. The driver's state machine then reads the pin's level, not the edge.
+    /// Clears the interrupt. The driver then reads the pin's level, not the edge.
     pub(crate) fn clear(&mut self) {
         let channel = self.0.channel0();
         take_event!(*channel.event());
     }
 }
 
-/// The SPI transfer with the front end that runs or has ended last.
+/// The SPI transfer with the front end that runs, or else the last one.
 #[derive(Clone, Copy)]
 enum Transfer {
     None,
     Short {
         len: usize,
     },
-    /// A read of the FIFO. `kept` is the byte of the buffer that the byte clocked in under the command overwrites.
+    /// A read of the FIFO. It overwrites the byte of the buffer before `offset`, whose value is `kept`.
     Read {
         offset: usize,
         len: usize,
@@ -51,7 +50,7 @@ enum Transfer {
     },
 }
 
-/// SPIM0, chip select, IRQ pin and timer compare 0 of the RFID side, with the receive buffer that is being written.
+/// The hardware of the RFID side, with the receive buffer that is being written.
 pub(crate) struct RfPort {
     spim: pac::SPIM0,
     timer: pac::TIMER0,
@@ -82,7 +81,7 @@ impl RfPort {
         // SAFETY: the selector is that of the MISO pin, which `pins` owns.
         spim.psel.miso.write(|w| unsafe { w.bits(pins.miso.psel_bits()) });
         spim.frequency.write(|w| w.frequency().m8());
-        // The SPIM works in mode 1: the clock is low when idle, and data are taken at the trailing edge.
+        // The SPIM works in mode 1: the clock is low between transfers, and data are taken at the trailing edge.
         spim.config.write(|w| w.order().msb_first().cpha().trailing().cpol().active_high());
         // SAFETY: any byte may be sent beyond the end of the transmit buffer.
         spim.orc.write(|w| unsafe { w.orc().bits(0) });
@@ -107,8 +106,7 @@ impl RfPort {
     ///
     /// # Safety
     ///
-    /// `into` must be valid for `receive` bytes of RAM that are owned by `self` until the transfer has ended or was
-    /// stopped.
+    /// `into` must be valid for `receive` bytes of RAM that `self` owns until the transfer has ended or was stopped.
     unsafe fn start(&mut self, send: usize, into: *mut u8, receive: usize) {
         // SAFETY: (pointers and counts) `self` owns `tx`, and the callers see to it that `send` is at most its length;
         // the caller guarantees that `into` is valid. Counts fit 16 bits.
@@ -128,7 +126,7 @@ impl RfPort {
         self.spim.tasks_start.write(|w| unsafe { w.bits(1) });
     }
 
-    /// Ends a transfer that is complete or was stopped: its buffers belong to the processor again.
+    /// Ends a transfer that is complete or was stopped, so that its buffers belong to the processor again.
     fn finish(&mut self) {
         let Ok(()) = self.pins.select.set_high();
         compiler_fence(Ordering::SeqCst);
@@ -154,7 +152,7 @@ impl Port for RfPort {
         let Some(receive) = &mut self.receive else { return false };
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(receive.memory().as_mut_slice());
         let place = LEAD + offset - 1;
-        // The slice has one byte more than the data, for the byte that is clocked in under the command.
+        // The slice has one byte more than the data, for the byte that is received while the command is sent.
         let into = &mut bytes[place..place + 1 + len];
         self.transfer = Transfer::Read { offset, len, kept: into[0] };
         self.tx[0] = command::FIFO_READ;
@@ -190,8 +188,8 @@ impl Port for RfPort {
         // SAFETY: 1 is a valid value of a task register.
         self.spim.tasks_stop.write(|w| unsafe { w.bits(1) });
         let stopped = (0..STOP_POLLS).any(|_| self.spim.events_stopped.read().bits() != 0);
-        // Until STOPPED the peripheral may still write to the buffers (PS v1.7, 6.25, "Low power": wait for it). A
-        // peripheral that never stops would overwrite a frame, so the DPR enters the safe state.
+        // Until the event STOPPED the peripheral may still write to the buffers (PS v1.7, 6.25, "Low power": wait for
+        // it). A peripheral that never stops could overwrite a frame, so the DPR enters the safe state.
         assert!(stopped, "SPIM0 does not stop");
         self.spim.events_end.reset();
         self.finish();
@@ -211,7 +209,7 @@ impl Port for RfPort {
         self.timer.cc[WAIT_COMPARE].write(|w| unsafe { w.bits(self.timer_from.wrapping_add(us)) });
         self.timer.events_compare[WAIT_COMPARE].reset();
         if now_us().wrapping_sub(self.timer_from) >= us {
-            // If the task was preempted for long, the counter has passed the value already, so the task is called now.
+            // If the task was preempted for long, the counter has passed the compare value, and no interrupt comes.
             call(Task::rf_timer);
         }
     }

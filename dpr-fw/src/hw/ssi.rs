@@ -1,8 +1,7 @@
-//! The SSI: SPIS1 with the image that it streams, the FRESH pin, the expiry of the image in hardware, and the pause
-//! between two transactions that are served.
+//! The SSI: SPIS1, the FRESH pin, the expiry of the image in hardware, and the pause after a transaction.
 //!
-//! `tests/interleavings/board/port.rs` makes the same register accesses in the same order on a model, and every order
-//! of events is explored there. Whoever changes this file has to change that file, too.
+//! `tests/interleavings/board/port.rs` models these register accesses in the same order and explores every order of
+//! events. A change of this file needs the same change there.
 
 use core::{
     ops::Range,
@@ -21,24 +20,24 @@ use nrf52840_hal::pac;
 use super::{take_event, time::PRESCALER, AreaBuffer, ImageBuffer, DPR_TELEMETRY};
 use crate::board::{call, SsiPins, EXPIRY_COMPARES, FRESH_CHANNEL, PAUSE_COMPARE, PULSE_COMPARE, SSI_SELECT_PIN};
 
-/// The length of the FRESH pulse, one to two µs: long enough for a pin interrupt of the flight controller and for an
-/// optocoupler of 1 Mbit/s.
+/// The length of the FRESH pulse, µs: long enough for a pin interrupt of the flight controller and for an optocoupler
+/// of 1 Mbit/s. The pulse may be one µs shorter.
 const FRESH_US: u32 = 2;
 
-/// What the commit task may do to the SSI beside the SSI task. It only reads registers and makes single writes to task
-/// registers, so both tasks may do so at any time.
+/// The operations on the SSI that other tasks than the SSI task may use. They only read registers and make single
+/// writes to task registers, so they are allowed at any time.
 #[derive(Clone, Copy)]
 pub(crate) struct SsiDoorbell;
 
 impl SsiDoorbell {
-    /// Whether the SSI is set up. Before, every transaction reads 0xFF, and the tasks of SPIS1 must not be triggered.
+    /// Whether the SSI is set up. Before that the tasks of SPIS1 must not be triggered.
     pub(crate) fn is_enabled() -> bool {
         // SAFETY: the pointer to the peripheral is valid for ever, and reading a register races with nothing.
         let spis = unsafe { &*pac::SPIS1::ptr() };
         spis.enable.read().enable().is_enabled()
     }
 
-    /// Whether the SPIS owns the buffers; if the semaphore was asked for before, a transaction is then under way.
+    /// Whether the SPIS owns the buffers, which means a transaction under way if the semaphore was asked for.
     fn is_under_way() -> bool {
         // SAFETY: the pointer to the peripheral is valid for ever, and only a read-only register is read, which races
         // with nothing.
@@ -50,9 +49,9 @@ impl SsiDoorbell {
         call(Task::ssi_end);
     }
 
-    /// Ends the pause after a transaction: END and ACQUIRED call the SSI task again, at once if either has come during
-    /// the pause. Only the task of TIMER3 calls this, which has the SSI task's priority. If the SSI task has cleared
-    /// the compare event, because it began the pause anew, nothing is done.
+    /// Ends the pause after a transaction, so that END and ACQUIRED call the SSI task again, at once if either has come
+    /// during the pause. Only the task of TIMER3 calls this, which has the SSI task's priority. If the SSI task has
+    /// begun the pause anew, it has cleared the compare event, and nothing is done.
     pub(crate) fn end_pause() {
         // SAFETY: the pointers to both peripherals are valid for ever. Only this task and the SSI task use the event,
         // and they do not interrupt each other; INTENSET changes only the bits that are written.
@@ -62,7 +61,7 @@ impl SsiDoorbell {
         }
     }
 
-    /// Calls both tasks of the SSI so that they check in, unless the end of a transaction has called them.
+    /// Calls both tasks of the SSI so that they check in, unless the end of a transaction calls them anyway.
     pub(crate) fn ask_for_sign_of_life(sign: &mut SignOfLife) {
         // SAFETY: the pointer to the port is valid for ever, and reading its input register races with nothing.
         let levels = unsafe { &*pac::P1::ptr() }.in_.read().bits();
@@ -82,8 +81,8 @@ impl Doorbell for SsiDoorbell {
         // SAFETY: 1 is a valid value of a task register.
         spis.tasks_acquire.write(|w| unsafe { w.bits(1) });
         let is_under_way = Self::is_under_way();
-        // A transaction under way calls the SSI task by its END event, and a call before would only delay that. If the
-        // processor has the semaphore already, no event comes, so the task is called.
+        // A transaction under way calls the SSI task by its END event, and a call before would only delay that. If no
+        // transaction is under way, no event may come, so the task is called here.
         if !is_under_way {
             Self::call();
         }
@@ -99,17 +98,17 @@ impl Doorbell for SsiDoorbell {
         gpiote.tasks_set[FRESH_CHANNEL].write(|w| unsafe { w.bits(1) });
         // SAFETY: 1 is a valid value of a task register.
         timer.tasks_clear.write(|w| unsafe { w.bits(1) });
-        // The next compare comes 25 ms after the counter was cleared, so the event that is cleared here is an old one.
+        // The counter was just cleared and the next compare is 25 ms away, so the cleared event is an old one.
         timer.events_compare[EXPIRY_COMPARES[0]].reset();
     }
 }
 
-/// SPIS1, with the image that it streams and the area that the flight controller's bytes go to.
+/// SPIS1 with its timers, the image that it streams, and the area that it receives into.
 pub(crate) struct SsiPort {
     spis: pac::SPIS1,
     timer: pac::TIMER2,
     pause: pac::TIMER3,
-    /// The pins of the SSI are held so that nothing else configures them.
+    /// The pins are held so that no other code configures them.
     _pins: SsiPins,
     /// The receive area; `None` only within `hand_over`.
     area: Option<Filling<AreaBuffer>>,
@@ -137,7 +136,7 @@ impl SsiPort {
         }
         // SAFETY: the compare register takes any value.
         timer.cc[PULSE_COMPARE].write(|w| unsafe { w.bits(FRESH_US) });
-        // The expiry timer runs from here on, although there is no image yet that it could take away.
+        // The expiry timer runs from here on; a compare does no harm while there is no image.
         // SAFETY: 1 is a valid value of a task register.
         timer.tasks_start.write(|w| unsafe { w.bits(1) });
         pause.bitmode.write(|w| w.bitmode()._32bit());
@@ -156,7 +155,6 @@ impl SsiPort {
         spis.psel.miso.write(|w| unsafe { w.bits(pins.miso.psel_bits()) });
         // SAFETY: the selector is that of the chip select pin, which `pins` owns.
         spis.psel.csn.write(|w| unsafe { w.bits(pins.select.psel_bits()) });
-        // The SPIS works in mode 0.
         spis.config.write(|w| w.order().msb_first().cpha().leading().cpol().active_high());
         // SAFETY: the default character may be any byte. 0xFF is used, since no CRC accepts 0xFF throughout.
         spis.def.write(|w| unsafe { w.def().bits(0xFF) });
@@ -174,17 +172,15 @@ impl SsiPort {
 impl Ssi for SsiPort {
     type Buffer = ImageBuffer;
 
-    /// The semaphore is read before the end of a transaction: if a transaction ends between the two reads, this call
-    /// returns its end and the next call its buffers, never the other way round. END and ACQUIRED come together by the
-    /// shortcut, and a task that handled ACQUIRED first would hand the buffers out again before it had noticed the
-    /// transaction (the fault of openthread#5703).
+    /// Reads the semaphore before the END event. If a transaction ends between the two reads, this call returns its
+    /// end, and the next call returns the semaphore. In the other order the task could hand the buffers out again
+    /// before it had noticed the transaction (the fault of openthread#5703).
     fn take_events(&mut self) -> Events<'_> {
         take_event!(self.spis.events_acquired);
         let ours = self.spis.semstat.read().semstat().is_cpu();
         let ended = take_event!(self.spis.events_end);
         if ours || ended {
-            // The peripheral does not access either buffer now: from the end of a transaction until the next release
-            // the processor owns them.
+            // From the end of a transaction to the next release the processor owns both buffers.
             compiler_fence(Ordering::SeqCst);
         }
         if ours {
@@ -210,8 +206,8 @@ impl Ssi for SsiPort {
     }
 
     fn pass_on(&mut self) {
-        // The counter is cleared before the event is, so the event that is cleared belongs to the previous pause, which
-        // this one replaces.
+        // The counter is cleared before the event, so that the event of the pause that this one replaces is cleared
+        // too.
         // SAFETY: 1 is a valid value of a task register.
         self.pause.tasks_clear.write(|w| unsafe { w.bits(1) });
         self.pause.events_compare[PAUSE_COMPARE].reset();
@@ -262,7 +258,7 @@ impl Ssi for SsiPort {
 
     fn release(&mut self) {
         self.granted = true;
-        // All writes to the image must be in memory before the peripheral may read it.
+        // All writes to the image must be in memory before the peripheral may read the image.
         compiler_fence(Ordering::SeqCst);
         // SAFETY: 1 is a valid value of a task register.
         self.spis.tasks_release.write(|w| unsafe { w.bits(1) });

@@ -6,9 +6,9 @@ use nrf52840_hal::pac;
 use super::take_event;
 use crate::board::NOW_CAPTURE;
 
-/// The prescaler of timers that count microseconds: 16 MHz / 2^4.
+/// The prescaler of timers that count µs: 16 MHz / 2^4.
 pub(super) const PRESCALER: u8 = 4;
-/// The shortest time from now to a compare value, µs: the counter could pass a nearer value before it is set.
+/// The shortest time from now to a compare value, µs. The counter could pass a nearer value before it is set.
 pub(super) const SHORTEST_US: u32 = 2;
 
 /// Starts TIMER0, which counts µs in 32 bits from zero and never stops.
@@ -22,7 +22,7 @@ pub(super) fn start(timer: &pac::TIMER0) {
     timer.tasks_start.write(|w| unsafe { w.bits(1) });
 }
 
-/// Returns the µs counter's value; any task may call this. It wraps after 71 minutes.
+/// Returns the µs counter's value, which wraps after 71 minutes. Any task may call this.
 pub(crate) fn now_us() -> u32 {
     // SAFETY: the pointer to the peripheral is valid for ever, and only this function uses this capture register. If
     // another task preempts between the two accesses and captures too, the value that is read is later than this call's
@@ -47,7 +47,6 @@ impl Deadline {
         Self(timer)
     }
 
-    /// Clears the interrupt of a deadline that has passed.
     pub(crate) fn clear(&mut self) {
         take_event!(self.0.events_compare[0]);
     }
@@ -60,8 +59,9 @@ impl Timer for Deadline {
 
     fn set(&mut self, at_us: u32) {
         let left_us = at_us.wrapping_sub(now_us()).cast_signed();
-        // The compare value is set before the counter is cleared: otherwise a task preempted in between could let the
-        // counter pass a near value, and the next match would be 71 minutes later. An early interrupt does no harm.
+        // The compare value is set before the counter is cleared. In the other order a task that preempts in between
+        // could let the counter pass a near value, and the next match would be 71 minutes later. An early interrupt
+        // does no harm.
         // SAFETY: the compare register takes any value.
         self.0.cc[0].write(|w| unsafe { w.bits(left_us.max(0).cast_unsigned().max(SHORTEST_US)) });
         // SAFETY: 1 is a valid value of a task register.

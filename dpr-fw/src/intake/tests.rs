@@ -103,7 +103,6 @@ impl Dpr {
         }
     }
 
-    /// Returns a DPR that has published its first image.
     fn started() -> Self {
         let mut dpr = Self::new();
         assert!(dpr.serve_at(1_000));
@@ -142,7 +141,7 @@ impl Dpr {
         self.receiving = Some(self.rotation.rotate(written, info).0);
     }
 
-    /// Makes the idle loop's finding that the image of this generation is damaged.
+    /// Records that the image of this generation is damaged, as the idle loop does.
     fn damaged(&self, generation: u32) {
         let _ = Judge::new().judge(&Slice::default(), Some(generation), &self.integrity, &self.telemetry);
     }

@@ -15,7 +15,7 @@ struct Board {
     image: ImageMemory,
     generation: Cell<u32>,
     words_to_exchange: Cell<u32>,
-    /// The word, and the bit of it, that are returned wrong when the word is read for the first time.
+    /// The word, and the bit in it, that the first read returns wrong.
     wrong_read: Cell<Option<(usize, u32)>>,
 }
 
@@ -65,7 +65,7 @@ impl Images for Album {
     }
 }
 
-/// Returns the image that a commit publishes for cycle number `cycles`; the sequence is found after three cycles.
+/// Returns the image that a commit publishes for cycle number `cycles`. The sequence is found after three cycles.
 fn image(cycles: u32) -> ImageMemory {
     let mut album = Album([0; IMAGE_WORDS], vec![]);
     let mut commit = Commit::<N>::new();
@@ -151,7 +151,7 @@ proptest! {
         let mut check = ImageCheck::<N> { next: object_of(byte) };
         board.words_to_exchange.set(words);
         prop_assert_eq!(check.step(&board), None);
-        // The check verifies the same object again at its next step, when the image stays the same.
+        // The image stays the same now, so the check verifies the same object again.
         prop_assert_eq!(check.step(&board), Some(8));
     }
 
@@ -242,7 +242,7 @@ fn a_self_test_ends_after_a_whole_pass_of_flash_and_ram() {
             let of_ram = Slice { ram_pass: Some(ram), ..Slice::default() };
             let (first, second) = if ram_first { (of_ram, of_flash) } else { (of_flash, of_ram) };
             judge.judge(&first, None, &integrity, &telemetry);
-            // Passes over the same memory, before that over the other memory ends, do not count for the self-test.
+            // Further passes over one memory, before the first pass over the other memory ends, do not count.
             judge.judge(&Slice { flash: None, ram_pass: None, ..first }, None, &integrity, &telemetry);
             assert_eq!(integrity.take_result(), None);
             judge.judge(&second, None, &integrity, &telemetry);

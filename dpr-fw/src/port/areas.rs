@@ -1,17 +1,16 @@
-//! Receive areas, which carry what a transaction brought in from the SSI task to the port task.
+//! Receive areas: buffers that carry the bytes that a transaction brought from the SSI task to the port task.
 //!
 //! # Design
 //!
 //! Three areas rotate as the receive buffers of the RFID side do, with the same types ([`triple`](crate::triple)): one
 //! is lent to the peripheral, one waits or is being judged, one is clean. An area is scrubbed between two transactions,
-//! so what one transaction brought can never be taken for what another brought; besides, no more of an area is read
-//! than the number of bytes that the peripheral reports.
+//! so the bytes of one are never taken for those of another.
 //!
-//! The SSI task has the highest priority, and a flight controller waits for it. So it moves areas by two queues that
-//! need no lock, has the next area at hand before a transaction ends, accesses the queues when the flight controller no
-//! longer waits, and never scrubs. If no clean area is at hand, because two transactions wait to be judged, the
-//! transaction that has just ended is dropped, and its area is zeroed and lent again. So a flight controller that
-//! writes faster than the port task runs loses what it writes, and delays no task.
+//! The SSI task has the highest priority, and a flight controller waits for it. So it moves areas through two queues
+//! that need no lock, gets the next area before a transaction ends, uses the queues only when the flight controller no
+//! longer waits, and never scrubs. If no clean area is left, because two transactions wait to be judged, the new
+//! transaction is dropped and its area is zeroed and lent again. A flight controller that writes faster than the port
+//! task runs loses what it writes, and delays no task.
 
 use heapless::spsc::{Consumer, Producer, Queue};
 
@@ -29,7 +28,7 @@ pub const AREAS_LEAST: usize = 2;
 /// What is known of a transaction besides the bytes that it brought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Transaction {
-    /// What the transaction asked for.
+    /// The transaction's request.
     pub asked: Asked,
     /// The number of bytes that came in, at most [`RECEIVE_BYTES`](crate::ssi::RECEIVE_BYTES).
     pub bytes: usize,
@@ -41,7 +40,7 @@ pub type Brought<B> = Received<B, Transaction>;
 /// The queues between the SSI task and the port task.
 #[derive(Debug)]
 pub struct Areas<B> {
-    // A queue of heapless holds one item less than the length of its array.
+    // A queue of heapless holds one item less than its length.
     brought: Queue<Brought<B>, AREAS>,
     clean: Queue<Clean<B>, AREAS>,
 }
@@ -53,7 +52,7 @@ impl<B> Default for Areas<B> {
 }
 
 impl<B> Areas<B> {
-    /// Queues that hold no area.
+    /// Returns queues that hold no area.
     #[must_use]
     pub const fn new() -> Self {
         Self { brought: Queue::new(), clean: Queue::new() }
@@ -61,8 +60,7 @@ impl<B> Areas<B> {
 }
 
 impl<B: Memory> Areas<B> {
-    /// Scrubs the areas. Returns the first area to receive into, the SSI task's end of the queues, the port task's end,
-    /// and the result of the scrubs.
+    /// Scrubs the areas. Returns the first area to receive into, both ends of the queues, and the scrubs' result.
     pub fn split(&mut self, areas: [B; AREAS]) -> (Filling<B>, SsiEnd<'_, B>, PortEnd<'_, B>, Scrubbed) {
         let mut found = Scrubbed::default();
         let [first, rest @ ..] = areas.map(|area| {
@@ -88,9 +86,9 @@ impl<B: Memory> Areas<B> {
 pub struct SsiEnd<'q, B> {
     brought: Producer<'q, Brought<B>>,
     clean: Consumer<'q, Clean<B>>,
-    /// The area for the next transaction, if a clean one was at hand.
+    /// The area for the next transaction, if a clean one was in the queue.
     next: Option<Clean<B>>,
-    /// The area of the last transaction, which is to be passed on to the port task.
+    /// The area of the last transaction, which is still to be passed on to the port task.
     waits: Option<Brought<B>>,
 }
 
@@ -101,14 +99,14 @@ pub enum HandedOver {
     Waits,
     /// The transaction brought no byte.
     Empty,
-    /// Two other transactions wait already, so this transaction was dropped with the object that it brought.
+    /// The transaction was dropped with its object, since two others wait already.
     Dropped,
-    /// Two other transactions wait already, so this one was dropped. By identifier and status its object was idle.
+    /// The transaction was dropped, since two others wait already. It brought no object, since the line was idle.
     DroppedIdle,
 }
 
 impl<B: Memory + core::borrow::BorrowMut<ReceiveArea>> SsiEnd<'_, B> {
-    /// Takes the area with what an ended transaction brought, and returns the area for the next one.
+    /// Takes the area that an ended transaction has filled, and returns the area for the next transaction.
     /// [`SsiEnd::pass_on`] must be called before the next call.
     pub fn hand_over(&mut self, mut area: Filling<B>, transaction: Transaction) -> (Filling<B>, HandedOver) {
         if transaction.bytes == 0 {
@@ -119,13 +117,13 @@ impl<B: Memory + core::borrow::BorrowMut<ReceiveArea>> SsiEnd<'_, B> {
             return (clean.receive(), HandedOver::Waits);
         }
         let memory: &mut ReceiveArea = area.memory().borrow_mut();
-        // The area's fourth word is the object's identifier and status.
+        // The fourth word of the area is the object's identifier and status.
         let idle = transaction.bytes < HEADER_END || IDLE.contains(&memory[HEADER_END / 4 - 1]);
         memory.fill(0);
         (area, if idle { HandedOver::DroppedIdle } else { HandedOver::Dropped })
     }
 
-    /// Passes on the area of the last transaction, and gets the next area ready. Returns whether to call the port task.
+    /// Passes the last transaction's area on, and gets the next area ready. Returns whether to call the port task.
     pub fn pass_on(&mut self) -> bool {
         if self.next.is_none() {
             self.next = self.clean.dequeue();
@@ -136,7 +134,7 @@ impl<B: Memory + core::borrow::BorrowMut<ReceiveArea>> SsiEnd<'_, B> {
     }
 }
 
-/// The offset in an area at which the object's timestamp, identifier and status end, bytes.
+/// The offset, bytes, in an area at which the object's timestamp, identifier and status end.
 const HEADER_END: usize = profile::ssi::REQUEST_SIZE + 8;
 
 /// The port task's end of the queues.
@@ -152,8 +150,7 @@ impl<B: Memory> PortEnd<'_, B> {
         self.brought.dequeue()
     }
 
-    /// Scrubs the area of a transaction that has been judged. The area then waits for the SSI task unless it is taken
-    /// out of use. Returns the result of the scrub.
+    /// Scrubs the area of a judged transaction, which then waits for the SSI task unless it is taken out of use.
     pub fn done(&mut self, brought: Brought<B>) -> Scrubbed {
         let (clean, found) = self.in_use.admit(brought.done().scrub());
         if let Some(clean) = clean {
@@ -163,7 +160,7 @@ impl<B: Memory> PortEnd<'_, B> {
     }
 }
 
-/// Puts an area into a queue. One of the three areas is always lent, so a queue of two never overflows.
+/// Puts an area into a queue of two. It never overflows, since one of the three areas is always lent.
 fn put<T>(queue: &mut Producer<'_, T>, area: T) {
     assert!(queue.enqueue(area).is_ok(), "three areas, of which one is lent");
 }

@@ -2,22 +2,21 @@
 //!
 //! # Design
 //!
-//! The SSI task hands over what a transaction brought ([`areas`]). The task `port`, whose priority is the lowest above
-//! idle, judges it here, [part](profile::port_status) by part. Neither the RFID side nor the next transaction waits for
-//! that.
+//! The SSI task hands over the bytes that a transaction brought ([`areas`]). The task `port`, whose priority is the
+//! lowest above the idle loop, judges them here. Neither the RFID side nor the next transaction waits for that.
 //!
-//! | what came in | consequence |
+//! | bytes that came in | consequence |
 //! |---|---|
 //! | nothing (0x00 or 0xFF throughout) | nothing changes |
-//! | an intact uplink of a writer, [newer](Uplink) than its last | it is stored in the writer's place |
-//! | an intact [command](profile::Command), newer than the writer's last | it is carried out |
+//! | an intact uplink, [newer](Uplink) than its writer's last | it is stored in the writer's place |
+//! | an intact [command](profile::Command), newer than its writer's last | it is carried out |
 //! | anything else | it is counted by its [kind](profile::Violation), and changes nothing |
 //!
-//! Port-Status and both uplinks are one [`PortArea`] of 192 bytes, which is sealed here, before the commit task needs
-//! it ([`Prepared`]). The commit task only copies the area into the image that it publishes.
+//! Port-Status and both uplinks are one [`PortArea`] of 192 bytes. It is sealed here, before the commit task needs it
+//! ([`Prepared`]), and the commit task only copies it into the image.
 //!
-//! A command acts only on [`WritePort`]. Whatever is written, no object of HORUS changes, and Link-Status changes only
-//! in its total of access violations and in its bit 7 (the last uplink was rejected).
+//! A command acts only on [`WritePort`]. Nothing that is written over the SSI changes an object of HORUS. It changes
+//! Link-Status only in its total of access violations and in its bit 7 (the last uplink was rejected).
 
 pub mod areas;
 pub mod newer;
@@ -44,27 +43,27 @@ use crate::{
 use areas::Transaction;
 use newer::Timestamps;
 
-/// The values of a word that was clocked in on an idle line.
+/// The values of a word that an idle line, one that is not driven, brings.
 pub const IDLE: [u32; 2] = [0, u32::MAX];
 
-/// Whether all of `bytes` have the value that an idle line brings.
+/// Whether `bytes` are all 0x00 or all 0xFF, as an idle line brings them.
 fn is_idle(bytes: &[u8]) -> bool {
     let (words, rest) = bytes.as_chunks();
     let words = words.iter().map(|word| u32::from_le_bytes(*word));
-    // The byte is repeated four times, so that it can be compared with a word.
+    // The byte is repeated four times, so that it compares with a word.
     let rest = rest.iter().map(|byte| u32::from(*byte) * 0x0101_0101);
     let (any, all) = words.chain(rest).fold((0, u32::MAX), |(any, all), word| (any | word, all & word));
     any == 0 || all == u32::MAX
 }
 
-/// The state of the DPR that other tasks hold and Port-Status shows.
+/// The states that other tasks hold and Port-Status shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Diagnostics {
-    /// The number of times since start, wrapping, that the SSI task granted its last transaction or dropped an object.
+    /// How often, since start and wrapping, the SSI task granted its last transaction or dropped an object.
     pub too_many: u32,
-    /// The number of faults that the patrol found in images.
+    /// The number of damaged objects that the idle loop found in published images.
     pub integrity_faults: u32,
-    /// The number of the patrol's passes over flash.
+    /// The number of passes over flash.
     pub flash_passes: u32,
     /// The number of stuck bits that scrubs found.
     pub stuck_bits: u32,
@@ -79,7 +78,7 @@ pub struct Diagnostics {
 struct Slot<W> {
     timestamps: Timestamps,
     stored: Uplink,
-    /// The instant at which the uplink was stored, µs since start; `None` before the first uplink.
+    /// The instant, µs since start, at which the uplink was stored; `None` before the first uplink.
     stored_us: Option<u64>,
     writer: PhantomData<W>,
 }
@@ -89,7 +88,7 @@ impl<W: WritesUplink> Slot<W> {
         Self { timestamps: Timestamps::new(), stored: Uplink::EMPTY, stored_us: None, writer: PhantomData }
     }
 
-    /// Stores an uplink that has come in at `now_us`, if it is newer than the writer's last one.
+    /// Stores an uplink that came in at `now_us`, if it is newer than the writer's last one.
     fn store(&mut self, uplink: &Uplink, now_us: u64) -> Result<(), Violation> {
         if !self.timestamps.accept(uplink.timestamp()) {
             return Err(Violation::UplinkNotNewer);
@@ -99,12 +98,11 @@ impl<W: WritesUplink> Slot<W> {
         Ok(())
     }
 
-    /// Puts the stored uplink into `area`, or zeros if it is older than [`Uplink::EXPIRY_MS`] at `now_us`. Returns the
-    /// time since it was stored, ms. The time saturates, also if none was stored.
+    /// Puts the stored uplink into `area`, or zeros if it is older than [`Uplink::EXPIRY_MS`] at `now_us`. Returns its
+    /// age, ms, saturating; `u32::MAX` / 1000 if none was stored.
     fn show(&mut self, now_us: u64, area: &mut PortArea) -> u32 {
         let age_us = self.stored_us.map_or(u64::MAX, |stored| now_us.wrapping_sub(stored));
-        // The processor divides 32 bits in a dozen cycles, and 64 bits in some hundreds, so 32 bits are divided. As µs
-        // they last longer than the 16 bits of the result as ms.
+        // A division of 64 bits takes some hundreds of cycles. 32 bits of µs are enough for 16 bits of ms.
         let age_ms = u32::try_from(age_us).unwrap_or(u32::MAX) / 1000;
         if age_ms >= Uplink::EXPIRY_MS {
             self.stored = Uplink::EMPTY;
@@ -114,14 +112,13 @@ impl<W: WritesUplink> Slot<W> {
     }
 }
 
-/// The state of the self-test, which the idle loop carries out.
 #[derive(Clone, Copy, Debug, Default)]
 struct SelfTest {
     running: bool,
     passed: Option<bool>,
 }
 
-/// The port task's state.
+/// The state of the port task.
 #[derive(Clone, Copy, Debug)]
 pub struct WritePort {
     clock: Clock,
@@ -134,9 +131,8 @@ pub struct WritePort {
     last_command: Option<(u32, Command)>,
     last_refused: bool,
     violations: Violations,
-    /// The number of access violations of all kinds since start.
     total: u32,
-    /// The value of [`Diagnostics::too_many`] up to which violations are already counted.
+    /// The value of [`Diagnostics::too_many`] that is already counted among the violations.
     too_many: u32,
 }
 
@@ -147,7 +143,7 @@ impl Default for WritePort {
 }
 
 impl WritePort {
-    /// Returns the state before anything has come in.
+    /// Returns the state before any transaction.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -166,14 +162,13 @@ impl WritePort {
         }
     }
 
-    /// Judges what a transaction brought, which is in the first bytes of `area`; `now_us` is the µs counter's value.
-    /// The counter must not go back from one call of this or of [`WritePort::prepare`] to the next, and one of the two
+    /// Judges the bytes that a transaction brought, which are the first bytes of `area`. `now_us` is the µs counter's
+    /// value. It must not go back from one call of this or of [`WritePort::prepare`] to the next, and one of the two
     /// must be called every 71 minutes. Returns whether this changed the contents of Port-Status.
     pub fn transaction(&mut self, transaction: Transaction, area: &ReceiveArea, now_us: u32) -> bool {
         self.clock.advance(now_us);
         let total = self.total;
-        // Bytes that did not come in are zero, since areas are scrubbed. So all zeros mean an idle line: the
-        // transaction only reads, as most do.
+        // Areas are scrubbed, so only zeros mean that no byte came in: the transaction just read, as most do.
         if area.iter().all(|word| *word == 0) {
             return false;
         }
@@ -201,7 +196,7 @@ impl WritePort {
         !is_idle(object) || self.total != total
     }
 
-    /// Stores an uplink or carries out a command that is intact and known.
+    /// Stores an uplink or carries out a command, whose CRCs and identifier were already found right.
     fn written(&mut self, written: Written<'_>) -> Result<(), Violation> {
         match written {
             Written::BaseStation(uplink) => self.base_station.store(uplink, self.clock.us())?,
@@ -236,19 +231,19 @@ impl WritePort {
         self.violations.count(violation, saturated(times));
     }
 
-    /// Returns the number of access violations of all kinds since start, for Link-Status; it stays at `u32::MAX`.
+    /// Returns the number of access violations of all kinds since start, saturating.
     #[must_use]
     pub const fn access_violations(&self) -> u32 {
         self.total
     }
 
-    /// Whether the last uplink or command that came in was refused, which Link-Status shows.
+    /// Whether the last uplink or command that came in was refused.
     #[must_use]
     pub const fn last_refused(&self) -> bool {
         self.last_refused
     }
 
-    /// Returns the number of uplinks stored since start or since they were cleared.
+    /// Returns the number of uplinks stored since start or since the counters were cleared.
     #[must_use]
     pub const fn uplinks_accepted(&self) -> u32 {
         self.uplinks_accepted
@@ -260,7 +255,7 @@ impl WritePort {
         self.self_test.running
     }
 
-    /// Records the result of the self-test. If none was asked for this changes nothing.
+    /// Records the result of the self-test, if one was asked for.
     pub fn self_test_done(&mut self, passed: bool) {
         if core::mem::take(&mut self.self_test.running) {
             self.self_test.passed = Some(passed);

@@ -1,14 +1,13 @@
 //! Decides which timestamps of a writer are newer than those already accepted ([`profile::Uplink`] has the rule).
 
-/// The length of a row of timestamps, each newer than the one before, whose last is accepted after a writer's restart.
+/// The number of refused timestamps in a row, each newer than the one before, of which the last is accepted.
 pub const ROW: u8 = 3;
 
 /// The last timestamps of one writer's objects of one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timestamps {
-    /// The last timestamp that was accepted.
     last: Option<u32>,
-    /// The last timestamp that was refused since then, and the number of refused timestamps in the row that it ends.
+    /// The last timestamp that was refused since then, and how many were refused in its row.
     row: Option<(u32, u8)>,
 }
 
@@ -25,7 +24,7 @@ impl Timestamps {
         Self { last: None, row: None }
     }
 
-    /// Whether an intact object with this timestamp, ms, is accepted.
+    /// Records the timestamp, ms, of an intact object. Returns whether the object is accepted.
     pub fn accept(&mut self, timestamp: u32) -> bool {
         let row = match self.row {
             Some((before, row)) if is_newer(timestamp, before) => row + 1,
@@ -87,7 +86,7 @@ mod tests {
                     prop_assert!(!replay.accept(timestamp));
                 }
             }
-            // Somebody sends an object that was accepted before, again and again.
+            // An attacker sends an accepted object again and again.
             let mut known = Timestamps::new();
             let mut last = 0;
             for (number, _) in (0_u32..).zip(&timestamps) {

@@ -6,9 +6,9 @@ use profile::map::PortArea;
 
 /// The newest Port-Status and uplinks that are ready.
 ///
-/// The port task fills an area of its own and [exchanges](Prepared::exchange) it for this one, which moves two
-/// references. The commit task, of higher priority, [reads](Prepared::newest) this one. So the commit task always finds
-/// a whole area, and never waits for longer than the exchange takes.
+/// The port task fills another area and then [exchanges](Prepared::exchange) two references. The commit task, of higher
+/// priority, [reads](Prepared::newest) the newest. So it always finds a whole area, and waits no longer than the
+/// exchange.
 #[derive(Clone, Copy, Debug)]
 pub struct Prepared<A>(A);
 
@@ -23,7 +23,7 @@ impl<A: Borrow<PortArea>> Prepared<A> {
         self.0.borrow()
     }
 
-    /// Makes `area` the newest one. The area that was the newest before is then in `area`.
+    /// Makes `area` the newest one, and puts the previous one into `area`.
     pub fn exchange(&mut self, area: &mut A) {
         core::mem::swap(&mut self.0, area);
     }

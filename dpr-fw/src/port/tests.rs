@@ -34,7 +34,6 @@ fn sealed(mut bytes: [u8; 64]) -> [u8; 64] {
     bytes
 }
 
-/// The DPR's port and a flight controller that writes to it.
 struct Bench {
     port: WritePort,
     windows: Windows<MAP>,
@@ -47,7 +46,6 @@ impl Bench {
         Self { port: WritePort::new(), windows: Windows::new(), now_us: 0, diagnostics: Diagnostics::default() }
     }
 
-    /// Makes a transaction in which the bytes `mosi` are clocked in.
     fn clock(&mut self, mosi: &[u8]) -> bool {
         let mut area = ReceiveArea::default();
         let bytes = mosi.len().min(RECEIVE_BYTES);
@@ -56,7 +54,7 @@ impl Bench {
         self.port.transaction(Transaction { asked, bytes }, &area, self.now_us)
     }
 
-    /// Makes a transaction that asks for nothing and writes `object`.
+    /// Makes a transaction that requests no window and writes `object`.
     fn write(&mut self, object: &[u8]) {
         self.clock(&[&[0; 8], object].concat());
     }
@@ -151,7 +149,7 @@ fn an_idle_line_of_any_length_is_no_violation_and_changes_nothing() {
             assert!(!bench.port.last_refused());
         }
     }
-    // Each part of a transaction may be idle at either level.
+    // Request, object and the bytes after it may each be idle at 0x00 or at 0xFF.
     let mut bench = Bench::new();
     assert!(!bench.clock(&[[0x00; 8].as_slice(), &[0xFF; 64], &[0x00; 8]].concat()));
     assert!(!bench.clock(&[[0xFF; 8].as_slice(), &[0x00; 64], &[0xFF; 8]].concat()));
@@ -377,7 +375,7 @@ fn counters_of_faults_and_violations_stay_at_their_end() {
     assert_eq!(bench.port.access_violations(), 70_000, "Link-Status's total is not that of the kinds");
 }
 
-/// Returns the bytes of a transaction, which hold a good object most of the time.
+/// Returns the bytes of a transaction, most of which hold an intact object.
 fn mosi() -> impl Strategy<Value = Vec<u8>> {
     let request = prop_oneof![
         Just(vec![0; 8]),
@@ -407,8 +405,8 @@ fn mosi() -> impl Strategy<Value = Vec<u8>> {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2_000))]
-    /// An uplink's place holds zeros or, byte for byte, an intact uplink of its own writer that was written less than
-    /// 500 ms before. Nothing else that is written can be read back.
+    /// The place of an uplink holds zeros, or an intact uplink of its own writer that was written less than 500 ms
+    /// before. No other bytes that were written can be read back.
     #[test]
     fn whatever_is_clocked_in_only_the_uplinks_and_the_counters_change(
         transactions in prop::collection::vec((mosi(), 0_u32..300), 0..40),
@@ -441,7 +439,7 @@ proptest! {
                 prop_assert_eq!(fresh, place != &Uplink::EMPTY && written.iter().any(recent));
                 prop_assert!(fresh || (place == &Uplink::EMPTY && verified == Err(Rejection::Crc)));
             }
-            // The flight controller cannot change the DPR's faults; a transaction is at most three violations.
+            // The flight controller cannot change the DPR's faults. A transaction counts as three violations at most.
             let faults = [values.integrity_faults, values.flash_passes, values.stuck_bits, values.buffers_out_of_use];
             prop_assert_eq!((faults, values.last_stop), ([0; 4], 0));
             let cleared = values.last_command == Command::ClearCounters.word();
@@ -515,7 +513,6 @@ fn an_object_that_is_dropped_is_told_by_its_identifier_and_status() {
     }
 }
 
-/// Memory in which a bit is stuck at 1.
 struct Stuck {
     area: ReceiveArea,
     mask: u32,

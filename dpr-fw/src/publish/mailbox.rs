@@ -1,4 +1,4 @@
-//! The commit task's side of the hand-over of images: what it hands over, and how it announces an image.
+//! The commit task's side of the hand-over of images.
 
 use core::borrow;
 
@@ -30,7 +30,7 @@ impl<B: Memory> Mailbox<B> {
         Self { exchange: Exchange::new(buffers), announced: false }
     }
 
-    /// Returns the image to stream next, given the one that was streamed so far.
+    /// Returns the image to stream next. `streamed` is the image that was streamed so far.
     pub(crate) fn take(&mut self, streamed: Option<Received<B, ()>>) -> (Option<Received<B, ()>>, Taken) {
         let (image, newer) = self.exchange.take(streamed);
         let announced = core::mem::take(&mut self.announced);
@@ -50,25 +50,22 @@ impl<B: Memory> Scrubbable for Mailbox<B> {
     }
 }
 
-/// What is known of the image that the SSI task took out of the mailbox.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Taken {
     /// Whether the image is newer than the one that was streamed before it.
     pub(super) newer: bool,
-    /// Whether FRESH has already risen for the image.
     pub(super) announced: bool,
 }
 
-/// The hardware operations of the SSI that the commit task needs.
+/// The operations on the SSI's hardware that the commit task needs.
 pub trait Doorbell {
-    /// Asks for the semaphore, and calls the SSI task. Returns whether a transaction is under way; then the semaphore
-    /// comes only at the transaction's end.
+    /// Asks for the semaphore, and calls the SSI task. Returns whether a transaction is under way and still has it.
     fn request(&mut self) -> bool;
     /// Raises FRESH, which also restarts the time until the image expires.
     fn announce(&mut self);
 }
 
-/// The way by which the commit task publishes an image: it goes into the mailbox, and is then announced to the SSI.
+/// The commit task's way to publish an image.
 #[derive(Debug)]
 pub struct Outbox<'a, M, B, D> {
     /// The mailbox, which the commit task shares with the SSI task.
@@ -77,15 +74,14 @@ pub struct Outbox<'a, M, B, D> {
     pub filling: &'a mut Option<Filling<B>>,
     /// The hardware of the SSI, to which a published image is announced.
     pub doorbell: D,
-    /// Port-Status and the uplinks as the port task has prepared them for the next image.
+    /// The newest Port-Status and uplinks of the port task.
     pub port: &'a PortArea,
     /// The counters of scrubs and publications.
     pub telemetry: &'a Telemetry,
 }
 
 impl<M: Mutex<T = Mailbox<B>>, B: ImageBuffer, D: Doorbell> Outbox<'_, M, B, D> {
-    /// Takes the buffer for the next image, and scrubs it if the scrub task has not. To be called when every image that
-    /// was due has been published, so that neither step comes between a frame and its image.
+    /// Takes the buffer for the next image, and scrubs it if necessary, before this would delay that image.
     pub fn prepare(&mut self) {
         let _ = self.filling();
     }

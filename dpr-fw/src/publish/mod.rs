@@ -1,34 +1,31 @@
-//! The way of a finished image from the commit task to the flight controller, through the SSI.
+//! Hands a finished image over from the commit task to the SSI, from which the flight controller reads it.
 //!
 //! # Design
 //!
-//! Two tasks meet here. The commit task fills an image and publishes it into the [`Mailbox`] ([`Outbox`]). The SSI
-//! task, of higher priority, takes the newest image out of the mailbox and lets the peripheral stream it ([`Server`]).
-//! The peripheral's semaphore says who owns the buffer of the stream: the processor, or, from a *release* to the end of
-//! the next transaction, the SPIS. At that end hardware returns the buffer to the processor (shortcut END to ACQUIRE).
+//! The commit task fills an image and publishes it into the [`Mailbox`] ([`Outbox`]). The SSI task, of higher priority,
+//! takes the newest image out of the mailbox and lets the peripheral stream it ([`Server`]). The peripheral's semaphore
+//! says who owns the buffer of the stream: the processor, or, from a *release* to the end of the next transaction, the
+//! SPIS. At that end hardware returns the buffer to the processor (shortcut END to ACQUIRE).
 //!
-//! **FRESH** rises when the next transaction gets a new image, or 0xFF throughout if that transaction begins while the
-//! SSI task exchanges the image. The next transaction then never gets an older image:
+//! **FRESH** rises when the next transaction gets a new image. If that transaction begins while the SSI task exchanges
+//! the image, it reads 0xFF throughout. It never gets an older image, for these reasons:
 //!
 //! - While no transaction is under way, the commit task asks for the semaphore and calls the SSI task. The SSI task
 //!   takes the new image, raises FRESH, then releases. A transaction that begins before the release reads 0xFF.
-//! - While a transaction is under way, the next one is sure to get the new image: the SSI task runs between the two and
-//!   takes the newest image. So the commit task raises FRESH itself. It masks the SSI task from the check whether a
-//!   transaction is under way until FRESH has risen, so nothing is released in between.
+//! - While a transaction is under way, the SSI task takes the newest image before the next one, so the commit task
+//!   raises FRESH itself. It masks the SSI task from the check for a transaction until FRESH has risen.
 //!
 //! **Expiry.** FRESH restarts a timer in hardware. If the timer is not restarted in time, it takes the semaphore from
-//! the SPIS without the processor's help (a compare, through PPI to the task ACQUIRE), and every transaction that
-//! begins later reads 0xFF. The SSI task releases an image a second time only if its time is not over. The time can run
-//! out between that check and the release. Therefore the timer has a second compare, [`EXPIRY_AGAIN_US`] after the
-//! first, which is longer than the SSI task can take from the check to the release.
+//! the SPIS without the processor's help (a compare, through PPI to the task ACQUIRE), and every later transaction
+//! reads 0xFF. The SSI task releases an image again only if its time is not over. That time can end between check and
+//! release; therefore the timer has a second compare, [`EXPIRY_AGAIN_US`] after the first.
 //!
-//! **Every order.** `tests/interleavings` explores every order in which both tasks, the scrub, DMA, the flight
-//! controller and the timer can meet, with these types (`docs/decisions/0012-exhaustive-interleavings.md`).
+//! **Every order.** `tests/interleavings` runs these types in every order of both tasks, the scrub, DMA, the flight
+//! controller and the timer (`docs/decisions/0012-exhaustive-interleavings.md`).
 //!
-//! **Bounds.** The pause that the SSI task makes after each transaction and the number of transactions that it grants
-//! ([`ssi`](crate::ssi)) bound how often it runs. A transaction that ends within the pause is served at the pause's
-//! end, or when the commit task calls the SSI task if that is earlier. The SSI task waits for the commit task only
-//! while that task holds the mailbox, which takes as long as moving a few pointers.
+//! **Bounds.** A pause after each transaction and the number of transactions that are granted ([`ssi`](crate::ssi))
+//! bound how often the SSI task runs. The SSI task waits for the commit task only while that task holds the mailbox,
+//! which takes as long as moving a few pointers.
 
 mod mailbox;
 mod server;
@@ -42,11 +39,11 @@ use crate::{triple::Memory, ImageMemory};
 pub use mailbox::{Doorbell, Mailbox, Outbox};
 pub use server::{Events, Server, Ssi};
 
-/// How long after its publication an image that is not replaced can be read, µs.
+/// How long an image that is not replaced can be read after its publication, µs.
 pub const EXPIRY_US: u32 = 25_000;
 
-/// The time from the expiry timer's first compare to its second, µs: longer than the SSI task takes from its check of
-/// the first to its release, which is below 10 µs since no task preempts it.
+/// The time from the expiry timer's first compare to its second, µs. It is longer than the SSI task takes from the
+/// check of the first to the release, which is below 10 µs.
 pub const EXPIRY_AGAIN_US: u32 = 20;
 
 /// A buffer for an image.

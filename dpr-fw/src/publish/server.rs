@@ -1,4 +1,4 @@
-//! The SSI task's side of the hand-over of images: what a transaction gets.
+//! The SSI task's side of the hand-over of images.
 
 use core::ops::Range;
 
@@ -19,28 +19,25 @@ pub struct Events<'a> {
     pub ours: bool,
     /// The bytes that the ended transaction clocked in, as far as they fit; `None` if no transaction has ended.
     pub received: Option<&'a [u8]>,
-    /// Whether the ended transaction clocked out more than its window had.
+    /// Whether the ended transaction clocked out more bytes than its window has.
     pub over_read: bool,
     /// Whether the ended transaction clocked in more bytes than the receive area has.
     pub overflow: bool,
 }
 
-/// The hardware operations of the SSI that its task needs.
+/// The operations on the SSI's hardware that the SSI task needs.
 pub trait Ssi {
-    /// An image buffer.
+    /// The type of an image buffer.
     type Buffer: ImageBuffer;
 
-    /// Returns what has happened since the last call, and clears it. `ours` must be read before the end of a
-    /// transaction is: if a transaction ends between the two reads, this call returns its end and the next call its
-    /// buffers, never the other way round. After a transaction has ended, the peripheral's events do not call the task
-    /// until the pause that [`Ssi::pass_on`] begins is over.
+    /// Returns what has happened since the last call, and clears it. Must read the semaphore before the end of a
+    /// transaction: if a transaction ends between the two reads, the next call returns the semaphore. After an end, the
+    /// peripheral's events do not call the task until the pause that [`Ssi::pass_on`] begins is over.
     fn take_events(&mut self) -> Events<'_>;
-    /// Takes the bytes that the ended transaction brought for the port task, with what the transaction asked for.
-    /// Called before the next release.
+    /// Takes the bytes and the request of the ended transaction for the port task. Called before the next release.
     fn hand_over(&mut self, asked: Asked) -> HandedOver;
-    /// Passes the bytes of the ended transaction on to the port task, calls that task, and begins the pause of
-    /// [`PAUSE_US`](crate::ssi::PAUSE_US) anew. Called after the next release, if there is one, since the flight
-    /// controller waits for that.
+    /// Passes the taken bytes on to the port task, calls that task, and begins the pause of
+    /// [`PAUSE_US`](crate::ssi::PAUSE_US) anew. Called after the next release, for which the flight controller waits.
     fn pass_on(&mut self);
     /// Whether the image that is streamed has expired. Called only while the processor has the semaphore.
     fn is_expired(&mut self) -> bool;
@@ -49,11 +46,11 @@ pub trait Ssi {
         &mut self,
         with: impl FnOnce(Option<Received<Self::Buffer, ()>>) -> (Option<Received<Self::Buffer, ()>>, R),
     ) -> R;
-    /// Points the peripheral to the bytes `window` of the image; returns false if there is no image.
+    /// Lets the peripheral stream the bytes `window` of the image. Returns false if there is no image.
     fn load(&mut self, window: Range<usize>) -> bool;
     /// Raises FRESH, which also restarts the time until the image expires.
     fn announce(&mut self);
-    /// Gives the semaphore to the SPIS, so that the next transaction gets the window that was loaded.
+    /// Gives the semaphore to the SPIS, so that the next transaction gets the loaded window.
     fn release(&mut self);
 }
 
@@ -71,8 +68,7 @@ impl<const LEN: usize> Server<LEN> {
         Self { windows: Windows::new(), budget: Budget::new() }
     }
 
-    /// Serves a call of the task: a transaction has ended, the semaphore has come because there is a newer image or
-    /// because an image has expired, or the task is called only to check in.
+    /// Serves a call of the SSI task: an ended transaction, a newer image, an expired image, or only a check-in.
     pub fn serve<S: Ssi>(
         &mut self,
         ssi: &mut S,
@@ -88,7 +84,7 @@ impl<const LEN: usize> Server<LEN> {
         if ours {
             self.offer(ssi, &mut mailbox, telemetry);
         }
-        // The release is done, so the flight controller may select again, and the counters can be updated now.
+        // The counters are updated after the release, for which the flight controller waits.
         if let Some(Ended { spent, handed_over }) = ended {
             ssi.pass_on();
             telemetry.ssi_transactions.add_alone(1);
@@ -99,8 +95,7 @@ impl<const LEN: usize> Server<LEN> {
         }
     }
 
-    /// Offers the newest image to the next transaction, if there is one that may be read. The processor must have the
-    /// semaphore.
+    /// Offers the newest image to the next transaction, unless it has expired. The processor must have the semaphore.
     fn offer<S: Ssi>(&mut self, ssi: &mut S, mailbox: &mut impl Mutex<T = Mailbox<S::Buffer>>, telemetry: &Telemetry) {
         let Taken { newer, announced } = mailbox.lock(|mailbox| ssi.exchange(|streamed| mailbox.take(streamed)));
         if newer {
@@ -123,9 +118,7 @@ impl<const LEN: usize> Server<LEN> {
     }
 }
 
-/// The SSI task's findings about a transaction that has ended.
 struct Ended {
-    /// Whether the transaction was the last one that is granted between two images.
     spent: bool,
     handed_over: HandedOver,
 }

@@ -1,5 +1,4 @@
-//! Tests the commit and SSI tasks on a model of the SPIS's semaphore. The flight controller, the timer and the SSI task
-//! interrupt them at every access to hardware.
+//! Tests the commit and SSI tasks on a model of the SPIS's semaphore, with interruptions at every hardware access.
 
 use std::{cell::RefCell, collections::VecDeque, ops::Range, rc::Rc};
 
@@ -33,7 +32,6 @@ enum Semaphore {
     CpuPending,
 }
 
-/// An event outside the processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Happening {
     Nothing,
@@ -41,14 +39,12 @@ enum Happening {
     Select,
     /// The flight controller deselects the DPR, and the transaction ends.
     Deselect,
-    /// The image's time runs out: both compares, one after the other.
+    /// Both compares of the expiry timer come, one after the other.
     Expire,
     ExpireAgain,
-    /// The pause after a transaction is over.
     PauseEnd,
 }
 
-/// What a transaction read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Read {
     Busy,
@@ -60,15 +56,15 @@ struct World {
     end: bool,
     acquired: bool,
     pended: bool,
-    /// Whether the pause runs, so that END and ACQUIRED do not call the SSI task.
+    /// Whether the pause masks END and ACQUIRED, so that they do not call the SSI task.
     paused: bool,
-    /// The image that a release gave to the SPIS.
+    /// The number of the image that the last release gave to the SPIS.
     loaded: Option<u32>,
     /// What the transaction under way reads; `None` if none is under way.
     selected: Option<Read>,
     /// The bytes that the transaction under way will have clocked in at its end.
     mosi: Vec<u8>,
-    /// The newest image for which FRESH has risen.
+    /// The number of the newest image for which FRESH has risen.
     announced: u32,
     compares: [bool; 2],
     reads: Vec<Read>,
@@ -80,7 +76,7 @@ struct World {
 
 type Buffer = ImageMemory;
 
-/// The board: hardware, mailbox and the SSI task, as any task that interrupts another sees them.
+/// The hardware, the mailbox and the SSI task, which any task can reach.
 #[derive(Clone)]
 struct Board {
     world: Rc<RefCell<World>>,
@@ -93,7 +89,6 @@ struct SsiModel {
     world: Rc<RefCell<World>>,
     image: Option<Received<Buffer, ()>>,
     received: Vec<u8>,
-    /// The request of each transaction. The next two fields record what happened to the bytes of each transaction.
     asked: Vec<Asked>,
     passed_on: usize,
     handed_over: HandedOver,
@@ -235,14 +230,14 @@ impl Board {
         self.point();
     }
 
-    /// Scrubs the images that wait for a scrub, all without a stuck bit, and returns their number.
+    /// Scrubs the images that wait for a scrub, and returns their number.
     fn scrub(&self) -> u32 {
         let found = crate::triple::scrub_waiting(self.clone());
         assert_eq!((found.stuck_bits, found.out_of_use), (0, 0));
         found.buffers
     }
 
-    /// The flight controller makes a whole transaction, and nothing else happens until the pause after it is over.
+    /// Makes a whole transaction, without any other event until the pause after it is over.
     fn read(&self, mosi: &[u8]) -> Read {
         self.world.borrow_mut().mosi = mosi.to_vec();
         for what in [Happening::Select, Happening::Deselect, Happening::PauseEnd] {
@@ -350,7 +345,7 @@ impl Ssi for SsiModel {
     }
 
     fn announce(&mut self) {
-        // While the SSI task runs, no image can be published, so the image that it has taken is the newest.
+        // No image can be published while the SSI task runs, so the image that it has taken is the newest.
         self.board.clone().expect("on the board").announce();
     }
 
@@ -377,9 +372,8 @@ fn happening() -> impl Strategy<Value = Happening> {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(4_000))]
-    /// More generations and events than in the search of `tests/interleavings` are drawn at random. Each transaction
-    /// reads the image that FRESH announced last, whole and in time, or 0xFF; and after the last event a transaction
-    /// reads the newest image.
+    /// This test draws longer runs than `tests/interleavings` explores. Each transaction reads the image that FRESH
+    /// announced last, whole and in time, or 0xFF. After the last event a transaction reads the newest image.
     #[test]
     fn a_transaction_reads_the_announced_image_or_nothing(
         happenings in prop::collection::vec(happening(), 0..60), scrubs in prop::collection::vec(any::<bool>(), 6),

@@ -4,18 +4,18 @@ use heapless::Deque;
 
 use super::{keep, put, Clean, Dirty, Filling, InUse, Memory, Outcome, Received, Scrubbable, Scrubbed};
 
-/// The number of buffers of an [`Exchange`]. Four uses can be under way at once, whatever the order in which the tasks
-/// preempt each other: one buffer is streamed, one waits to be streamed, one is scrubbed, one is filled.
+/// The number of buffers of an [`Exchange`]. Whatever the order in which the tasks preempt each other, at most four are
+/// in use at once: one is streamed, one waits to be streamed, one is scrubbed, one is filled.
 pub const IMAGES: usize = 4;
 
 /// The number of images that stay in use however faulty they are: one is streamed, one waits to be streamed, one is
-/// filled. A fourth lets the scrub task hold one beside these three. With three the scrub task gets no image, since
-/// none might be left to fill if the commit task interrupted it. The commit task then scrubs the image that it fills,
-/// off the deadline path ([`Outbox::prepare`](crate::publish::Outbox::prepare)). With two the newest image would have
-/// to be withdrawn, although FRESH may have risen for it.
+/// filled. With three the scrub task gets no image, since the commit task might interrupt it and find none to fill. The
+/// commit task then scrubs the image that it fills, after it has published
+/// ([`Outbox::prepare`](crate::publish::Outbox::prepare)). With two the newest image would have to be withdrawn,
+/// although FRESH may have risen for it.
 pub const IMAGES_LEAST: usize = 3;
 
-/// The triple buffer between the commit task and the SSI. Unlike frames, images do not queue: only the newest waits.
+/// The triple buffer between the commit task and the SSI. Only the newest image waits.
 #[derive(Debug)]
 pub struct Exchange<B> {
     newest: Option<Received<B, ()>>,
@@ -24,12 +24,12 @@ pub struct Exchange<B> {
     in_use: InUse<{ IMAGES as u32 }, { IMAGES_LEAST as u32 }>,
 }
 
-/// A buffer to fill, in the state in which it was found.
+/// A buffer that is to be filled.
 #[derive(Debug)]
 pub enum Blank<B> {
     /// The scrub task has scrubbed the buffer, which is the usual case.
     Clean(Clean<B>),
-    /// The scrub task has not scrubbed the buffer, or gets none any more ([`IMAGES_LEAST`]), so [`Blank::fill`] does.
+    /// The scrub task has not scrubbed the buffer, so [`Blank::fill`] does.
     Dirty(Dirty<B>),
 }
 
@@ -45,7 +45,7 @@ impl<B: Memory> Blank<B> {
 }
 
 impl<B: Memory> Exchange<B> {
-    /// Returns an exchange of buffers of which none holds an image.
+    /// Returns an exchange whose buffers hold no image.
     pub fn new(buffers: [B; IMAGES]) -> Self {
         let mut exchange = Self { newest: None, clean: Deque::new(), dirty: Deque::new(), in_use: InUse::ALL };
         for buffer in buffers {
@@ -60,7 +60,7 @@ impl<B: Memory> Exchange<B> {
         self.in_use.out_of_use()
     }
 
-    /// Returns a buffer to fill. There is one while at most one each is streamed, waits to be streamed and is scrubbed.
+    /// Returns a buffer to fill. `None` only if all buffers are streamed, wait to be streamed, or are being scrubbed.
     pub fn begin(&mut self) -> Option<Blank<B>> {
         let clean = self.clean.pop_front().map(Blank::Clean);
         clean.or_else(|| self.dirty.pop_front().map(Blank::Dirty))
@@ -73,7 +73,7 @@ impl<B: Memory> Exchange<B> {
         }
     }
 
-    /// Returns the image to stream next, the newest or the one streamed so far, and whether it is a newer one.
+    /// Returns the image to stream next, the newest or else the one streamed so far, and whether it is a newer one.
     pub fn take(&mut self, streamed: Option<Received<B, ()>>) -> (Option<Received<B, ()>>, bool) {
         match (self.newest.take(), streamed) {
             (Some(newest), streamed) => {

@@ -3,8 +3,7 @@
 //! # Design
 //!
 //! There are three receive buffers: the RFID side writes one, one is read into the image, one is scrubbed. The roles
-//! rotate at each frame. The purpose is a single sentence: *old data can never be read as new*. The compiler enforces
-//! these ways from state to state:
+//! rotate at each frame, so that *old data can never be read as new*. The compiler enforces these ways between states:
 //!
 //! ```text
 //!            Clean::receive            Filling::received             Received::done
@@ -14,35 +13,30 @@
 //!     └──────────────────────────────── Dirty::scrub ────────────────────────────────────┘
 //! ```
 //!
-//! Each state is a type that owns the buffer, no state can be cloned, and the arrows above are the only ways from one
-//! to the next. So a frame can only be received into a buffer of which every bit was just scrubbed, only a received
-//! frame can be read, and it cannot be read again: the buffer is then dirty, and a dirty buffer can only be scrubbed.
+//! Each state is a type that owns the buffer, and no state can be cloned. So a frame is only received into a buffer of
+//! which every bit was just scrubbed, only a received frame can be read, and it can be read only once.
 //!
-//! [`Rotation`] holds the buffers that wait for a task: received ones for the commit task, dirty ones for the scrub
-//! task, clean ones for the RFID task. Its operations move a few words, so tasks may call them in a critical section.
+//! [`Rotation`] holds the buffers that wait for a task. Its operations are short enough for a critical section.
 //!
 //! # Scrub
 //!
 //! The paper fills with 0x00 or 0xFF. This firmware fills with both in turn and reads the buffer back each time, so a
-//! scrub also finds bits that are stuck at either level. A scrub ends with 0x00, which no CRC with initial value
-//! 0xFFFFFFFF accepts. The work is the same whatever the memory holds and however it is broken.
+//! scrub also finds stuck bits. A scrub ends with 0x00, which no CRC with initial value 0xFFFFFFFF accepts.
 //!
 //! # Buffers out of use
 //!
-//! A buffer in which the scrub task finds a stuck bit is taken out of use until the next start, unless only
-//! [`RECEIVE_LEAST`] receive buffers, or [`IMAGES_LEAST`] images, are left. A faulty buffer is moved into the set of
-//! buffers that decides whether it goes on being used ([`Faulty`]); if not, the set drops it, so that no code can write
-//! or read it any more. The last buffers stay in use, faulty or not: their objects are protected by CRCs, and an object
-//! that a stuck bit changes is rejected. In either case Link-Status shows the fault, and the buffers out of use are
-//! counted ([`Telemetry::buffers_out_of_use`](crate::telemetry::Telemetry::buffers_out_of_use)).
+//! A buffer in which the scrub task finds a stuck bit ([`Faulty`]) is taken out of use until the next start, and
+//! dropped, so that no code can use it any more. [`RECEIVE_LEAST`] receive buffers and [`IMAGES_LEAST`] images stay in
+//! use even if they are faulty: an object that a stuck bit changes is rejected by its CRC. In either case Link-Status
+//! shows the fault, and the buffers out of use are counted
+//! ([`Telemetry::buffers_out_of_use`](crate::telemetry::Telemetry::buffers_out_of_use)).
 //!
-//! A task that scrubs a buffer because no other is at hand goes on with that buffer whatever the scrub finds. The scrub
-//! task finds the fault again when it scrubs the buffer next.
+//! A task that scrubs a buffer because no other is left uses the buffer even if it is faulty.
 //!
 //! # Every order
 //!
-//! `tests/interleavings` explores every order in which the tasks, DMA and a bit that gets stuck can meet, with these
-//! types (`docs/decisions/0012-exhaustive-interleavings.md`).
+//! `tests/interleavings` runs these types in every order of the tasks, DMA and a bit that gets stuck
+//! (`docs/decisions/0012-exhaustive-interleavings.md`).
 
 mod exchange;
 mod rotation;
@@ -67,11 +61,11 @@ pub trait Scrubbable {
 
     /// Returns the buffer that has waited longest to be scrubbed.
     fn take_dirty(&mut self) -> Option<Dirty<Self::Buffer>>;
-    /// Takes back a buffer that was scrubbed, or takes it out of use. Returns the result of the scrub.
+    /// Takes back a buffer that was scrubbed, unless it has to be taken out of use. Returns the result of the scrub.
     fn scrubbed(&mut self, outcome: Outcome<Self::Buffer>) -> Scrubbed;
 }
 
-/// Scrubs every buffer that waits for it. `buffers` are locked only while one is taken or put back.
+/// Scrubs every buffer that waits. `buffers` are locked only while one is taken or put back.
 pub fn scrub_waiting<S: Scrubbable>(mut buffers: impl Mutex<T = S>) -> Scrubbed {
     let mut all = Scrubbed::default();
     while let Some(dirty) = buffers.lock(Scrubbable::take_dirty) {
@@ -81,7 +75,7 @@ pub fn scrub_waiting<S: Scrubbable>(mut buffers: impl Mutex<T = S>) -> Scrubbed 
     all
 }
 
-/// The number of buffers in use, of a set of `OF`. However faulty they are, `LEAST` of them stay in use.
+/// The number of buffers in use out of `OF`. At least `LEAST` of them stay in use, however faulty they are.
 #[derive(Debug)]
 pub(crate) struct InUse<const OF: u32, const LEAST: u32>(u32);
 
@@ -99,7 +93,6 @@ impl<const OF: u32, const LEAST: u32> InUse<OF, LEAST> {
     /// Returns the scrub's result, and the buffer unless it is faulty and more than `LEAST` buffers are in use.
     pub(crate) fn admit<B>(&mut self, outcome: Outcome<B>) -> (Option<Clean<B>>, Scrubbed) {
         match outcome {
-            // The faulty buffer is dropped, so that no code can use it any more.
             Err(faulty) if !self.is_least() => {
                 self.0 -= 1;
                 (None, Scrubbed { buffers: 1, stuck_bits: faulty.stuck_bits(), out_of_use: 1 })
@@ -112,8 +105,7 @@ impl<const OF: u32, const LEAST: u32> InUse<OF, LEAST> {
     }
 }
 
-/// Returns the buffer, faulty or not, to a task that scrubs because no other buffer is at hand. The scrub task finds
-/// the fault again later, and can take the buffer out of use.
+/// Returns the buffer, faulty or not, for a task that scrubs because no other buffer is left.
 pub(crate) fn keep<B>(outcome: Outcome<B>) -> (Clean<B>, Scrubbed) {
     match outcome {
         Ok(clean) => (clean, Scrubbed { buffers: 1, ..Scrubbed::default() }),
@@ -124,7 +116,7 @@ pub(crate) fn keep<B>(outcome: Outcome<B>) -> (Clean<B>, Scrubbed) {
     }
 }
 
-/// Puts a buffer into a queue. The queues are as long as there can be buffers in them, so the push cannot fail.
+/// Puts a buffer into a queue. Each queue has room for all buffers that can be in it, so this cannot fail.
 fn put<T, const LEN: usize>(queue: &mut Deque<T, LEN>, item: T) {
     let full = queue.push_back(item).is_err();
     debug_assert!(!full, "a buffer too many has appeared");

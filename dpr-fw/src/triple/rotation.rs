@@ -7,14 +7,13 @@ use super::{keep, put, Clean, Dirty, Filling, InUse, Memory, Outcome, Received, 
 /// The number of receive buffers: one is written, one is read, one is scrubbed.
 pub const RECEIVE_BUFFERS: usize = 3;
 
-/// The number of receive buffers that stay in use however faulty they are. With two buffers, one is written while the
-/// other is read and then scrubbed. If the reading and scrubbing take until the next frame is whole, there is no clean
-/// buffer: that frame is scrubbed away in the buffer in which it stands, and the buffer that is being read is left
-/// alone ([`Rotated::Overrun`]). For their work commit and scrub have 3.9 ms, the shortest time between the ends of two
-/// frames (five receivers), and need less than 0.3 ms.
+/// The number of receive buffers that stay in use however faulty they are: one is written while the other is read and
+/// then scrubbed. If a frame ends before the other buffer is scrubbed, that frame is lost, and the buffer that is being
+/// read is left alone ([`Rotated::Overrun`]). Commit and scrub have 3.9 ms for their work, the shortest time between
+/// the ends of two frames (five receivers), and need less than 0.3 ms.
 pub const RECEIVE_LEAST: usize = 2;
 
-/// The buffers that wait for a task, from a set of three of which one is always being written.
+/// The receive buffers that wait for a task. One buffer of the three is always being written.
 #[derive(Debug)]
 pub struct Rotation<B, I> {
     clean: Deque<Clean<B>, 2>,
@@ -23,18 +22,17 @@ pub struct Rotation<B, I> {
     in_use: InUse<{ RECEIVE_BUFFERS as u32 }, { RECEIVE_LEAST as u32 }>,
 }
 
-/// What becomes of a frame at [`Rotation::rotate`].
+/// The result of [`Rotation::rotate`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rotated {
     /// The frame waits to be read.
     Handed,
-    /// No clean buffer was at hand, so the frame was scrubbed away where it stood: the tasks that read and scrub are
-    /// late by a cycle. The value is the result of that scrub.
+    /// No clean buffer was left, so the frame was scrubbed away. The value is the result of that scrub.
     Overrun(Scrubbed),
 }
 
 impl<B: Memory, I> Rotation<B, I> {
-    /// Scrubs three buffers and begins to write the first that stays in use. Also returns the result of the scrubs.
+    /// Scrubs the buffers. Returns the buffer to write first, the others, and the result of the scrubs.
     ///
     /// # Panics
     ///
@@ -77,8 +75,8 @@ impl<B: Memory, I> Rotation<B, I> {
         }
     }
 
-    /// Queues the buffer of a frame that is not whole for a scrub, and returns a clean buffer to be written. If no
-    /// clean one is at hand, the given buffer is scrubbed here instead, and the result of that scrub returned.
+    /// Queues the buffer of an incomplete frame for a scrub, and returns a clean buffer to be written. If none is left,
+    /// the given buffer is scrubbed here, and the result of that scrub returned.
     pub fn replace(&mut self, filling: Filling<B>) -> (Filling<B>, Scrubbed) {
         match self.clean.pop_front() {
             Some(clean) => {
@@ -92,7 +90,7 @@ impl<B: Memory, I> Rotation<B, I> {
         }
     }
 
-    /// Returns the oldest frame that waits to be read.
+    /// Returns the frame that has waited longest to be read.
     pub fn read(&mut self) -> Option<Received<B, I>> {
         self.received.pop_front()
     }

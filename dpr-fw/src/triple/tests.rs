@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// A set of buffers that no other task uses, so that its lock has nothing to do.
+/// A set of buffers that only one task uses, so that its lock does nothing.
 struct Own<'a, S>(&'a mut S);
 
 impl<S> Mutex for Own<'_, S> {
@@ -16,7 +16,7 @@ impl<S> Mutex for Own<'_, S> {
 
 const WORDS: usize = 4;
 
-/// Returns the result of scrubs of that many buffers without a stuck bit.
+/// Returns the result of scrubs of this many buffers without a stuck bit.
 fn sound(buffers: u32) -> Scrubbed {
     Scrubbed { buffers, stuck_bits: 0, out_of_use: 0 }
 }
@@ -79,7 +79,6 @@ fn memory_behind_a_reference_is_scrubbed_as_well() {
 
 #[test]
 fn a_scrub_fills_with_ones_and_with_zeros_and_reads_each_back() {
-    /// Memory that records each fill and each read back.
     #[derive(Debug, Default)]
     struct Log(RefCell<Vec<(char, u32)>>);
     impl Memory for Log {
@@ -171,8 +170,8 @@ proptest! {
         prop_assert_eq!(Dirty::new(ram).scrub().expect_err("a bit is stuck").stuck_bits(), 1);
     }
 
-    /// The tasks run in any order and each of them may be late. The model is a queue of frames: each frame that is read
-    /// was received exactly once, in order, into a buffer that was clean when the frame began.
+    /// The tasks run in any order, and each of them may be late. Each frame that is read was received exactly once, in
+    /// order, into a buffer that was clean when the frame began.
     #[test]
     fn no_order_of_the_tasks_reads_a_frame_twice_or_overwrites_one(
         steps in prop::collection::vec(0_u8..7, 0..400),
@@ -184,7 +183,7 @@ proptest! {
         let mut frame = 0;
         for step in steps {
             match step {
-                // A frame arrives in this step.
+                // A frame arrives.
                 0 | 1 => {
                     frame += 1;
                     let in_hand = usize::from(reading.is_some()) + usize::from(scrubbing.is_some());
@@ -210,7 +209,7 @@ proptest! {
                 },
                 3 => if let Some(read) = reading.take() { rotation.done(read); },
                 4 => if scrubbing.is_none() { scrubbing = rotation.take_dirty(); },
-                // A frame begins to arrive in this step, and is not delivered.
+                // A frame begins to arrive, and is not delivered.
                 5 => {
                     filling.memory().write(u32::MAX);
                     let (next, found) = rotation.replace(filling);
@@ -243,7 +242,7 @@ fn on_time_the_three_roles_rotate_at_each_frame() {
     assert_eq!(written, [0, 1, 2, 0, 1, 2, 0]);
 }
 
-/// Receives, reads and scrubs a frame. Returns the name of the buffer that it was written to, and the scrub's result.
+/// Receives, reads and scrubs a frame. Returns the name of the frame's buffer, and the scrub's result.
 fn cycle(rotation: &mut Rotation<Ram, u32>, mut filling: Filling<Ram>, frame: u32) -> (Filling<Ram>, usize, Scrubbed) {
     let name = filling.memory().name;
     filling.memory().write(frame);
@@ -256,7 +255,7 @@ fn cycle(rotation: &mut Rotation<Ram, u32>, mut filling: Filling<Ram>, frame: u3
     (next, name, found)
 }
 
-/// Returns memories; those whose numbers are in `stuck` have a bit that is stuck at 1 from now on.
+/// Returns memories. Those whose numbers are in `stuck` have a bit that is stuck at 1.
 fn rams<const OF: usize>(stuck: &[usize]) -> [Ram; OF] {
     std::array::from_fn(|name| Ram { stuck: stuck.contains(&name).then_some((2, 17, true)), ..Ram::sound(name) })
 }
@@ -331,7 +330,6 @@ fn with_two_receive_buffers_a_frame_during_a_read_is_given_up() {
     assert_eq!(found, sound(1));
     filling = next;
 
-    // Once the buffer was read and scrubbed, both buffers take turns again.
     rotation.done(read);
     assert_eq!(scrub_waiting(Own(&mut rotation)), sound(1));
     let (filling, name, _) = cycle(&mut rotation, filling, 4);
@@ -417,7 +415,7 @@ fn the_third_frame_that_nobody_reads_is_an_overrun() {
 
 proptest! {
     /// The commit, SSI and scrub tasks run in any order. The streamed image is whole, was the newest when it was taken,
-    /// and is never older than the one before; and there is always a buffer to fill.
+    /// and is never older than the one before. There is always a buffer to fill.
     #[test]
     fn the_streamed_image_is_whole_and_never_older_than_the_last(
         steps in prop::collection::vec(0_u8..5, 0..400),

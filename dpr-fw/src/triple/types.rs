@@ -6,13 +6,13 @@ use core::{
     sync::atomic::{compiler_fence, Ordering},
 };
 
-/// Words of memory, as a scrub accesses them. The tests implement this trait for faulty memory.
+/// Words of memory that can be scrubbed. The tests implement this trait for faulty memory.
 pub trait Memory {
     /// Returns the number of 32-bit words.
     fn words(&self) -> usize;
     /// Sets every word to `pattern`.
     fn fill(&mut self, pattern: u32);
-    /// Returns the number of bits that differ from `pattern`, as they are read back from the memory itself.
+    /// Returns how many bits, read back from the memory itself, differ from `pattern`.
     fn differing_bits(&self, pattern: u32) -> u32;
 }
 
@@ -28,9 +28,9 @@ impl<M: Memory + ?Sized> Memory for &mut M {
     }
 }
 
-/// In RAM fill and read-back both pass through an optimisation barrier and a compiler fence: the fill has to be in
-/// memory before it is read back, and the read-back has to load from there, since the compiler may assume nothing of a
-/// value that went through [`black_box`]. The on-target tests detect a dropped step by its cycles.
+/// Fill and read-back both pass through an optimisation barrier and a compiler fence, so that the compiler can drop
+/// neither: the fill has to be in memory before it is read back, and the read-back has to load from there. The
+/// on-target tests detect a dropped step by its clock cycles.
 impl<const WORDS: usize> Memory for [u32; WORDS] {
     fn words(&self) -> usize {
         WORDS
@@ -48,7 +48,7 @@ impl<const WORDS: usize> Memory for [u32; WORDS] {
     fn differing_bits(&self, pattern: u32) -> u32 {
         compiler_fence(Ordering::SeqCst);
         let words = black_box(self);
-        // The loop does the same work whatever the memory has held. Only stuck bits are then counted one by one.
+        // The loop does the same work whatever the memory holds. Only stuck bits are then counted one by one.
         let differing = words.iter().fold(0, |differing, word| differing | (word ^ pattern));
         if differing == 0 {
             0
@@ -58,7 +58,7 @@ impl<const WORDS: usize> Memory for [u32; WORDS] {
     }
 }
 
-/// A buffer of which every bit was scrubbed since the buffer was last written.
+/// A buffer that was scrubbed and not written since.
 #[derive(Debug)]
 pub struct Clean<B>(B);
 
@@ -66,19 +66,18 @@ pub struct Clean<B>(B);
 #[derive(Debug)]
 pub struct Filling<B>(B);
 
-/// A buffer that holds a frame which nobody has read yet, with what is known of it.
+/// A buffer that holds a frame which no task has read yet.
 #[derive(Debug)]
 pub struct Received<B, I> {
     buffer: B,
     about: I,
 }
 
-/// A buffer that may not be read any more. New buffers begin in this state, so that each is scrubbed before use.
+/// A buffer that may not be read any more. Every new buffer begins in this state.
 #[derive(Debug)]
 pub struct Dirty<B>(B);
 
-/// A scrubbed buffer in which the scrub found stuck bits. Only the set of buffers to which it belongs can go on using
-/// it; whoever drops it takes it out of use until the next start.
+/// A buffer in which the scrub found stuck bits. Whoever drops it takes it out of use until the next start.
 #[derive(Debug)]
 pub struct Faulty<B> {
     buffer: B,
@@ -90,7 +89,7 @@ pub struct Faulty<B> {
 pub struct Scrubbed {
     /// The number of buffers that were scrubbed.
     pub buffers: u32,
-    /// The number of bits that did not take a 1 or did not take a 0. Memory without a fault has none.
+    /// The number of bits that did not take a 1 or did not take a 0.
     pub stuck_bits: u32,
     /// The number of buffers that were taken out of use because of stuck bits.
     pub out_of_use: u32,
@@ -122,12 +121,12 @@ impl<B> Filling<B> {
         &self.0
     }
 
-    /// Ends the writing: the buffer holds a whole frame, which may be read once. `about` is kept with it.
+    /// Ends the writing: the buffer holds a whole frame, which may be read once. `about` is kept with the frame.
     pub fn received<I>(self, about: I) -> Received<B, I> {
         Received { buffer: self.0, about }
     }
 
-    /// Gives up the frame that was being written: the buffer must be scrubbed before it is written again.
+    /// Gives up the frame that was being written.
     pub fn discard(self) -> Dirty<B> {
         Dirty(self.0)
     }
@@ -139,19 +138,19 @@ impl<B, I> Received<B, I> {
         &self.buffer
     }
 
-    /// Returns the information about the frame that was given to [`Filling::received`].
+    /// Returns the information that was given to [`Filling::received`].
     pub fn about(&self) -> &I {
         &self.about
     }
 
-    /// Ends the reading: the buffer must be scrubbed before it is written again.
+    /// Ends the reading.
     pub fn done(self) -> Dirty<B> {
         Dirty(self.buffer)
     }
 }
 
 impl<B: Memory> Dirty<B> {
-    /// Returns a buffer with unknown content, which must be scrubbed before its first use.
+    /// Takes a buffer with unknown contents.
     pub fn new(buffer: B) -> Self {
         Self(buffer)
     }
@@ -160,7 +159,7 @@ impl<B: Memory> Dirty<B> {
     ///
     /// # Errors
     ///
-    /// [`Faulty`] if any bit that is read back differs. The buffer then holds 0x00 except for the stuck bits.
+    /// [`Faulty`] if any bit that is read back differs.
     pub fn scrub(mut self) -> Result<Clean<B>, Faulty<B>> {
         let mut stuck_bits = 0;
         for pattern in [u32::MAX, 0] {
@@ -182,7 +181,7 @@ impl<B> Faulty<B> {
         self.stuck_bits
     }
 
-    /// Returns the buffer as clean although it has stuck bits, so that it goes on being used.
+    /// Returns the faulty buffer as clean, so that it stays in use.
     pub(super) fn keep(self) -> Clean<B> {
         Clean(self.buffer)
     }

@@ -1,11 +1,10 @@
 //! Depth-first search over every order of events, by running the same deterministic program again and again.
 //!
-//! A run calls [`Explorer::choose`] wherever more than one thing can happen next. The first run always takes the first
+//! A run calls [`Explorer::choose`] wherever more than one event can happen next. The first run always takes the first
 //! continuation. Each later run repeats the choices of the previous run up to the last one that has an alternative
-//! left, and takes that alternative. Code that is interrupted cannot be copied, so a run is repeated from its start
-//! instead (as loom does). A run ends early where it meets a state that an earlier run has met, since everything that
-//! follows from that state is known. States are compared by digests of 64 bits; the probability that any two of half a
-//! million states share a digest is 1 in 10^8.
+//! left, and takes that alternative. Code that is interrupted cannot be copied, so a run is repeated from its start (as
+//! in loom). A run ends early at a state that an earlier run has met. States are compared by digests of 64 bits; the
+//! probability that any two of half a million states share a digest is 1 in 10^8.
 
 use std::{
     any::Any,
@@ -16,25 +15,21 @@ use std::{
     panic::{catch_unwind, resume_unwind, AssertUnwindSafe},
 };
 
-/// The most choices of one run. No model here comes near this number; a model that exceeds it never ends.
+/// The most choices of one run. A model that exceeds this number never ends.
 const DEPTH: usize = 10_000;
 /// The most states of one search. Bounds that allow more of them are too wide for a test.
 const STATES: usize = 1_500_000;
 
-/// The size of a search that has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Explored {
-    /// The number of different states in which more than one thing could happen next.
+    /// The number of different states in which more than one event could happen next.
     pub(crate) states: usize,
     /// The number of runs: complete runs and those that met a known state.
     pub(crate) runs: usize,
 }
 
-/// A run in which a rule was broken.
 pub(crate) struct Counterexample {
-    /// The rule that was broken.
     pub(crate) broken: String,
-    /// Everything that happened, in order.
     pub(crate) trace: Vec<String>,
 }
 
@@ -46,10 +41,9 @@ impl fmt::Debug for Counterexample {
 
 /// The panic payload that ends a run which met a known state.
 struct Known;
-/// The panic payload that ends a run in which a rule was broken, with that rule.
+/// The panic payload that ends a run which broke a rule; it names the rule.
 struct Broken(String);
 
-/// The state of the search.
 #[derive(Default)]
 pub(crate) struct Explorer {
     search: RefCell<Search>,
@@ -57,21 +51,19 @@ pub(crate) struct Explorer {
 
 #[derive(Default)]
 struct Search {
-    /// The choices of this run: for each, the number of the continuation that was taken, and the number of
-    /// continuations.
+    /// The choices of this run: the number of the continuation that was taken, and the number of continuations.
     path: Vec<(usize, usize)>,
     /// The number of choices at the start of `path` that this run has repeated so far.
     made: usize,
     seen: HashSet<u64>,
-    /// The digests of this run in their order. The next field is the number of them that the run has asked for.
+    /// The digests of this run in their order.
     digests: Vec<u64>,
     asked: usize,
     trace: Vec<&'static str>,
 }
 
 impl Explorer {
-    /// Chooses one of `of` continuations, whose numbers begin with 0. `state` gives a digest of everything on which the
-    /// future depends.
+    /// Chooses one of `of` continuations, numbered from 0. `state` digests everything on which the future depends.
     pub(crate) fn choose(&self, of: usize, state: impl FnOnce() -> u64) -> usize {
         if of == 1 {
             return 0;
@@ -93,8 +85,7 @@ impl Explorer {
         0
     }
 
-    /// Returns the digest that `compute` gives. While a run repeats the previous run, the digests of that run are used
-    /// again, since computing digests is most of the work.
+    /// Returns the digest that `compute` gives, or that of the previous run while this run repeats it.
     pub(crate) fn remember(&self, compute: impl FnOnce() -> u64) -> u64 {
         let mut search = self.search.borrow_mut();
         let asked = search.asked;
@@ -111,12 +102,10 @@ impl Explorer {
         digest
     }
 
-    /// Writes `what` into the trace of this run.
     pub(crate) fn note(&self, what: &'static str) {
         self.search.borrow_mut().trace.push(what);
     }
 
-    /// Explores every run of `model`.
     pub(crate) fn explore(model: impl Fn(std::rc::Rc<Self>)) -> Result<Explored, Counterexample> {
         let explorer = std::rc::Rc::new(Self::default());
         let mut runs = 0;
@@ -149,12 +138,10 @@ impl Explorer {
     }
 }
 
-/// Ends the run, and the search, because a rule is broken.
 pub(crate) fn broken(rule: impl Into<String>) -> ! {
     resume_unwind(Box::new(Broken(rule.into())))
 }
 
-/// Ends the run with `rule` as broken, unless `condition` is true.
 pub(crate) fn holds(condition: bool, rule: &str) {
     if !condition {
         broken(rule);
@@ -172,14 +159,13 @@ fn what_broke(why: Box<dyn Any + Send>) -> String {
     }
 }
 
-/// Returns a digest of a value that can be hashed.
 pub(crate) fn digest(of: impl Hash) -> u64 {
     let mut hasher = DefaultHasher::new();
     of.hash(&mut hasher);
     hasher.finish()
 }
 
-/// Returns a digest of a value whose state is private, from what its derived `Debug` prints.
+/// Returns a digest of what the derived `Debug` of a value prints, since the value's state is private.
 pub(crate) fn digest_shown(of: &impl fmt::Debug) -> u64 {
     struct Into(DefaultHasher);
     impl fmt::Write for Into {

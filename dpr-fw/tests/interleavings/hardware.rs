@@ -1,5 +1,5 @@
-//! The hardware beside the processor, as plain data: RAM as DMA sees it, SPIS, expiry timer, FRESH, and the two
-//! connections to the outside (SSI and air). Section numbers are those of the nRF52840 product specification v1.7.
+//! The hardware besides the processor, as plain data: RAM as DMA sees it, SPIS, expiry timer, FRESH, SSI and air.
+//! Section numbers are those of the nRF52840 product specification v1.7.
 
 use super::{
     board::Task,
@@ -8,12 +8,11 @@ use super::{
 };
 use profile::ssi::{encode, Request};
 
-/// The number of receive buffers, which come first in RAM; the images come after them.
+/// The number of receive buffers, which come first in RAM, before the images.
 pub(crate) const RECEIVE: usize = dpr_fw::triple::RECEIVE_BUFFERS;
-/// The number of buffers in RAM.
 pub(crate) const BUFFERS: usize = RECEIVE + dpr_fw::triple::IMAGES;
 
-/// Who owns the SPIS's buffers (6.26, SEMSTAT).
+/// The owner of the SPIS's buffers (6.26, SEMSTAT).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Semaphore {
     Free,
@@ -22,14 +21,13 @@ pub(crate) enum Semaphore {
     CpuPending,
 }
 
-/// The part of an image that a transaction shows.
+/// The bytes of an image that a transaction shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Window {
     Whole,
     UpperHalf,
 }
 
-/// The SSI transaction that is under way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Transaction {
     buffer: usize,
@@ -38,16 +36,14 @@ pub(crate) struct Transaction {
     generation: u8,
     /// The number of halves of the transaction's bytes that EasyDMA has carried.
     carried: u8,
-    /// The window that the transaction asks for.
     asks: Window,
 }
 
-/// The events that can happen beside the processor, each at any instant at which it is enabled.
+/// The events besides those in the processor, each of which can happen at any instant at which it is enabled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Step {
-    /// The flight controller selects the DPR.
     Select,
-    /// EasyDMA carries the next half of the bytes, out and in.
+    /// EasyDMA carries the next half of the transaction's bytes, out and in.
     Carry,
     /// The flight controller deselects the DPR, which raises the event END.
     Deselect,
@@ -57,15 +53,12 @@ pub(crate) enum Step {
     Expire,
     /// The expiry timer's second compare comes and triggers ACQUIRE again.
     ExpireAgain,
-    /// The compare that ends the pause after a transaction comes.
     PauseEnd,
     /// EasyDMA writes the next half of a frame into the receive buffer.
     Arrive,
-    /// The frame that is arriving has ended.
     FrameEnd,
     /// The frame that is arriving is lost and will not be delivered.
     FrameLost,
-    /// The deadline of the next frame passes.
     Deadline,
     /// A store that no fence has held back reaches the RAM.
     Store,
@@ -93,7 +86,7 @@ impl Step {
     }
 }
 
-/// Everything beside the processor on which the future depends.
+/// Everything besides the processor on which the future depends.
 #[derive(Clone, Debug, Hash)]
 pub(crate) struct Hardware {
     /// RAM as DMA sees it: the two halves of each buffer. All words of a half hold the same value.
@@ -101,7 +94,6 @@ pub(crate) struct Hardware {
     /// For each buffer, a store to its upper half that the compiler still holds back.
     pub(crate) held_back: [Option<u32>; BUFFERS],
     pub(crate) stuck: Option<usize>,
-    /// The buffer in which the scrub task has found a stuck bit.
     pub(crate) found: Option<usize>,
     pub(crate) semaphore: Semaphore,
     pub(crate) end: bool,
@@ -110,31 +102,27 @@ pub(crate) struct Hardware {
     pub(crate) ending: bool,
     /// Whether the pause masks END and ACQUIRED, so that they do not call the SSI task.
     pub(crate) masked: bool,
-    /// Whether the compare that ends the pause is still to come. The next field is the event of that compare.
+    /// Whether the compare that ends the pause is still to come.
     pub(crate) pause_runs: bool,
     pub(crate) pause_over: bool,
-    /// Whether the SSI task is about to begin the pause.
     pub(crate) pause_begins: bool,
     /// The buffer and the window that TXD points to.
     pub(crate) txd: Option<(usize, Window)>,
-    /// The bytes that the SPIS has written into the SSI task's memory. The next field is the number of these bytes.
+    /// The bytes that the SPIS has written into the SSI task's memory.
     pub(crate) rxd: [u8; 8],
     pub(crate) amount: usize,
     pub(crate) transaction: Option<Transaction>,
-    /// The window that the last granted transaction has asked for.
+    /// The window that the last granted transaction requested.
     asked: Window,
     /// The number of compares since the expiry timer was cleared; `None` before the timer's first start.
     pub(crate) expired: Option<u8>,
-    /// The event of the expiry timer's first compare.
     pub(crate) compare: bool,
     /// Whether the expiry timer was cleared and its event is not cleared yet.
     pub(crate) just_cleared: bool,
     /// Whether the first compare came while the SSI task ran, and that run of the task has not ended.
     pub(crate) expired_in_task: bool,
-    /// The newest generation that was published. The next field is the newest generation that FRESH has announced.
     pub(crate) published: u8,
     pub(crate) announced: u8,
-    /// The receive buffer that is written. The next field is the number of halves of a frame that it holds.
     pub(crate) receiving: usize,
     pub(crate) arrived: u8,
     /// The number of the frame that is arriving or comes next.
@@ -142,7 +130,6 @@ pub(crate) struct Hardware {
     left: Left,
 }
 
-/// How many events of each kind may still happen.
 #[derive(Clone, Copy, Debug, Hash)]
 struct Left {
     frames: u8,
@@ -192,11 +179,10 @@ impl Hardware {
         }
     }
 
-    /// Calls `with` with each event that is enabled, where only a task of a priority above `level` would run at once.
-    /// An event that merely calls a task is enabled where that task would run at once: called earlier, the task would
-    /// wait until then.
+    /// Calls `with` for each event that is enabled while a task of priority `level` runs. An event that only calls a
+    /// task is enabled when that task would run at once, since earlier it would have no effect.
     pub(crate) fn steps(&self, level: u8, receiver_runs: bool, bounds: &Bounds, mut with: impl FnMut(Step)) {
-        // A transaction that begins while the processor has the semaphore reads DEF throughout and changes nothing,
+        // A transaction that begins while the processor has the semaphore reads DEF throughout and changes no state,
         // however long it lasts (6.26.1), so it is left out.
         if self.transaction.is_none() && self.semaphore == Semaphore::Free && self.left.transactions > 0 {
             with(Step::Select);
@@ -211,15 +197,13 @@ impl Hardware {
             with(Step::Shortcut);
         }
         match self.expired {
-            // The compare comes 25 ms after the timer was cleared, and the next step of the task is over long before
-            // that.
+            // The compare comes 25 ms after the timer was cleared, long after the next step of the task.
             Some(0) if self.left.expiries > 0 && !self.just_cleared => with(Step::Expire),
             // The second compare comes 20 µs after the first, so an SSI task that ran at the first has ended by then.
             Some(1) if !self.expired_in_task => with(Step::ExpireAgain),
             _ => {}
         }
-        // While the SSI task runs, it matters only whether the compare comes before or after the task begins the pause
-        // anew.
+        // While the SSI task runs, it only matters whether the compare comes before the task begins the pause anew.
         if self.pause_runs && (level < Task::Ssi as u8 || self.pause_begins) {
             with(Step::PauseEnd);
         }
@@ -244,14 +228,13 @@ impl Hardware {
         }
     }
 
-    /// Carries out an event that concerns only the hardware.
     pub(crate) fn happen(&mut self, step: Step, mutation: Mutation, in_ssi_task: bool) {
         match step {
             Step::Select => self.select(),
             Step::Carry => self.carry(),
             Step::Deselect => {
                 let Some(transaction) = self.transaction.take() else { return };
-                // A transaction that ended within its request asks for nothing.
+                // A transaction that ended within its request requests no window.
                 self.asked = if transaction.carried == 2 { transaction.asks } else { Window::Whole };
                 self.amount = 4 * usize::from(transaction.carried);
                 self.end = true;
@@ -299,7 +282,6 @@ impl Hardware {
         }
     }
 
-    /// Triggers the task ACQUIRE (6.26.2).
     pub(crate) fn acquire(&mut self) {
         match self.semaphore {
             Semaphore::Free => {
@@ -311,13 +293,11 @@ impl Hardware {
         }
     }
 
-    /// Triggers the tasks CLEAR and START of the expiry timer.
     pub(crate) fn clear_timer(&mut self) {
         self.expired = Some(0);
         self.just_cleared = true;
     }
 
-    /// Triggers the task RELEASE.
     pub(crate) fn release(&mut self) {
         holds(self.semaphore == Semaphore::Cpu, "the semaphore is released by who does not have it");
         self.semaphore = Semaphore::Free;
@@ -325,7 +305,7 @@ impl Hardware {
 
     fn select(&mut self) {
         self.left.transactions -= 1;
-        // The flight controller asks for the two windows in turn.
+        // The flight controller requests the two windows in turn.
         let asks = if self.asked == Window::Whole { Window::UpperHalf } else { Window::Whole };
         let Some((buffer, window)) = self.txd else { broken("the SPIS is given no image") };
         self.semaphore = Semaphore::Spis;

@@ -6,8 +6,8 @@
 //! The real types of the library ([`dpr_fw::triple`], [`dpr_fw::publish`]) run on a model of the hardware
 //! ([`hardware`]), in tasks with the firmware's priorities ([`board`]). [`explorer`] tries every continuation wherever
 //! more than one is possible, and recognises a state by a digest of everything on which the future depends. Every half
-//! of a buffer carries the number of its frame or of its generation. So the commit task and the SPIS's EasyDMA can tell
-//! whether a half that they read is torn, stale, or not scrubbed.
+//! of a buffer carries the number of its frame or generation. So the commit task and the SPIS's EasyDMA notice a half
+//! that is torn, stale, or not scrubbed.
 //!
 //! | who | steps |
 //! |---|---|
@@ -18,22 +18,19 @@
 //! | timers | the deadline of the next frame; both compares of the expiry; the end of the pause after a transaction |
 //! | RAM | a bit gets stuck; a store that no fence holds back comes late |
 //!
-//! Two halves of a buffer stand for all of its words: the processor writes the buffer from its start to its end, and
-//! EasyDMA reads it in the same order. At the instant at which they meet, one half lies before the meeting point and
-//! one half behind it.
+//! Two halves of a buffer stand for all of its words: the processor and EasyDMA both access the buffer from its start
+//! to its end, so they meet at one point, which has one half before it and one after it.
 //!
-//! loom explores threads on the memory model of C11. Here interrupts of one core, which have priorities and run to
-//! their end, meet hardware, which has no program; neither is a thread. So this search is of the same kind as loom's,
-//! but drives a model that is written for it.
+//! loom explores threads on the memory model of C11. Here the interrupts of one core, which have priorities and run to
+//! their end, meet hardware without a program; neither is a thread.
 //!
 //! # What is not shown
 //!
-//! The search has no instants: it also explores orders that cannot happen on silicon because one thing takes longer
-//! than another, with two exceptions: a compare does not come in the moment in which its timer is cleared, and the
-//! second compare comes later than the SSI task takes. Registers: review, and the bench, which runs the image, show
-//! that `hw/ssi.rs` makes the accesses of [`board`]'s port in the same order. The compiler: a fence cannot be executed,
-//! so a missing fence is explored as the late store or early load that it would allow. The budget of transactions is
-//! longer than a search can be.
+//! The search has no instants. It also explores orders that cannot happen on silicon because one step takes longer than
+//! another. There are two exceptions: a compare does not come when its timer was just cleared, and the second compare
+//! comes later than the SSI task takes. That `hw/ssi.rs` makes the accesses of [`board`]'s port in the same order is
+//! shown by review and by the bench, which runs the image. A fence cannot be executed, so a missing fence is explored
+//! as the late store or early load that it would allow. The budget of transactions is larger than a search can be.
 
 mod board;
 mod explorer;
@@ -42,20 +39,16 @@ mod hardware;
 use board::OneRun;
 use explorer::{Counterexample, Explored, Explorer};
 
-/// The number of bytes of an image here. The next constant is the number of bytes of its lower half.
 const LEN: usize = 4 * dpr_fw::IMAGE_WORDS;
 const HALF_BYTES: usize = 4 * (dpr_fw::IMAGE_WORDS / 2);
 
 /// How often each event may happen in a search, and which rule is broken on purpose.
 #[derive(Clone, Copy, Debug)]
 struct Bounds {
-    /// The number of frames that may begin to arrive.
     frames: u8,
     /// The number of deadlines that may pass; each brings an image without objects.
     deadlines: u8,
-    /// The number of transactions that may begin.
     transactions: u8,
-    /// How often the expiry timer may run out.
     expiries: u8,
     /// The number of bits that may get stuck, in any buffer from number `stick_from` on.
     sticks: u8,
@@ -65,13 +58,11 @@ struct Bounds {
     mutation: Mutation,
 }
 
-/// A rule that is broken on purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mutation {
     None,
     /// If two frames wait, the newer one is read first.
     RotationOrder,
-    /// No buffer is scrubbed.
     NoScrub,
     /// A scrub does not report the stuck bit that it found, so the buffer stays in use.
     FaultyUsedAgain,
@@ -83,15 +74,13 @@ enum Mutation {
     FreshBeforeTaken,
     /// FRESH rises after the image is released instead of before.
     FreshAfterRelease,
-    /// The end of a transaction is read before the semaphore is.
+    /// The end of a transaction is read before the semaphore.
     EndBeforeSemaphore,
     /// An image that was announced during a transaction is released without a check whether it has expired.
     ExpiryNotAskedAgain,
-    /// An image is released whether it has expired or not.
     ReleasedAfterExpiry,
-    /// The expiry timer has no second compare.
     NoSecondCompare,
-    /// The event of the expiry timer's compare is cleared before the timer is.
+    /// The event of the expiry timer's compare is cleared before the timer.
     EventClearedBeforeTimer,
     /// No pause masks the end of a transaction, so it calls the task at any time.
     NoPause,
@@ -135,7 +124,7 @@ fn has_no_counterexample(bounds: Bounds, states: usize) {
     assert_eq!(explored.states, states, "docs/decisions/0012-exhaustive-interleavings.md gives this number, too");
 }
 
-/// Asserts that with this mutation the search ends at a run in which `rule` is broken.
+/// Asserts that with this mutation the search finds a run that breaks `rule`.
 fn breaks(mutation: Mutation, bounds: Bounds, rule: &str) {
     let counterexample = explore(Bounds { mutation, ..bounds }).expect_err("a rule is broken");
     assert_eq!(counterexample.broken, rule, "{counterexample:?}");

@@ -48,7 +48,7 @@ fn memory_without_a_stop_is_no_record_whether_zero_or_ones() {
     for word in [0, u32::MAX] {
         assert_eq!(Stop::from_words(&[word; WORDS]), None);
     }
-    // These words have a CRC that fits, but no cause.
+    // These words have a right CRC, but no cause.
     let mut words = [0; WORDS];
     words[WORDS - 1] = check_word(&words);
     assert_eq!(Stop::from_words(&words), None);
@@ -118,7 +118,7 @@ fn of_a_long_path_the_end_is_kept() {
     assert_eq!(Place::of("x").text(), "x");
 }
 
-/// One test covers the statics, which all tests of this process share.
+/// This is one test, since all tests of a process share the statics.
 #[test]
 fn only_the_first_stop_since_the_start_is_kept_and_taken_once() {
     assert_eq!((take(), code()), (None, 0));

@@ -1,8 +1,8 @@
-//! Guard words: a write beyond the end of a static, or an overflow of the stack, changes them before anything else.
+//! Guard words: a write beyond the end of a static, or an overflow of the stack, changes them first.
 //!
 //! There are two guard words before `.data`, between `.data` and `.bss`, between `.bss` and `.uninit`, behind `.uninit`
-//! (`guards.x`), and at the end of the stack. The value of each word follows from its address, so a block of memory
-//! that is copied over another does not restore it. No value is 0 or that of erased flash.
+//! (`guards.x`), and at the end of the stack. The value of each word follows from its address, so a copied block of
+//! memory does not restore it. No value is 0 or that of erased flash.
 
 use super::Memory;
 
@@ -12,13 +12,11 @@ pub const COUNT: usize = 5;
 /// The number of words in a guard.
 pub const WORDS: u32 = 2;
 
-/// Returns the value that the guard word at `address` must hold.
 const fn value(address: u32) -> u32 {
     // The constant has as many ones as zeros, and its bytes differ from each other.
     !address ^ 0x9E37_79B9
 }
 
-/// The addresses of a board's guards.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Guards([u32; COUNT]);
 

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //!
-//! The idle loop does one *slice* of work every [`SLICE_US`]. It makes up for slices that it had no time for, but does
-//! no more than [`MOST_SLICES`] at once ([`Pace`]). A slice does a fixed amount of work on each of four things:
+//! The idle loop does one *slice* of work every [`SLICE_US`]. It makes up for missed slices, at most [`MOST_SLICES`] at
+//! once ([`Pace`]). A slice does a fixed amount of work on each of four things:
 //!
 //! | what | how it is verified | how a mismatch is reported |
 //! |---|---|---|
@@ -12,11 +12,10 @@
 //! | around the statics, end of the stack | all guard words in each slice ([`guard`]) | [`Slice::guard`] |
 //! | RAM in use: stack and statics | inverted and restored, some words a slice ([`ram`]) | [`Slice::ram`] |
 //!
-//! The board decides what follows from a mismatch; this module corrects nothing. CRC tables and constants lie in flash
-//! or in the RAM of the code, and so are covered. Statics change and have no CRC. Guard words and the memory
-//! protection unit ([`mpu`](crate::mpu)) protect statics from being overwritten by other code, the test of the RAM
-//! finds memory that no longer holds its contents, and the CRCs of the objects and the watchdog cover a bit that flips
-//! once.
+//! This module corrects nothing; the board reacts to a mismatch. CRC tables and constants lie in flash or in the RAM of
+//! the code, and so are covered. Statics change and have no CRC: guard words and the memory protection unit
+//! ([`mpu`](crate::mpu)) protect them from other code, and the test of the RAM finds memory that no longer holds its
+//! contents. A bit that flips once is left to the CRCs of the objects and the watchdog.
 //!
 //! # Time to detect
 //!
@@ -25,8 +24,7 @@
 //! - in flash: at the end of the first pass that begins after the change, so in two passes ([`Rate::flash_detect_us`]);
 //! - in code in RAM: when its word has its turn, so in one pass at most ([`Rate::code_detect_us`]);
 //! - in guard words: in one slice;
-//! - in RAM in use: if the bit is stuck or does not change, when its word has its turn, so in one pass at most
-//!   ([`Rate::ram_pass_us`]).
+//! - in RAM in use, if the bit is stuck or does not change: in one pass at most ([`Rate::ram_pass_us`]).
 
 use core::ops::Range;
 
@@ -44,28 +42,27 @@ use ram::Walk;
 /// The time from one slice to the next, µs.
 pub const SLICE_US: u32 = 2_500;
 
-/// The most slices that are made up for at once: those of 50 ms. All slices beyond these are dropped.
+/// The most slices that are made up for at once: those of 50 ms. Further slices are dropped.
 pub const MOST_SLICES: u32 = 20;
 
 /// Words of memory, as the patrol accesses them. The tests implement this trait for faulty memory.
 pub trait Memory {
     /// Returns the word at `address`.
     fn load(&self, address: u32) -> u32;
-    /// Returns the word at `address` of flash to which the memory protection unit denies access.
+    /// Returns the word at `address` of flash, although the memory protection unit denies access to it.
     fn load_shut(&self, address: u32) -> u32;
     /// Stores `word` at `address`, which belongs to a guard word.
     fn store(&mut self, address: u32, word: u32);
-    /// Inverts the word at `address` of RAM and the one behind it and restores both, without an interruption; returns
-    /// the bits that did not read as they were written.
+    /// Inverts and restores two words from `address` on, uninterrupted. Returns the bits that read wrong.
     fn exercise(&mut self, address: u32) -> u32;
 }
 
-/// Where a board's memory lies that is to be verified. All addresses are multiples of four.
+/// The memory of a board that is to be verified. All addresses are multiples of four.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
-    /// The program in flash: from the vector table to the word that holds its CRC, which is not included.
+    /// The program in flash: from the vector table up to the word that holds its CRC.
     pub program: Range<u32>,
-    /// The end of the first part of the program, to which the memory protection unit denies ordinary loads.
+    /// The end of the program's first bytes, to which the memory protection unit denies ordinary loads.
     pub shut_end: u32,
     /// The RAM from which code runs.
     pub code: Range<u32>,
@@ -75,7 +72,7 @@ pub struct Layout {
     pub guards: [u32; guard::COUNT],
     /// The RAM with stack and statics.
     pub used: Range<u32>,
-    /// The parts of `used` that the test leaves out, since not only the processor reads and writes them.
+    /// The ranges of `used` that the test leaves out, since not only the processor accesses them.
     pub apart: [Range<u32>; ram::APART],
 }
 
@@ -91,20 +88,20 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// Returns the longest time from the change of a bit in flash until it is found, µs, for a program of `bytes`: two
+    /// Returns the longest time, µs, from the change of a bit in flash until it is found, for a program of `bytes`: two
     /// passes, each a slice longer since it begins within one.
     #[must_use]
     pub const fn flash_detect_us(&self, bytes: u32) -> u32 {
         2 * (bytes.div_ceil(4).div_ceil(self.flash_words) + 1) * SLICE_US
     }
 
-    /// Returns the longest time from the change of a bit of code in RAM until it is found, µs, for `bytes` of code.
+    /// Returns the longest time, µs, from the change of a bit of code in RAM until it is found, for `bytes` of code.
     #[must_use]
     pub const fn code_detect_us(&self, bytes: u32) -> u32 {
         (bytes.div_ceil(4).div_ceil(self.code_words) + 1) * SLICE_US
     }
 
-    /// Returns the time of one pass over `bytes` of RAM in use, µs, a slice longer since it begins within one.
+    /// Returns the time, µs, of one pass over `bytes` of RAM in use, a slice longer since it begins within one.
     #[must_use]
     pub const fn ram_pass_us(&self, bytes: u32) -> u32 {
         (bytes.div_ceil(4).div_ceil(self.ram_words) + 1) * SLICE_US
@@ -124,7 +121,7 @@ impl Pace {
         Self { last_us: now_us }
     }
 
-    /// Returns the number of slices due at `now_us`, less than 71 minutes after the last call; they then count as done.
+    /// Returns the number of slices due at `now_us`, less than 71 minutes after the last call. They then count as done.
     pub fn due(&mut self, now_us: u32) -> u32 {
         let due = now_us.wrapping_sub(self.last_us) / SLICE_US;
         if due > MOST_SLICES {
@@ -139,7 +136,7 @@ impl Pace {
 /// The findings of one slice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Slice {
-    /// The result of a pass over flash, if one is complete.
+    /// The result of a pass over flash that this slice has completed.
     pub flash: Option<Comparison>,
     /// The address, in RAM, of a word of code that differs from its load image.
     pub code: Option<u32>,
@@ -147,7 +144,7 @@ pub struct Slice {
     pub guard: Option<u32>,
     /// The address of two words of RAM in use, one of which does not hold what is written to it.
     pub ram: Option<u32>,
-    /// Whether all RAM in use was sound, if a pass over it is complete with this slice.
+    /// Whether all RAM in use was sound in a pass that this slice has completed.
     pub ram_pass: Option<bool>,
 }
 
@@ -156,17 +153,16 @@ pub struct Slice {
 pub struct Patrol {
     layout: Layout,
     rate: Rate,
-    /// The address of the next word of flash. The next field is the CRC of the words before it.
+    /// The address of the next word of flash.
     flash_at: u32,
     crc: u32,
-    /// The offset of the next word of code in RAM from the code's start.
     code_at: u32,
     guards: Guards,
     ram: Walk,
 }
 
 impl Patrol {
-    /// Returns a patrol that begins all passes. Writes the guard words, so nothing may have changed any of them before.
+    /// Returns a patrol that begins all passes, and writes the guard words. No guard word may have changed before.
     pub fn new(layout: Layout, rate: Rate, memory: &mut impl Memory) -> Self {
         let guards = Guards::set(layout.guards, memory);
         Self { flash_at: layout.program.start, crc: 0, code_at: 0, guards, ram: Walk::new(), layout, rate }
@@ -178,7 +174,7 @@ impl Patrol {
         self.ram.restart();
     }
 
-    /// Does one slice, whose work is the same as long as memory holds what it should hold.
+    /// Does one slice. Its work is the same as long as memory holds what it should hold.
     pub fn slice(&mut self, memory: &mut impl Memory) -> Slice {
         let guard = self.guards.changed(memory);
         let flash = self.flash(memory);

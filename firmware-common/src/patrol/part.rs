@@ -10,7 +10,7 @@ use crate::memory::{self, address};
 pub struct PartMemory(());
 
 impl PartMemory {
-    /// Returns the access. To be called once, by code in thread mode with no interrupt masked: it then does the slices.
+    /// Returns the access to memory. To be called once, in thread mode with no interrupt masked, as for the slices.
     #[must_use]
     pub fn take() -> Self {
         Self(())
@@ -35,10 +35,10 @@ impl Memory for PartMemory {
     }
 }
 
-/// Returns the log's control block and buffer, which a debug probe accesses; `defmt-rtt` has one channel.
+/// Returns the log's control block and buffer, which a debug probe accesses. `defmt-rtt` has one channel.
 fn log() -> [Range<u32>; 2] {
-    /// The length of SEGGER's control block: 16 bytes of name, two counts, and a channel of six words, the second of
-    /// which is the buffer's address and the third its size.
+    /// The length of SEGGER's control block, bytes: 16 of name, two counts, and a channel of six words, of which the
+    /// second is the buffer's address and the third its size.
     const BLOCK: u32 = 48;
     const BUFFER: u32 = 28;
     let block = address!(_SEGGER_RTT);
@@ -46,8 +46,8 @@ fn log() -> [Range<u32>; 2] {
     [block..block + BLOCK, buffer..buffer + memory::load(block + BUFFER + 4)]
 }
 
-/// Returns the layout of the memory that is verified all the time. `shut_end` is the end of the part of the program
-/// that the memory protection unit has shut; `apart` is RAM that not only the processor accesses, without the log.
+/// Returns the layout of the memory that is verified. `shut_end` is the end of the flash that the memory protection
+/// unit has shut. `apart` is the RAM, besides the log, that not only the processor accesses.
 #[must_use]
 pub fn layout(shut_end: u32, apart: [Range<u32>; APART - 2]) -> Layout {
     let mut all = [const { 0..0 }; APART];

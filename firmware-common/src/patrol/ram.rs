@@ -1,9 +1,9 @@
-//! The test of the RAM that is in use, which runs beside the program and leaves the contents as they were.
+//! The test of the RAM in use, which runs beside the program and restores the contents.
 //!
 //! # Design
 //!
-//! A step tests two neighbouring words and moves on by one word, so each word is tested together with both of its
-//! neighbours. The processor keeps the two words in registers meanwhile ([`Memory::exercise`]):
+//! A step tests two neighbouring words and moves on by one word, so each word is tested with both of its neighbours.
+//! The processor keeps the two words in registers meanwhile ([`Memory::exercise`]):
 //!
 //! ```text
 //!   read both; up (read c, write not c); down (read not c, write c); read both
@@ -11,16 +11,15 @@
 //!
 //! with `c` for the contents. That is MATS++ (A. J. van de Goor, *Testing Semiconductor Memories*, 1991) with the
 //! contents for the background (M. Nicolaidis, *Theory of transparent BIST for RAMs*, IEEE Transactions on Computers,
-//! 1996). It finds every bit that is stuck or does not change, in either direction, and a bit that changes together
-//! with a bit of the neighbouring word. The [march at the start](crate::start_test) covers bits that are coupled over a
-//! greater distance, and address decoders.
+//! 1996). It finds every bit that is stuck or does not change, and a bit that changes together with a bit of the
+//! neighbouring word. The [march at the start](crate::start_test) covers bits that are coupled over a greater distance,
+//! and address decoders.
 //!
-//! No task may read a word while it is inverted, so a step masks all interrupts. The step's time is the longest for
-//! which the patrol delays an interrupt: [`MASKED_CYCLES`].
+//! No task may read a word while it is inverted, so a step masks all interrupts, for [`MASKED_CYCLES`] at most.
 //!
-//! The test leaves out memory that is not accessed by the processor alone ([`Layout::apart`](super::Layout)), since
-//! other accesses cannot be masked: those of DMA controllers and of a debug probe. All data that DMA moves carry a CRC
-//! or a checksum that is verified later; the DPR's buffers are also scrubbed with zeros and ones.
+//! The test leaves out memory that DMA controllers or a debug probe access ([`Layout::apart`](super::Layout)), since
+//! their accesses cannot be masked. All data that DMA moves carry a CRC or a checksum that is verified later; the DPR's
+//! buffers are also scrubbed with zeros and ones.
 
 use core::ops::Range;
 
@@ -29,10 +28,10 @@ use super::Memory;
 /// The number of ranges of memory that the test can leave out.
 pub const APART: usize = 12;
 
-/// The longest time for which a step masks interrupts, cycles: eight loads and four stores of three cycles each at most
-/// (Cortex-M4 TRM, "Instruction set summary", and one for a bus that a DMA controller is on), 15 other instructions,
-/// and six lines with four wait states each if the instructions come from flash. From RAM, as on the DPR, it is 51
-/// cycles, 0.8 µs.
+/// The longest time for which a step masks interrupts, processor cycles. It has eight loads and four stores of three
+/// cycles each at most (Cortex-M4 TRM, "Instruction set summary", and one for a bus that a DMA controller is on), 15
+/// other instructions, and six lines with four wait states each if the instructions come from flash. From RAM, as on
+/// the DPR, it is 51 cycles, 0.8 µs.
 pub const MASKED_CYCLES: u32 = 75;
 
 /// The result of some steps of the test.
@@ -40,7 +39,7 @@ pub const MASKED_CYCLES: u32 = 75;
 pub struct Found {
     /// The address of two words, one of which does not hold what is written to it.
     pub fault: Option<u32>,
-    /// Whether all words were sound, if a pass is complete with these steps.
+    /// Whether all words were sound in a pass that these steps have completed.
     pub pass: Option<bool>,
 }
 
@@ -80,8 +79,7 @@ impl Walk {
         }
     }
 
-    /// Makes the next `steps` steps in `used`, except in the ranges `apart`, whose order does not matter. Passing over
-    /// a range that is left out counts as one step.
+    /// Makes the next `steps` steps in `used`. Passing over one of the ranges `apart`, in any order, is one step.
     pub fn run(&mut self, steps: u32, used: &Range<u32>, apart: &[Range<u32>], memory: &mut impl Memory) -> Found {
         let mut found = Found::default();
         for _ in 0..steps {
@@ -90,7 +88,7 @@ impl Walk {
                 self.seek(apart);
             }
             if self.at + 8 > self.next.start {
-                // The test goes on at the first whole word behind the range that is left out.
+                // The test goes on at the first whole word after the range that is left out.
                 self.at = (self.next.end + 3) & !3;
                 self.seek(apart);
             } else if self.at + 8 <= used.end {

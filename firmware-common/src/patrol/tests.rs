@@ -8,9 +8,9 @@ const CODE: u32 = 0x0080_0000;
 const CODE_WORDS: u32 = 10;
 const USED: u32 = 0x2000_8000;
 const USED_WORDS: u32 = 40;
-/// The ranges that are left out, in words from [`USED`] on: two that touch, one of a few bytes, one at the end.
+/// The ranges that are left out, in words from [`USED`] on: two that touch, one of a few words, one at the end.
 const APART_WORDS: [Range<u32>; 4] = [20..22, 5..9, 9..10, 38..40];
-/// The bytes of a word that is left out because part of it is.
+/// The bytes that are left out inside one word, so that the whole word is left out.
 const APART_BYTES: Range<u32> = USED + 4 * 30 + 1..USED + 4 * 30 + 2;
 const GUARDS: [u32; guard::COUNT] = [0x2000_0000, 0x2000_1000, 0x2000_1010, 0x2000_1020, 0x2000_1030];
 const SHUT: u32 = 5;
@@ -193,7 +193,7 @@ proptest! {
         ram.flip(PROGRAM + 4 * word, bit);
         let most = slices(RATE.flash_detect_us(4 * PROGRAM_WORDS));
         slices_until(&mut patrol, &mut ram, most, |slice| slice.flash.is_some_and(|found| !found.is_intact()));
-        // Once the flipped bit is restored, flash passes again, in the first pass that begins after that.
+        // The flipped bit is restored, and the first pass that begins after that finds flash intact.
         ram.flip(PROGRAM + 4 * word, bit);
         slices_until(&mut patrol, &mut ram, most, |slice| slice.flash.is_some_and(Comparison::is_intact));
     }

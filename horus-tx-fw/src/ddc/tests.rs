@@ -1,4 +1,4 @@
-//! Tests the port of a receiver on I2C with one event at a time and everything that can go wrong.
+//! Tests the port of a receiver on I2C with one event at a time and all that can go wrong.
 
 extern crate std;
 use super::*;
@@ -8,7 +8,7 @@ use std::{collections::VecDeque, vec, vec::Vec};
 
 const FREE: Bus = Bus { scl: true, sda: true, busy: false };
 
-/// What goes wrong at one order of a cycle.
+/// A fault at one order of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
     /// The receiver holds the clock, so no event comes any more. A read has brought this number of bytes by then.
@@ -21,7 +21,7 @@ enum Fault {
     StreamFails,
 }
 
-/// A model of the peripheral with a receiver behind it, which carries orders out and calls with the events that follow.
+/// A model of the peripheral and a receiver, which carries orders out and calls with the events that follow.
 struct Rig {
     ddc: Ddc,
     waiting: VecDeque<u8>,
@@ -45,7 +45,6 @@ impl Rig {
         rig
     }
 
-    /// Returns a model whose receiver was never read.
     fn with_backlog() -> Self {
         Self {
             ddc: Ddc::new(),
@@ -383,7 +382,7 @@ fn a_missing_timer_does_not_end_the_recoveries() {
     assert_eq!(*ddc.counts(), Counts { timed_out: 1, recoveries: 2, refused: 0 });
 }
 
-/// Asks for the number of waiting bytes, up to the start of the DMA stream, and returns the stream's number of bytes.
+/// Requests the number of waiting bytes, up to the start of the DMA stream. Returns the stream's number of bytes.
 fn asked(ddc: &mut Ddc) -> usize {
     let on = |event: fn(&mut Events)| {
         let mut events = Events::default();
@@ -448,7 +447,6 @@ fn any_fault() -> impl Strategy<Value = Fault> {
     ]
 }
 
-/// Whether `part` is `whole` with some bytes left out.
 fn is_left_of(part: &[u8], whole: &[u8]) -> bool {
     let mut whole = whole.iter();
     part.iter().all(|byte| whole.any(|other| other == byte))
@@ -490,7 +488,7 @@ proptest! {
             // The longest cycle has a message and 23 levels.
             prop_assert!(rig.cycle(Some((at, fault))) <= MESSAGE + 24 + 4);
         }
-        // Once two cycles in a row have left no byte behind, everything that is sent from now on arrives.
+        // Two cycles in a row that leave no byte behind end the drop of old bytes, so all later bytes arrive.
         rig.cycle(None);
         rig.cycle(None);
         while !rig.waiting.is_empty() {

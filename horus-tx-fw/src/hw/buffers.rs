@@ -1,6 +1,4 @@
 //! The buffers between each receiver's source and the parser's task, one for each direction
-//!
-//! This file has no `unsafe` code.
 #![forbid(unsafe_code)]
 
 use core::ops::Range;
@@ -14,7 +12,6 @@ use horus_tx_fw::{
 static RINGS: [Ring; RECEIVERS] = [const { Ring::new() }; RECEIVERS];
 static OUTBOXES: [Outbox; RECEIVERS] = [const { Outbox::new() }; RECEIVERS];
 
-/// Returns the memory of these buffers that DMA writes and reads.
 pub(super) fn memory() -> [Range<u32>; 2] {
     [memory::span(&RINGS), memory::span(&OUTBOXES)]
 }

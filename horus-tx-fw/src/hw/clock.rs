@@ -3,13 +3,13 @@
 //! # Design
 //!
 //! [`horus_tx_fw::clock`] chooses the external clock (HSE) or the internal oscillator (HSI). This file switches HSE on
-//! and waits for it, with a bound, before the HAL sets up the clock tree: the HAL waits for HSE without a bound.
+//! and waits for it before the HAL sets up the clock tree, since the HAL waits for HSE without a bound.
 //!
 //! **Clock security system.** From the moment at which HSE is ready, hardware compares it with HSI. When HSE fails, the
 //! hardware switches HSE and the PLL off, lets the processor run on HSI's 16 MHz, and raises the non-maskable interrupt
 //! (RM0090 "Reset and clock control", clock security system). With the clock nine times too slow neither the cycle nor
 //! the baud rates hold, so the board enters the safe state: field off, then reset by the watchdog, which has its own
-//! oscillator (LSI). At the next start HORUS finds no HSE and runs on HSI, with all dividers as they should be.
+//! oscillator (LSI). At the next start HORUS runs on HSI, with all dividers as they should be.
 //!
 //! # Errata (ES0206 rev 24) of the peripherals used here
 //!
@@ -38,8 +38,8 @@ use stm32f4xx_hal::{
 use super::HORUS_TELEMETRY;
 
 /// Sets the clock tree up, from HSE if it is there, otherwise from HSI. It takes [`clock::START_MAX_MS`] and the PLL's
-/// lock time at most, or ends in the watchdog's reset: the HAL waits for the PLL without a bound, and if the PLL never
-/// gets ready, the record of the last stop tells it ([`Cause::ClockStart`], with the PLL's source as its detail).
+/// lock time at most. The HAL waits for the PLL without a bound: if the PLL never gets ready, the watchdog resets the
+/// part, and the record of the last stop tells it ([`Cause::ClockStart`], with the PLL's source as its detail).
 ///
 /// # Panics
 ///
@@ -48,7 +48,7 @@ pub fn start(rcc: pac::RCC) -> (Rcc, Source) {
     let source = start_external(&rcc);
     HORUS_TELEMETRY.without_crystal.set(u32::from(source == Source::Internal));
     let config = match source {
-        // The ST-LINK's MCO feeds 8 MHz into OSC_IN, because the part has no crystal of its own.
+        // The ST-LINK's MCO feeds 8 MHz into OSC_IN, since the board has no crystal for the part.
         Source::External => Config::hse(clock::EXTERNAL_HZ.Hz()).bypass_hse_oscillator(),
         Source::Internal => Config::hsi(),
     };

@@ -2,14 +2,12 @@
 //!
 //! # Design
 //!
-//! Prescaler 1 and reload 719 999 make exactly 10 ms of the 72 MHz; the HAL's rounding of a frequency would not. The
-//! update event is the tick, and the compare events are the slots. The interrupt of both has the highest priority and
-//! shares only single words with other tasks, so no lock ever masks it: the same instructions send a slot's command
-//! every time, and everything else comes after it.
+//! Prescaler 1 and reload 719 999 make exactly 10 ms of the 72 MHz; the HAL would round. The interrupt of tick (update)
+//! and slots (compares) has the highest priority and shares only single words with other tasks, so no lock ever masks
+//! it. The same instructions send a slot's command every time, before all other work.
 //!
 //! The timer itself makes the pin TICK fall with each tick: channel 3 in PWM mode 2 (RM0090, "TIMx_CCMR2") is active
-//! from its compare value to the update. So an observer outside of the board sees the tick without any delay by the
-//! processor. The pin is low until the timer runs, since the counter is 0 until then.
+//! from its compare value to the update. So an observer sees the tick without any delay by the processor.
 //!
 //! From `FrontEndPort::arm` to the slot only the slot's interrupt uses the SPI; [`ARMED`] says for which slot.
 //!
@@ -57,20 +55,18 @@ fn tim2() -> &'static pac::tim2::RegisterBlock {
     unsafe { &*pac::TIM2::ptr() }
 }
 
-/// Switches the timer's clock on, so that [`now_ms`] can be called (which returns 0 until the timer is started).
+/// Switches the timer's clock on, so that [`now_ms`] can be called. It returns 0 until the timer is started.
 pub fn enable_clock(rcc: &mut RCC) {
     pac::TIM2::enable(rcc);
 }
 
-/// TIM2: the 10 ms cycle and its slots.
 pub struct CycleTimer(());
 
-/// The cause of the cycle timer's interrupt.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum CycleEvent {
-    /// A slot has passed, so the task `rf_slot` has something to do.
+    /// A slot has passed, so the task `rf_slot` has work.
     Slot,
-    /// The tick has come, so the task `cycle` has something to do.
+    /// The tick has come, so the task `cycle` has work.
     Tick,
 }
 
@@ -102,13 +98,11 @@ impl CycleTimer {
         Self(())
     }
 
-    /// Starts the first cycle.
     pub fn start(&mut self) {
         tim2().cr1().modify(|_, w| w.cen().set_bit());
     }
 
-    /// Serves the timer's interrupt. A slot's command is sent first, by the same instructions every time; everything
-    /// else comes after it.
+    /// Serves the timer's interrupt. A slot's command is sent first, by the same instructions every time.
     #[inline(always)]
     pub fn interrupt(&mut self) -> CycleEvent {
         let flags = tim2().sr().read();
@@ -138,7 +132,7 @@ impl CycleTimer {
                 radio::select();
                 radio::put(command);
                 let left = tim2().cnt().read().cnt().bits();
-                // The interrupt waits only here, for one byte time: chip select must not rise before the byte's end.
+                // This is the only wait, one byte time: chip select must not rise before the byte's end.
                 let response = radio::take();
                 radio::deselect();
                 ARMED.store(0, Ordering::Release);
@@ -159,12 +153,10 @@ pub fn tick() -> u32 {
     TICKS.load(Ordering::Relaxed)
 }
 
-/// Records that the cycle of `tick` has ended.
 pub fn cycle_ended(tick: u32) {
     ENDED.store(tick, Ordering::Relaxed);
 }
 
-/// Takes the result of the last slot; `None` if it was taken before.
 pub fn take_slot() -> Option<Slot> {
     let word = SLOT.swap(0, Ordering::Acquire);
     (word & PASSED != 0).then_some(Slot {
@@ -181,13 +173,12 @@ pub fn now_ms() -> u32 {
     timing::now_ms(before, count, due, tick())
 }
 
-/// Whether a few microseconds of work would delay neither a slot nor the next tick.
+/// Whether a few µs of work would delay neither a slot nor the next tick.
 pub fn is_quiet() -> bool {
     timing::quiet(tim2().cnt().read().cnt().bits())
 }
 
-/// Runs `log` if it would delay neither a slot nor the next tick, and returns whether it ran. A log message masks all
-/// interrupts while it is written; the check and the message are in one such section.
+/// Runs `log`, with all interrupts masked, if it would delay neither a slot nor the next tick. Returns whether it ran.
 pub fn when_quiet(log: impl FnOnce()) -> bool {
     cortex_m::interrupt::free(|_| {
         let quiet = is_quiet();

@@ -3,13 +3,13 @@
 //! # Design
 //!
 //! [`horus_tx_fw::ddc`] decides what follows from each event; this file has the registers. Only events and errors raise
-//! interrupts, not the buffer (ITEVTEN, ITERREN; not ITBUFEN), so a message goes out byte by byte on BTF, with the
+//! interrupts, not the buffer (ITEVTEN, ITERREN; not ITBUFEN). So a message goes out byte by byte on BTF, with the
 //! clock held in between. A DMA stream reads, with LAST to refuse the last byte, and raises an interrupt at its end.
 //!
 //! After a START or STOP was requested, CR1 is not written before the peripheral has carried the request out, since a
 //! write could request it twice (RM0090, "I2C", control register 1).
 //!
-//! A recovery of the bus holds SWRST from when the pins are disconnected until the bus is free and they are given back.
+//! A recovery of the bus holds SWRST from when the pins are disconnected until they are given back.
 //!
 //! # Errata (ES0206 rev 24, section "I2C") of the peripheral
 //!
@@ -55,7 +55,6 @@ pub(super) fn memory() -> Range<u32> {
     memory::span(&BYTES)
 }
 
-/// The source of the bytes of a receiver on I2C.
 pub struct DdcSource {
     index: usize,
     port: &'static DdcPort,
@@ -65,7 +64,6 @@ pub struct DdcSource {
 }
 
 impl DdcSource {
-    /// Sets up the source of receiver `index`.
     pub fn new(index: usize, port: &'static DdcPort, rcc: &mut pac::RCC) -> Self {
         (port.enable)(rcc);
         gpio::open_drain(port.scl);
@@ -201,7 +199,7 @@ impl DdcSource {
 
     fn receive(&self, len: usize) {
         if dma::is_on(self.port.stream) {
-            // The stream did not stop when it was told to, so nothing is received and the transaction ends at the tick.
+            // The stream did not stop when it was told to, so no byte is received and the transaction ends at the tick.
             return;
         }
         dma::clear_flags(self.port.stream);

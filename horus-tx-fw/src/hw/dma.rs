@@ -2,14 +2,14 @@
 //!
 //! # Design
 //!
-//! The streams move bytes, one at a time and without the streams' FIFOs (direct mode). Memory that a DMA controller
-//! reads or writes consists of atomics in main SRAM (DMA cannot reach the CCM RAM, RM0090 "Memory and bus
-//! architecture"), so that a reference to that memory never promises that nobody else changes it.
+//! The streams move bytes without their FIFOs (direct mode). Memory that DMA reads or writes consists of atomics in
+//! main SRAM (DMA cannot reach the CCM RAM, RM0090 "Memory and bus architecture"), so that a reference to it never
+//! promises that nobody else changes it.
 //!
-//! **Switching off.** A stream whose EN is cleared goes on until the transfer that it has begun has ended, and EN reads
-//! 1 until then. Only when EN reads 0 may the stream be set up again, and only then does the memory belong to the
-//! processor (RM0090 "DMA controller", stream configuration procedure, step 1; AN4031, which demands the same before
-//! the peripheral is switched off). [`stop`] waits until EN reads 0, with a bound.
+//! **Switching off.** A stream whose EN is cleared first ends the transfer that it has begun, and EN reads 1 until
+//! then. Only when EN reads 0 may the stream be set up again, and does the memory belong to the processor (RM0090 "DMA
+//! controller", stream configuration procedure, step 1; AN4031, which demands the same before the peripheral is
+//! switched off). [`stop`] waits until EN reads 0, with a bound.
 //!
 //! # Errata (ES0206 rev 24, and AN4031) of the controllers
 //!
@@ -28,7 +28,6 @@ use stm32f4xx_hal::{
 
 use crate::board::{Dma, Stream};
 
-/// The direction of a DMA transfer.
 pub(super) enum Direction {
     /// The stream moves bytes from the peripheral to memory: to one byte after the other if `advance`, otherwise all to
     /// the same byte; without end, round after round, if `circular`.
@@ -37,21 +36,17 @@ pub(super) enum Direction {
     Out,
 }
 
-/// The transfer that a stream is to make.
 pub(super) struct Transfer {
-    /// The address of the peripheral's data register.
     pub(super) peripheral: u32,
-    /// The address of the first byte in memory.
     pub(super) memory: u32,
     /// The number of bytes, at least 1 and at most 65535.
     pub(super) len: usize,
     pub(super) direction: Direction,
 }
 
-/// The flags of one stream.
 pub(super) struct Flags(u32);
 
-/// The mask of all five flags of one stream. The next two constants are two of these flags.
+/// The mask of all five flags of one stream.
 const ALL_FLAGS: u32 = 0x3D;
 const TRANSFER_ERROR: u32 = 1 << 3;
 const TRANSFER_COMPLETE: u32 = 1 << 5;
@@ -101,7 +96,6 @@ const fn flag_shift(stream: Stream) -> u32 {
     }
 }
 
-/// Returns the flags of the stream.
 pub(super) fn flags(stream: Stream) -> Flags {
     let dma = controller(stream.dma);
     let word = if stream.number < 4 { dma.lisr().read().bits() } else { dma.hisr().read().bits() };
@@ -140,7 +134,7 @@ pub(super) unsafe fn start(stream: Stream, transfer: &Transfer) {
         registers.m0ar().write(|w| w.m0a().bits(transfer.memory));
     }
     registers.ndtr().write(|w| w.ndt().set(transfer.len as u16));
-    // Everything that the processor has written into that memory must be there before the stream reads it.
+    // All that the processor has written into that memory must be there before the stream reads it.
     asm::dmb();
     registers.cr().write(|w| {
         w.chsel().set(stream.channel);
@@ -164,7 +158,6 @@ pub(super) unsafe fn start(stream: Stream, transfer: &Transfer) {
     });
 }
 
-/// Returns whether the stream is on.
 pub(super) fn is_on(stream: Stream) -> bool {
     registers(stream).cr().read().en().bit_is_set()
 }
@@ -174,22 +167,19 @@ pub(super) fn left(stream: Stream) -> usize {
     usize::from(registers(stream).ndtr().read().ndt().bits())
 }
 
-/// The error that a stream was told to stop and is still on.
 #[derive(Debug)]
 pub(super) struct StillOn;
 
-/// The number of times that [`stop`] asks whether the stream is off. Each poll takes at least 6 core cycles, so 128
-/// polls take 5 µs. At most one byte is under way then. It needs one access to the peripheral and one to memory, each
-/// of a few cycles of its bus even when it has to wait for other masters' turns.
+/// How often [`stop`] asks whether the stream is off. Each poll takes at least 6 core cycles, so 128 polls take 5 µs.
+/// At most one byte is under way then, which needs one access to the peripheral and one to memory.
 const STOP_POLLS: u32 = 128;
 
-/// Switches the stream off, if it is on, and waits until it is off. The peripheral that the stream was given must still
-/// answer.
+/// Switches the stream off, if it is on, and waits until it is off. Its peripheral must still answer.
 ///
 /// # Errors
 ///
-/// [`StillOn`] if the stream has not ended after some microseconds: the controller or its bus hangs, the memory does
-/// not belong to the processor, and only a reset helps.
+/// [`StillOn`] if the stream has not ended after some µs: the controller or its bus hangs, the memory does not belong
+/// to the processor, and only a reset helps.
 pub(super) fn stop(stream: Stream) -> Result<(), StillOn> {
     registers(stream).cr().modify(|_, w| w.en().clear_bit());
     if (0..STOP_POLLS).any(|_| !is_on(stream)) {

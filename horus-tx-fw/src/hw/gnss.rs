@@ -3,10 +3,8 @@
 //! # Design
 //!
 //! The board's table says where each receiver is connected ([`crate::board::RECEIVER_PORTS`]). Each kind of interface
-//! has a file with a [`Source`] type ([`super::uart`], [`super::ddc`], [`super::spi`]). A source is served at every
-//! tick and by interrupts, all of one priority, and puts the bytes that have come in into a ring ([`super::buffers`]).
-//!
-//! This file has no `unsafe` code.
+//! has a file with a [`Source`] type ([`super::uart`], [`super::ddc`], [`super::spi`]). Every tick and interrupts of
+//! one priority serve a source, which puts the received bytes into a ring ([`super::buffers`]).
 #![forbid(unsafe_code)]
 
 use horus_tx_fw::{
@@ -39,7 +37,6 @@ enum Kind {
     Spi(SpiSource),
 }
 
-/// The source of one receiver's bytes, on any kind of interface.
 pub struct GnssLine {
     index: usize,
     kind: Kind,
@@ -79,7 +76,7 @@ impl GnssLine {
         self.source().poll();
     }
 
-    /// Serves one of the source's interrupts, and returns whether bytes have come.
+    /// Serves one of the source's interrupts. Returns whether bytes have come.
     pub fn interrupt(&mut self, vector: Vector) -> bool {
         let before = ring(self.index).written();
         self.source().interrupt(vector);

@@ -1,6 +1,6 @@
 //! Pins: their mode, their speed and their level
 //!
-//! Pins are set up by number, from the board's table; the HAL, which has a type for each pin, does not allow that.
+//! Pins are set up by number, from the board's table, which the HAL does not allow: it has a type for each pin.
 //!
 //! `unsafe` is used here for shared access to the ports' register blocks, and for values that have no enumeration.
 #![allow(unsafe_code)]
@@ -12,7 +12,6 @@ use stm32f4xx_hal::{
 
 use crate::board::{AlternatePin, GpioPort, Pin};
 
-/// The steepness of an output's edges.
 #[derive(Clone, Copy)]
 pub(super) enum Speed {
     Low = 0b00,
@@ -79,7 +78,6 @@ fn configure(pin: Pin, mode: u32, speed: Speed, pull: Pull) {
     }
 }
 
-/// Connects a pin to the peripheral of its alternate function.
 pub(super) fn alternate(alternate: AlternatePin, speed: Speed, pull: Pull) {
     let AlternatePin { pin, function } = alternate;
     let port = block(pin.port);
@@ -101,8 +99,8 @@ pub(super) fn output(pin: Pin, speed: Speed, high: bool) {
     configure(pin, OUTPUT, speed, Pull::None);
 }
 
-/// Connects a pin to its peripheral as an output that only ever pulls low, and whose level can be read. The pin's
-/// output latch is high, so that a later [`drive`] releases the pin at first.
+/// Connects a pin to its peripheral as an output that only ever pulls low, and whose level can be read. Its output
+/// latch is high, so that [`drive`] releases the pin at first.
 pub(super) fn open_drain(alternate_pin: AlternatePin) {
     let AlternatePin { pin, .. } = alternate_pin;
     write(pin, true);
@@ -127,12 +125,10 @@ fn set_mode(pin: Pin, mode: u32) {
     block(pin.port).moder().modify(|r, w| unsafe { w.bits(with_field(r.bits(), pin.number, 2, mode)) });
 }
 
-/// Makes a pin an input.
 pub(super) fn input(pin: Pin, pull: Pull) {
     configure(pin, INPUT, Speed::Low, pull);
 }
 
-/// Sets an output's level.
 #[inline(always)]
 pub(super) fn write(pin: Pin, high: bool) {
     let set = 1 << pin.number;
@@ -140,7 +136,6 @@ pub(super) fn write(pin: Pin, high: bool) {
     block(pin.port).bsrr().write(|w| unsafe { w.bits(if high { set } else { set << 16 }) });
 }
 
-/// Returns an input's level.
 #[inline(always)]
 pub(super) fn is_high(pin: Pin) -> bool {
     block(pin.port).idr().read().bits() & 1 << pin.number != 0

@@ -3,8 +3,7 @@
 //! # Design
 //!
 //! The HAL sets up clocks and the watchdog. This folder has what the HAL's types do not offer: DMA streams that run for
-//! ever or are started and finished in different tasks, a timer whose period must not be rounded, and pins that are set
-//! up from a table. `board.rs` says who uses which pin, stream, vector and clock.
+//! ever or are finished in another task, a timer whose period must not be rounded, and pins set up from a table.
 //!
 //! | module | what it holds |
 //! |---|---|
@@ -23,9 +22,8 @@
 //! | [`reset`] | the reason of the last reset, the number of resets by the watchdog, the receivers that stay excluded |
 //! | `start_up` | the first instructions: reset flags and watchdog |
 //!
-//! `main.rs` denies `unsafe` code. Each file in this folder that has such code allows it for itself, and its heading
-//! says what for. All of these files access register blocks through shared references: a register block is always
-//! there, and every access is volatile.
+//! Each file in this folder that has `unsafe` code says in its heading what for. All of them access register blocks
+//! through shared references: a register block is always there, and every access is volatile.
 //!
 //! # Errata (ES0206 rev 24, STM32F42x and F43x) that concern all of these files; each module lists its own
 //!
@@ -68,12 +66,12 @@ mod uart;
 
 firmware_common::install_safe_state!(safe_state, protection::area, board::task_of);
 
-/// The counters that the debugger or the bench reads.
+/// The counters that a debugger or the bench reads.
 #[no_mangle]
 pub static HORUS_TELEMETRY: Telemetry = Telemetry::new();
 
-/// Waits until a handler's writes have arrived, before the handler returns: a flag that is still set at the interrupt
-/// controller would call the handler again, and erratum 838869 requires the wait, too.
+/// Waits until a handler's writes have arrived before the handler returns. Otherwise a flag that is still set would
+/// call the handler again, and erratum 838869 requires the wait, too.
 pub fn settle() {
     asm::dsb();
 }

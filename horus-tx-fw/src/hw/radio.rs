@@ -3,16 +3,14 @@
 //! # Design
 //!
 //! Every operation of the port starts something and returns; the interrupt that ends the operation polls the executor.
-//! The SPI has two users that never use it at once: the slot's interrupt from [`transmitter::FrontEndPort::arm`] to the
-//! slot, and otherwise the tasks of the front end, which have one priority.
+//! The SPI has two users at different times: the slot's interrupt from [`transmitter::FrontEndPort::arm`] to the slot,
+//! and otherwise the tasks of the front end, which have one priority.
 //!
-//! The SPI runs in mode 1 (CPOL 0, CPHA 1; DS13541, SPI interface) at 72 MHz / 8 = 9 MHz, with eight bits, most
-//! significant bit first.
+//! The SPI runs in mode 1 (CPOL 0, CPHA 1; DS13541, SPI interface) at 72 MHz / 8 = 9 MHz, most significant bit first.
 //!
 //! [`field_off`] relies on no earlier set-up, so that it also works in the first instructions of the start, and after
-//! the clock security system has switched the PLL off. The SPI then runs at 2 or 1 MHz. The bounds of its waits, which
-//! are counted in cycles of the processor, still hold, since the processor's clock does not get faster relative to the
-//! SPI's.
+//! the clock security system has switched the PLL off. The SPI then runs at 2 or 1 MHz. The bounds of its waits, in
+//! cycles of the processor, still hold, since the processor is slower too.
 //!
 //! # Errata (ES0206 rev 24) of the peripherals used here
 //!
@@ -73,7 +71,6 @@ fn tim5() -> &'static pac::tim5::RegisterBlock {
 /// cycles, and a poll over the APB takes at least 6. On HSI without the PLL a byte takes 64 or 128 core cycles.
 const POLLS: u32 = 128;
 
-/// Lowers chip select, so that the front end takes the bytes that follow.
 #[inline(always)]
 pub(super) fn select() {
     gpio::write(CHIP_SELECT, false);
@@ -90,7 +87,6 @@ pub(super) fn deselect() {
     gpio::write(CHIP_SELECT, true);
 }
 
-/// Starts to shift a byte out, without DMA.
 #[inline(always)]
 pub(super) fn put(byte: u8) {
     spi().dr8().write(|w| w.dr().set(byte));
@@ -107,7 +103,6 @@ pub(super) fn take() -> u8 {
     spi().dr8().read().dr().bits()
 }
 
-/// Switches on the clocks of the SPI, its pins and its DMA streams.
 fn enable_clocks() {
     gpio::enable_ports();
     dma::enable();
@@ -115,7 +110,6 @@ fn enable_clocks() {
     unsafe { pac::SPI1::enable_unchecked() };
 }
 
-/// Sets up the SPI and its pins. If they are set up already, nothing changes.
 fn set_up_spi() {
     // Chip select is high before it becomes an output; the clock's edges are fast (erratum 2.12.4).
     gpio::output(CHIP_SELECT, Speed::VeryHigh, true);
@@ -133,7 +127,6 @@ fn set_up_spi() {
     });
 }
 
-/// Makes the rising edge of the IRQ pin raise an interrupt.
 fn set_up_irq(syscfg: &pac::SYSCFG, exti: &pac::EXTI) {
     gpio::input(IRQ, Pull::Down);
     // SAFETY: port A's code is 0 (RM0090 "SYSCFG", external interrupt configuration register 1).
@@ -150,7 +143,6 @@ static SHORT_IN: [AtomicU8; Short::MAX] = [const { AtomicU8::new(0) }; Short::MA
 /// The byte to which DMA writes all bytes that come in during a load.
 static DISCARD: AtomicU8 = AtomicU8::new(0);
 
-/// Returns the memory that DMA writes and reads.
 pub(super) fn memory() -> [Range<u32>; 4] {
     [memory::span(&FRAME), memory::span(&SHORT_OUT), memory::span(&SHORT_IN), memory::span(&DISCARD)]
 }
@@ -162,23 +154,20 @@ pub struct Radio {
     /// The number of bytes in the response of the transfer that has ended; 0 after a load.
     len: usize,
     response: [u8; Short::MAX],
-    /// Whether the transfer that ended last ended with a DMA error.
     failed: bool,
-    /// The range of [`FRAME`]'s bytes that is loaded.
     frame: Range<usize>,
-    /// Whether the timer's time is over since the timer was started.
+    /// Whether the time for which the timer was started is over.
     over: bool,
 }
 
 impl Radio {
-    /// Sets up the front end's peripherals, including clocks and pins.
     pub fn new(rcc: &mut pac::RCC, _spi: pac::SPI1, _timer: pac::TIM5, syscfg: pac::SYSCFG, exti: &pac::EXTI) -> Self {
         enable_clocks();
         pac::TIM5::enable(rcc);
         pac::SYSCFG::enable(rcc);
         set_up_spi();
         set_up_irq(&syscfg, exti);
-        // The timer counts microseconds.
+        // The timer counts µs.
         let ticks = match HORUS_TELEMETRY.without_crystal.get() {
             0 => timing::TICKS_PER_US,
             _ => timing::INTERNAL_TICKS_PER_US,
@@ -302,8 +291,8 @@ impl Port for Radio {
 
     /// # Panics
     ///
-    /// Panics if a stream does not stop, since it would write memory that the processor uses. A panic leads to the safe
-    /// state with the field off, and the reset after it recovers a DMA controller that hangs.
+    /// Panics if a stream does not stop, since it would write memory that the processor uses. The panic leads to the
+    /// safe state with the field off, and the reset after it recovers a DMA controller that hangs.
     fn abort(&mut self) {
         let stopped = (dma::stop(SPI_OUT), dma::stop(SPI_IN));
         assert!(matches!(stopped, (Ok(()), Ok(()))), "a DMA stream of the front end's does not stop");
@@ -356,12 +345,11 @@ impl transmitter::FrontEndPort for Radio {
     }
 }
 
-/// Switches the RF field off, whatever the SPI was doing and whether or not it was ever set up. This blocks for some
-/// microseconds, with a bound. All interrupts must be masked for good.
+/// Switches the RF field off, whatever the SPI was doing and even if it was never set up. This blocks for some µs at
+/// most. All interrupts must be masked for good.
 pub(super) fn field_off() {
     enable_clocks();
-    // A stream that does not stop has no further request to serve once CR2 is cleared, and the field has to go off in
-    // any case.
+    // A stream that does not stop has no request to serve once CR2 is cleared, and the field has to go off anyway.
     let _ = (dma::stop(SPI_OUT), dma::stop(SPI_IN));
     spi().cr2().write(|w| w);
     deselect();

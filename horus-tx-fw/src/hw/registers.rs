@@ -3,7 +3,6 @@
 //! `unsafe` is used here to share an address between tasks.
 #![allow(unsafe_code)]
 
-/// The address of a register block.
 pub(super) struct Registers<T>(*const T);
 
 // SAFETY: the value is only an address. Whoever makes a reference of it has to prove that it may ([`Registers::get`]).
@@ -19,12 +18,10 @@ impl<T> Clone for Registers<T> {
 impl<T> Copy for Registers<T> {}
 
 impl<T> Registers<T> {
-    /// Returns the holder of the address of a register block.
     pub(super) const fn at(address: *const T) -> Self {
         Self(address)
     }
 
-    /// Returns the register block.
     ///
     /// # Safety
     ///

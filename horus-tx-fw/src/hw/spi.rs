@@ -3,7 +3,7 @@
 //! # Design
 //!
 //! [`horus_tx_fw::spi`] decides what happens when; this file has the registers. A timer times chip select's set-up and
-//! hold times, so no code waits: chip select rises one hold time after the last byte has come in, when the SPI has long
+//! hold times, so no code waits. Chip select rises one hold time after the last byte has come in, when the SPI has long
 //! ended its last bit (RM0090 "SPI", disabling).
 //!
 //! # Errata (ES0206 rev 24) of the peripheral
@@ -47,7 +47,6 @@ const FILLER_WORD: u32 = u32::from_ne_bytes([FILLER; 4]);
 static IN: [AtomicU32; WORDS] = [const { AtomicU32::new(FILLER_WORD) }; WORDS];
 static OUT: [AtomicU32; WORDS] = [const { AtomicU32::new(FILLER_WORD) }; WORDS];
 
-/// Returns the memory that DMA writes and reads.
 pub(super) fn memory() -> [Range<u32>; 2] {
     [memory::span(&IN), memory::span(&OUT)]
 }
@@ -55,7 +54,6 @@ pub(super) fn memory() -> [Range<u32>; 2] {
 // The constant has to agree with `set_up`, which divides the bus clock by 128.
 const _: () = assert!(timing::GNSS_SPI_HZ * 128 == timing::APB2_HZ);
 
-/// The source of the bytes of a receiver on SPI.
 pub struct SpiSource {
     index: usize,
     port: &'static SpiPort,
@@ -68,7 +66,6 @@ pub struct SpiSource {
 }
 
 impl SpiSource {
-    /// Sets up the source of receiver `index`.
     pub fn new(index: usize, port: &'static SpiPort, rcc: &mut pac::RCC) -> Self {
         (port.enable)(rcc);
         gpio::output(port.chip_select, Speed::Low, true);
@@ -172,7 +169,7 @@ impl SpiSource {
         self.spi().cr2().write(|w| w.rxdmaen().set_bit().txdmaen().set_bit());
     }
 
-    /// Takes the bytes that have come in, without filler. It drops filler in fours, as most of a transfer is filler.
+    /// Takes the bytes that have come in, without filler. Filler, most of a transfer, is dropped in fours.
     fn take(&mut self) {
         compiler_fence(Ordering::Acquire);
         let is_old = self.polling.is_old();

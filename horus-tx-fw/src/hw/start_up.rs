@@ -2,19 +2,17 @@
 //!
 //! # Design
 //!
-//! The watchdog's registers are written here and not by the HAL: the HAL's code cannot run before statics are set up,
-//! and the prescaler that it chooses for 100 ms counts in steps of 8 ms. The order is that of RM0090 21.3: the key
-//! 0xCCCC starts the watchdog, and LSI with it; 0x5555 opens the reload register, whose value takes up to 5 periods of
-//! LSI to reach the watchdog's own clock. The prescaler keeps its reset value, 4. Until `init` feeds the watchdog, it
-//! counts from the reset value of the reload register ([`timing::FIRST_WATCHDOG_MS`]).
+//! The watchdog's registers are written here and not by the HAL, whose code cannot run before statics are set up, and
+//! whose prescaler for 100 ms counts in steps of 8 ms. The order is that of RM0090 21.3: the key 0xCCCC starts the
+//! watchdog, and LSI with it; 0x5555 opens the reload register, whose value takes up to 5 periods of LSI to reach the
+//! watchdog's own clock. The prescaler keeps its reset value, 4. Until `init` feeds the watchdog, it counts from the
+//! reset value of the reload register ([`timing::FIRST_WATCHDOG_MS`]).
 //!
 //! RCC_CSR collects flags until RMVF clears all of them (RM0090 6.3.21). They are cleared before the watchdog starts.
-//! So a restart by the watchdog shows the watchdog's flag, even if the start before did not get far: otherwise the
-//! flags of power-on and of brown-out would hide it.
+//! Otherwise the flags of power-on and of brown-out could hide the watchdog's flag at the next restart.
 //!
-//! A start after power-on destroys the record of excluded receivers here ([`horus_tx_fw::exclusions`]). Memory can
-//! outlive a short loss of the supply, and if this start is cut off before its first vote, the next start would take
-//! the old record for this start's. The flags overwrite the record's first word, and no record begins with them.
+//! A start after power-on destroys the record of excluded receivers here ([`horus_tx_fw::exclusions`]), since memory
+//! can outlive a short loss of the supply. The flags overwrite the record's first word, and no record begins with them.
 
 use firmware_common::start::RESET_FLAGS;
 use horus_tx_fw::timing;

@@ -7,7 +7,6 @@ use horus_tx_fw::state_inputs::{Levels, INPUTS};
 use super::gpio::{self, Pull};
 use crate::board::STATE_INPUTS;
 
-/// Makes the pins of all pairs inputs with a pull-up.
 pub fn set_up() {
     gpio::enable_ports();
     for pair in &STATE_INPUTS {
@@ -16,7 +15,6 @@ pub fn set_up() {
     }
 }
 
-/// Returns the present levels of all pairs.
 pub fn levels() -> [Levels; INPUTS] {
     core::array::from_fn(|index| {
         let pair = &STATE_INPUTS[index];

@@ -1,4 +1,4 @@
-//! A one-shot timer, which raises one interrupt after a number of microseconds
+//! A one-shot timer, which raises one interrupt after a number of µs
 //!
 //! # Errata (ES0206 rev 24) of the timers
 //!
@@ -13,11 +13,10 @@ use stm32f4xx_hal::pac::{self, tim3};
 use super::registers::Registers;
 use crate::board::Timer;
 
-/// The one-shot timer of one receiver's source.
 pub(super) struct Steps(Registers<tim3::RegisterBlock>);
 
 impl Steps {
-    /// Sets the timer up without starting it. The timer counts microseconds.
+    /// Sets the timer up to count µs, without starting it.
     pub(super) fn new(timer: &Timer, rcc: &mut pac::RCC) -> Self {
         (timer.enable)(rcc);
         let steps = Self(Registers::at((timer.registers)()));
@@ -37,7 +36,7 @@ impl Steps {
         unsafe { self.0.get() }
     }
 
-    /// Starts the timer, whose interrupt comes in `us` microseconds, never earlier.
+    /// Starts the timer, whose interrupt comes in `us` µs, never earlier.
     pub(super) fn start(&self, us: u16) {
         let timer = self.registers();
         timer.cr1().write(|w| w.urs().set_bit());
@@ -48,13 +47,12 @@ impl Steps {
         timer.cr1().write(|w| w.urs().set_bit().opm().set_bit().cen().set_bit());
     }
 
-    /// Stops the timer, so that it raises no interrupt any more.
     pub(super) fn stop(&self) {
         self.registers().cr1().write(|w| w.urs().set_bit());
         self.registers().sr().write(|w| w.uif().clear());
     }
 
-    /// Returns whether the time is over, and clears the flag of the timer that says so.
+    /// Returns whether the time is over, and clears the timer's flag.
     pub(super) fn is_over(&self) -> bool {
         let over = self.registers().sr().read().uif().bit_is_set();
         if over {

@@ -16,12 +16,10 @@
 //! level, the only one that is above the brown-out level in every part. The board's regulator gives 3.3 V ± 2 %, which
 //! is above the level from which the detector accepts the supply again (3.07 to 3.21 V).
 //!
-//! A part as delivered has no brown-out reset above 1.7 V; `cargo xtask flash horus` sets the level. HORUS also stops
-//! if the supply is already too low when the detector is switched on. In a safe state the watchdog resets the part,
-//! which stops again at each start until the supply is high enough.
+//! A part as delivered has no brown-out reset above 1.7 V; `cargo xtask flash horus` sets the level. In a safe state
+//! the watchdog resets the part, which stops again at each start until the supply is high enough.
 //!
-//! The interrupt has the highest priority that exists, which no lock masks. Its handler is not a task: it shares no
-//! data with tasks and does not return.
+//! The interrupt has the highest priority, which no lock masks. Its handler shares no data and does not return.
 //!
 //! `unsafe` is used here for the exception handler, to unmask its interrupt, and for registers that nothing else uses.
 #![allow(unsafe_code)]
@@ -46,7 +44,7 @@ pub fn brown_out_level() -> u32 {
     supply::brown_out_level(unsafe { &*pac::FLASH::ptr() }.optcr().read().bits())
 }
 
-/// Switches the voltage detector and its interrupt on, and returns whether the supply is too low already.
+/// Switches the voltage detector and its interrupt on. Returns whether the supply is too low already.
 pub fn watch(rcc: &mut Rcc) -> bool {
     pac::PWR::enable(rcc);
     // SAFETY: register blocks are always there, and no other code uses PWR or this line of EXTI.
@@ -65,7 +63,6 @@ pub fn watch(rcc: &mut Rcc) -> bool {
     pwr.csr().read().pvdo().bit_is_set()
 }
 
-/// Stops HORUS because the supply is too low.
 pub fn stop() -> ! {
     let stop = || Stop::new(Cause::Supply, safe_state::active_exception(), supply::DETECTOR_MV);
     safe_state::enter(super::safe_state, stop, |stop| super::log_stop("supply", stop))

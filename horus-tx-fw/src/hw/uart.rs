@@ -2,12 +2,12 @@
 //!
 //! # Design
 //!
-//! A circular DMA stream writes the receiver's bytes into its ring. On three events the firmware checks how far the
-//! stream has come: the line is idle, half or all of the ring is full, or a tick comes.
+//! A circular DMA stream writes the receiver's bytes into its ring. The firmware checks how far the stream has come
+//! when the line is idle, when half or all of the ring is full, and at every tick.
 //!
-//! The interrupt that asks for the next byte sends a message, one byte every 22 µs; messages are rare and short. A
-//! message to a receiver with factory settings goes out at the factory's rate; HORUS receives nothing until the
-//! message's last bit is out, and then sets the usual rate again.
+//! An interrupt for each byte sends a message, one byte every 22 µs; messages are rare and short. A message to a
+//! receiver with factory settings goes out at the factory's rate. HORUS receives nothing until the message's last bit
+//! is out, and then sets the usual rate again.
 //!
 //! # Errata (ES0206 rev 24) of the peripheral
 //!
@@ -34,7 +34,6 @@ use super::{
 };
 use crate::board::UartPort;
 
-/// The source of the bytes of a receiver on a UART.
 pub struct UartSource {
     index: usize,
     port: &'static UartPort,
@@ -45,7 +44,6 @@ pub struct UartSource {
 }
 
 impl UartSource {
-    /// Sets up the source of receiver `index` and starts to receive.
     pub fn new(index: usize, port: &'static UartPort, rcc: &mut pac::RCC) -> Self {
         let source =
             Self { index, port, registers: Registers::at((port.registers)()), writer: Writer::new(), outgoing: None };
@@ -68,7 +66,7 @@ impl UartSource {
         unsafe { self.registers.get() }
     }
 
-    /// Sets the baud rate. The UART must be off: it has not been switched on yet, or was switched off for this.
+    /// Sets the baud rate. The UART must be off.
     fn set_rate(&self, rate: Rate) {
         let baud = match rate {
             Rate::Usual => timing::GNSS_BAUD,
@@ -112,7 +110,6 @@ impl UartSource {
         &HORUS_TELEMETRY.lines[self.index]
     }
 
-    /// Serves the UART's interrupt: an idle line, an error, or the end of a byte that was sent.
     fn uart_interrupt(&mut self) {
         let uart = self.uart();
         let flags = uart.sr().read();
@@ -139,7 +136,7 @@ impl UartSource {
                 uart.dr().write(|w| unsafe { w.bits(u16::from(*byte)) });
             }
             Some(_) => {}
-            // Only now does the flag mean the end: before the last byte is written, it belongs to an earlier byte.
+            // Before the last byte is written, the flag belongs to an earlier byte.
             None if is_complete => {
                 let rate = message.rate();
                 self.outgoing = None;
@@ -155,7 +152,7 @@ impl UartSource {
         }
     }
 
-    /// Checks how far the stream has come, after half a ring or at the tick, and restarts a stream that has stopped.
+    /// Checks how far the stream has come, and restarts a stream that has stopped.
     fn look(&mut self) {
         let stream = self.port.stream;
         dma::clear_flags(stream);

@@ -34,7 +34,6 @@ pub struct NavPvt {
 }
 
 impl NavPvt {
-    /// A good 3D fix over Winterthur.
     pub const GOOD: Self = Self {
         itow: 1_000,
         fix: 3,
@@ -85,8 +84,7 @@ pub fn nav_att(itow: u32, angles: [i32; 3], accuracies: [u32; 3]) -> Vec<u8> {
     message(0x01, 0x05, &payload)
 }
 
-/// Returns ESF-INS, with 36 bytes of payload: `valid` flags the x, y and z acceleration; accelerations are in 1e-2
-/// m/s².
+/// Returns ESF-INS, with 36 bytes of payload: `valid` flags x, y and z; accelerations are in 1e-2 m/s².
 pub fn esf_ins(itow: u32, valid: [bool; 3], accelerations: [i32; 3]) -> Vec<u8> {
     let mut payload = [0u8; 36];
     let bits = valid.into_iter().enumerate().fold(1u32, |bits, (axis, valid)| bits | u32::from(valid) << (11 + axis));

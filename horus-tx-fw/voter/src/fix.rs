@@ -1,4 +1,4 @@
-//! The position that a receiver states, and what the voter derives from it once, for all ticks.
+//! The position that a receiver states, and the values that the voter derives from it once, for all ticks.
 
 use crate::{
     HIGHEST_MM, LATITUDE_MAX_E7, LONGITUDE_MAX_E7, LOWEST_MM, MOST_HORIZONTAL_ACCURACY_MM, MOST_VERTICAL_ACCURACY_MM,
@@ -7,8 +7,8 @@ use crate::{
 
 /// The position that a receiver states for one epoch, in the units of UBX NAV-PVT.
 ///
-/// The values are integers, so no conversion before the vote loses precision, every difference of two positions is
-/// exact, and no value can be infinite or not a number.
+/// The values are integers, so that they lose no precision before the vote, every difference of two positions is exact,
+/// and no value can be infinite or not a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stated {
     /// The latitude, 1e-7 degrees north, WGS-84.
@@ -36,9 +36,8 @@ impl Stated {
         vertical_accuracy_mm: 0,
     };
 
-    /// Whether each value is in range, and the accuracies are stated and good enough.
-    ///
-    /// For a 2D fix the altitude and its accuracy are not checked: the receiver did not measure them.
+    /// Whether each value is in range, and the accuracies are stated and good enough. The altitude of a 2D fix and its
+    /// accuracy are not checked, since the receiver did not measure them.
     #[must_use]
     pub fn is_plausible(&self) -> bool {
         let speed_squared =
@@ -55,19 +54,15 @@ impl Stated {
     }
 }
 
-/// A position as it was stated, with the values that the voter needs of it at every tick, computed on arrival.
+/// A position as it was stated, with the values that the voter needs at every tick, computed on arrival.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fix {
     pub(crate) plausible: bool,
     pub(crate) place: Place,
-    /// The altitude, mm above the ellipsoid; 0 if there is none.
     pub(crate) altitude_mm: i32,
     pub(crate) has_altitude: bool,
-    /// The velocity, m/s north, east, down.
     pub(crate) velocity: [f32; 3],
-    /// The horizontal and the vertical speed, m/s.
     pub(crate) speed: [f32; 2],
-    /// The horizontal and the vertical accuracy, m.
     pub(crate) accuracy: [f32; 2],
 }
 
@@ -105,7 +100,6 @@ impl Default for Fix {
     }
 }
 
-/// Converts mm to m.
 pub(crate) fn metres(mm: i32) -> f32 {
     mm as f32 / 1e3
 }

@@ -2,15 +2,15 @@
 //!
 //! # Design
 //!
-//! The distances between places are small beside the earth, and a float32 has 24 bits. So no position is ever a
-//! float32; only differences of two positions are, which integers give exactly. So the processor's own arithmetic does
-//! everything but the last step of the result.
+//! The distances between places are small against the earth, and a float32 has 24 bits. So no position is ever a
+//! float32; only differences of two positions are, which integers give exactly. The processor's own arithmetic then
+//! does all but the last step of the result.
 //!
 //! The vector from one place to another is the difference of their positions in space, seen along north, east and up of
-//! the first place. Its terms are arranged so that none is the small difference of two large ones: latitudes only enter
-//! as their difference, longitudes by sine and by 1 - cosine = 2 sine² of half of their difference, and the cosine of a
-//! latitude is the sine of its complement to 90°, computed in integers. So the vector is right across ±180° and around
-//! the poles. For places far apart the vector is long in any direction, since its part along up is never left out.
+//! the first place. No term of it is the small difference of two large ones. Latitudes enter as their difference,
+//! longitudes by sine and by 1 - cosine = 2 sine² of half of their difference, and the cosine of a latitude is the sine
+//! of its complement to 90°, computed in integers. So the vector is right across ±180° and around the poles. For places
+//! far apart the vector is long in any direction, since its part along up is never left out.
 //!
 //! The vector leaves out the change of the radii of curvature between the two places, 2e-6 of the distance at 1 km, and
 //! the square of the difference of the latitudes, 3e-9. With the rounding of float32 the error is below 5 mm at 1 km,
@@ -23,15 +23,12 @@ const FLATTENING: f64 = 1.0 / 298.257_223_563;
 /// The first eccentricity squared of the ellipsoid, f (2 - f).
 const E2: f64 = FLATTENING * (2.0 - FLATTENING);
 
-/// Half a turn, 1e-7 degrees.
 const HALF_TURN_E7: i32 = 1_800_000_000;
-/// A quarter of a turn, 1e-7 degrees.
 const QUARTER_TURN_E7: i32 = 900_000_000;
 /// A ten-millionth of a degree, the unit of the integers, in rad.
 const RAD_PER_E7: f32 = (core::f64::consts::PI / 1.8e9) as f32;
 /// The number of parts of 1e-7 degrees, each 0.04 mm, in which the result is counted before it becomes degrees.
 const PARTS: i64 = 256;
-/// One rad in parts, of which 1e-7 degrees have [`PARTS`].
 const PARTS_PER_RAD: f32 = (1.8e9 * 256.0 / core::f64::consts::PI) as f32;
 
 /// A place on the ellipsoid, and the values that measuring around it needs.
@@ -41,7 +38,7 @@ pub(crate) struct Place {
     longitude_e7: i32,
     sine: f32,
     cosine: f32,
-    /// The radius of curvature along the meridian, m, at the place's own height. The next field is that across it.
+    /// The radius of curvature along the meridian, m, at the place's own height.
     along: f32,
     across: f32,
 }
@@ -117,12 +114,10 @@ impl Place {
     }
 }
 
-/// Converts an angle to parts of 1e-7 degrees.
 fn parts(rad: f32) -> i64 {
     (rad * PARTS_PER_RAD) as i64
 }
 
-/// Returns the difference of two longitudes, 1e-7 degrees, brought into ±180°.
 fn shorter_way(difference_e7: i64) -> i32 {
     let half = i64::from(HALF_TURN_E7);
     let over = if difference_e7 > half { -2 * half } else { 0 };
@@ -160,13 +155,13 @@ mod tests {
     use proptest::prelude::*;
     use proptest::test_runner::{Config, RngSeed};
 
-    /// The semi-minor axis of the WGS-84 ellipsoid, m, which the standard states beside the flattening (NIMA TR8350.2,
-    /// table 3.3). With this axis the tests compute in float64 and in space.
+    /// The semi-minor axis of the WGS-84 ellipsoid, m, as the standard states it (NIMA TR8350.2, table 3.3). With it
+    /// the tests compute in float64 and in space, independently of the code.
     const SEMI_MINOR_AXIS: f64 = 6_356_752.314_2;
 
     type Vector = [f64; 3];
 
-    /// The arguments of `Place::new`, with which the tests compute exactly in space.
+    /// A place as `Place::new` takes it, with which the tests compute exactly in space.
     #[derive(Clone, Copy, Debug)]
     struct Exact {
         latitude_e7: i32,
@@ -183,7 +178,6 @@ mod tests {
             [self.latitude_e7, self.longitude_e7].map(|e7| (f64::from(e7) / 1e7).to_radians())
         }
 
-        /// Returns the position from the earth's centre, m.
         fn in_space(&self) -> Vector {
             let ([latitude, longitude], [a, b]) = (self.angles(), [SEMI_MAJOR_AXIS, SEMI_MINOR_AXIS]);
             let across = a * a / (a * a * latitude.cos().powi(2) + b * b * latitude.sin().powi(2)).sqrt();
@@ -192,7 +186,6 @@ mod tests {
             [out * longitude.cos(), out * longitude.sin(), along_axis]
         }
 
-        /// Returns the unit vectors north, east and up.
         fn axes(&self) -> [Vector; 3] {
             let [(north, along), (east, out)] = self.angles().map(f64::sin_cos);
             [[-north * out, -north * east, along], [-east, out, 0.0], [along * out, along * east, north]]
@@ -220,7 +213,7 @@ mod tests {
         vector.iter().map(|axis| axis * axis).sum::<f64>().sqrt()
     }
 
-    /// Any place that a receiver can state; one in four is within some km of a pole, one in four within some of ±180°.
+    /// Draws any place that a receiver can state. One in four is within some km of a pole, one in four near ±180°.
     fn anywhere() -> impl Strategy<Value = Exact> {
         let latitude = prop_oneof![
             3 => -QUARTER_TURN_E7..=QUARTER_TURN_E7,

@@ -1,12 +1,11 @@
 //! Holds a result back for a second if it cannot be reached from the last result shown (decision 15, jumps)
 //!
-//! The result shown last is kept until the next one is shown, however long that takes; a result can be reached from it
-//! within a distance that grows with the time. Results that are held back form a row, which goes on while there is a
-//! result at every tick and each leads to the next. After [`HELD_BACK_MS`] the row's last result is shown.
+//! A result can be reached from the last one shown within a distance that grows with the time since then. Results that
+//! are held back form a row, which goes on while there is a result at every tick and each can be reached from the one
+//! before it. After [`HELD_BACK_MS`] the row's last result is shown.
 
 use crate::{HELD_BACK_MS, SPEED_MAX_MM_S};
 
-/// The highest speed at which a result can move, m/s.
 const SPEED_MAX_M_S: f32 = SPEED_MAX_MM_S as f32 / 1e3;
 
 /// A quantity of a result, place or altitude, that moves from tick to tick.
@@ -16,7 +15,6 @@ pub(crate) trait Mark: Copy {
 }
 
 /// Whether a distance is at most a limit plus the way at [`SPEED_MAX_M_S`]. Distance and limit are given as squares.
-///
 /// The comparison d ≤ l + w is made without a root: d² - l² - w² ≤ 2 l w.
 pub(crate) fn is_within_reach(distance_squared: f32, limit_squared: f32, seconds: f32) -> bool {
     let way_squared = SPEED_MAX_M_S * SPEED_MAX_M_S * (seconds * seconds);
@@ -32,7 +30,6 @@ pub(crate) struct Hold<T> {
     held: Option<(u32, At<T>)>,
 }
 
-/// A result and its tick, ms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct At<T> {
     ms: u32,
@@ -46,10 +43,11 @@ impl<T: Mark> At<T> {
 }
 
 impl<T: Mark> Hold<T> {
-    /// The state in which no result was shown yet: the first result is then shown.
+    /// The state in which no result was shown yet, so that the first result is shown.
     pub(crate) const NEW: Self = Self { shown: None, held: None };
 
-    /// Whether the result `mark` is shown at `now_ms`. It must exist, and other rules must allow it (`may_show`).
+    /// Whether the result `mark` is shown at `now_ms`, if there is one (`is_there`) and other rules allow it
+    /// (`may_show`).
     pub(crate) fn take(&mut self, now_ms: u32, mark: T, is_there: bool, may_show: bool) -> bool {
         let next = At { ms: now_ms, mark };
         let is_near = self.shown.unwrap_or(next).leads_to(&next);

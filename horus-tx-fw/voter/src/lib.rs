@@ -3,9 +3,9 @@
 //! # Design
 //!
 //! A majority decides (`docs/decisions/0015-one-voted-position.md`). At each tick of 10 ms the position of every
-//! *candidate* (a receiver with a valid position) is extrapolated to the tick, every pair is compared, every set of
-//! receivers in which each pair agrees is ranked, and the median of the set that wins is the result. The constants
-//! below, the only parameters, say what makes a candidate, when two agree, and when an outvoted receiver returns.
+//! *candidate* (a receiver with a valid position) is extrapolated to the tick, and every pair is compared. Every set of
+//! receivers in which each pair agrees is ranked, and the median of the set that wins is the result; its receivers are
+//! the *members*. The constants below are the only parameters.
 //!
 //! - **Every number is finite.** Positions, velocities and accuracies are integers until they were found plausible
 //!   ([`Stated`]); attitude and acceleration take part only if they are finite.
@@ -14,17 +14,16 @@
 //!   since float64 and square roots are done in software, and the compiler makes some selections conditional.
 //! - **The work is small.** Values that only depend on a receiver's message are computed on its arrival ([`Fix::new`]),
 //!   all metres are float32 (see `geometry`), no distance needs a root, and float64 appears only in the result.
-//! - **Pure.** The voter has no clock, no input or output, and no allocation: [`Voter::vote`] is given the time, and a
-//!   copy of a voter returns the same.
+//! - **Pure.** The voter has no clock, no input or output, and no allocation: [`Voter::vote`] is given the time.
 //!
 //! - **Each quantity by itself.** Altitude, attitude and acceleration are each stated only if a quorum of the members
-//!   has the quantity and all of these members agree in it. No value of a single receiver counts as that of several.
+//!   has the quantity and these agree in it.
 //! - **No jump at once.** A place or an altitude that cannot be reached at 200 m/s from the last one shown is held back
 //!   until it has lasted for a second (see `hold`).
 //! - **A majority of right receivers always has a result.** More than half of the receivers are members of a result, so
 //!   any majority has one of them. No receiver of a majority that agrees is ever excluded, since it agrees with a
-//!   member, and the majority itself is a set that can win. Whatever other receivers send, now or later, the only loss
-//!   of a result is the second for which a jump is held back.
+//!   member, and the majority itself is a set that can win. Whatever other receivers send, a result is only lost for
+//!   the second for which a jump is held back.
 //!
 //! # What it cannot do
 //!
@@ -49,7 +48,7 @@ use geometry::Place;
 use hold::Hold;
 use median::{about_first, median, median_and_spread, middle_two, turned};
 
-/// The most receivers that a voter can have, which is the number that HORUS can carry.
+/// The largest number of receivers that a voter can have, as many as HORUS can carry.
 pub const MOST_RECEIVERS: usize = 5;
 
 /// The largest latitude, north or south, 1e-7 degrees (decision 15, candidates).
@@ -72,12 +71,11 @@ pub const MOST_VERTICAL_ACCURACY_MM: u32 = 50_000;
 pub const LATENCY_MS: i32 = 50;
 /// How much a latency may differ from that of the candidate in the middle, ms (decision 15, brought to the tick).
 pub const LATENCY_SPREAD_MS: i32 = 50;
-/// The time of week begins anew after this time, ms.
+/// The time after which the time of week begins anew, ms.
 pub const WEEK_MS: u32 = 7 * 24 * 3_600 * 1_000;
 /// How much a latency may be off [`LATENCY_MS`], s. An accuracy grows by this times the speed (decision 15).
 pub const LATENCY_UNCERTAINTY_S: f32 = 0.05;
-/// Half of the greatest acceleration, m/s². An accuracy grows by this value multiplied by the square of the age
-/// (decision 15: half of 4 m/s²).
+/// Half of the greatest acceleration, 4 m/s². An accuracy grows by this times the square of the age (decision 15).
 pub const HALF_ACCELERATION_M_S2: f32 = 2.0;
 
 /// Two receivers agree within this multiple of the root of their accuracies' squares' sum (decision 15, agreement).
@@ -87,27 +85,23 @@ pub const HORIZONTAL_LIMITS_M: [f32; 2] = [5.0, 30.0];
 /// The least and the greatest distance within which two receivers agree, vertically, m (decision 15, agreement).
 pub const VERTICAL_LIMITS_M: [f32; 2] = [8.0, 50.0];
 
-/// The greatest difference of two attitudes that agree, for pitch, yaw and roll, rad: 5, 10 and 5 degrees (decision 15,
-/// attitude and acceleration).
+/// The greatest difference of two attitudes that agree, pitch, yaw and roll, rad: 5, 10 and 5 degrees (decision 15).
 pub const ATTITUDE_LIMITS_RAD: [f32; 3] = [PI / 36.0, PI / 18.0, PI / 36.0];
-/// The greatest difference of two accelerations that agree, along each axis, m/s² (decision 15, attitude and
-/// acceleration).
+/// The greatest difference of two accelerations that agree, along each axis, m/s² (decision 15).
 pub const ACCELERATION_LIMIT_M_S2: f32 = 2.0;
 
-/// How long a place or an altitude that cannot be reached from the last one shown must last before it is shown, ms
-/// (decision 15, jumps).
+/// How long a place or altitude out of reach of the last one shown must last before it is shown, ms (decision 15).
 pub const HELD_BACK_MS: u32 = 1_000;
 
 /// The largest angle that is used, rad in either direction: more than UBX NAV-ATT can hold, which is 375 rad.
 pub const ANGLE_MAX: f32 = 400.0;
 
-/// How long an excluded receiver must agree without a break before it may take part again, ms (decision 15,
-/// exclusion).
+/// How long an excluded receiver must agree without a break before it may take part again, ms (decision 15, exclusion).
 pub const RETURNS_AFTER_MS: u32 = 1_000;
 
 /// Returns the least number of members in a result of `receivers` receivers: more than half of them, and one of two
-/// (decision 15, the set: 1oo1, 1oo2, 2oo3, 3oo5). It is also the least number of members that must have an altitude,
-/// an attitude or an acceleration for the result to have it.
+/// (decision 15, the set: 1oo1, 1oo2, 2oo3, 3oo5). As many members must have an altitude, an attitude or an
+/// acceleration for the result to have it.
 #[must_use]
 pub const fn quorum(receivers: usize) -> u32 {
     receivers.div_ceil(2) as u32
@@ -122,12 +116,12 @@ pub struct Input {
     pub fix: Fix,
     /// The time from the arrival of the position to the tick, ms; below 0 if the position arrived after the tick.
     pub since_arrival_ms: i32,
-    /// The time from the position's time of week to its arrival, ms, modulo [`WEEK_MS`]. The clock of the arrival may
-    /// have begun at any time, since only differences between receivers count.
+    /// The time from the position's time of week to its arrival, ms, modulo [`WEEK_MS`], by any clock, since only
+    /// differences between receivers count.
     pub lag_ms: u32,
-    /// Pitch, yaw and roll, rad, where they are valid.
+    /// Pitch, yaw and roll, rad, if they are valid.
     pub attitude: Option<[f32; 3]>,
-    /// Acceleration front, right and down, m/s², where it is valid.
+    /// Acceleration front, right and down, m/s², if it is valid.
     pub acceleration: Option<[f32; 3]>,
 }
 
@@ -142,7 +136,7 @@ pub struct Position {
     pub altitude: Option<f64>,
 }
 
-/// The result of a vote. Bit 0 of a mask is that of the first receiver. The default value says that there was no vote.
+/// The result of a vote. Bit 0 of a mask is that of the first receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Verdict {
     /// The receivers that agree on the result; none if there is no result, or while a jump is held back.
@@ -151,8 +145,7 @@ pub struct Verdict {
     pub excluded: u8,
     /// The position of the result; `None` if there is no result.
     pub position: Option<Position>,
-    /// Pitch and roll within ±π and yaw from 0 to 2π, rad, if a quorum of the members has an attitude and all of these
-    /// members agree.
+    /// Pitch and roll within ±π and yaw from 0 to 2π, rad, if a quorum of the members has an attitude and these agree.
     pub attitude: Option<[f32; 3]>,
     /// Acceleration front, right and down, m/s², under the same condition as the attitude.
     pub acceleration: Option<[f32; 3]>,
@@ -162,7 +155,7 @@ impl Verdict {
     /// The verdict before the first vote.
     pub const NONE: Self = Self { members: 0, excluded: 0, position: None, attitude: None, acceleration: None };
 
-    /// Returns the number of receivers that agree, which are the members of the result.
+    /// Returns the number of members of the result.
     #[must_use]
     pub const fn agreeing(&self) -> u8 {
         self.members.count_ones() as u8
@@ -178,7 +171,6 @@ impl Verdict {
 /// The state that a voter over `N` receivers keeps from tick to tick. `N` is 1 to [`MOST_RECEIVERS`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Voter<const N: usize> {
-    /// The members of the last result.
     last: u8,
     excluded: u8,
     /// The time from which on each excluded receiver has agreed at every tick, ms; `None` if it does not agree now.
@@ -200,7 +192,7 @@ struct Brought {
     step: [f32; 2],
     /// How far the candidate has moved upwards since its position's epoch, m.
     climb: f32,
-    /// The horizontal accuracy, m, with the error of the extrapolation. The next field is the vertical accuracy.
+    /// The horizontal accuracy, m, with the error of the extrapolation.
     horizontal: f32,
     vertical: f32,
 }
@@ -214,7 +206,7 @@ impl<const N: usize> Voter<N> {
 
     /// Returns a voter that has not voted since a restart, before which the receivers of the mask `excluded` were
     /// excluded: they have to agree for [`RETURNS_AFTER_MS`] from now on. A mask that no vote leads to counts as empty:
-    /// one with a receiver that does not exist, or with half of the receivers or more: a majority is never excluded.
+    /// one with a receiver that does not exist, or with half of the receivers or more.
     #[must_use]
     pub const fn excluding(excluded: u8) -> Self {
         const { assert!(N >= 1 && N <= MOST_RECEIVERS, "HORUS carries one to five receivers") }
@@ -229,7 +221,7 @@ impl<const N: usize> Voter<N> {
         self.excluded
     }
 
-    /// Votes for the tick at `now_ms`, on a clock of milliseconds that wraps, and returns the result.
+    /// Votes for the tick at `now_ms`, on a clock of ms that wraps, and returns the result.
     pub fn vote(&mut self, inputs: &[Input; N], now_ms: u32) -> Verdict {
         let candidates = mask_of(inputs, |input| input.valid & input.fix.plausible);
         let latencies = latencies(inputs, candidates);
@@ -277,8 +269,8 @@ impl<const N: usize> Voter<N> {
         }
     }
 
-    /// Updates the excluded receivers for the next tick: adds the `outvoted`, and removes those that have agreed for
-    /// long enough with all `members` or, if there is no result, with one of the `eligible`, if there are any.
+    /// Updates the excluded receivers: adds the `outvoted`, and removes those that have agreed for long enough with all
+    /// `members`, or without a result with one of the `eligible`, if there are any.
     fn remember(&mut self, members: u8, outvoted: u8, eligible: u8, friends: &[u8; N], now_ms: u32) {
         let mut returned = 0;
         for (index, (since, friends)) in self.agreeing_since.iter_mut().zip(friends).enumerate() {
@@ -298,17 +290,14 @@ impl<const N: usize> Voter<N> {
 
 const PI: f32 = core::f32::consts::PI;
 
-/// Whether receiver `index`, from 0, is in `mask`.
 const fn has(mask: u8, index: usize) -> bool {
     mask >> index & 1 == 1
 }
 
-/// Whether the receivers of the mask are a quorum of `N`.
 const fn is_quorum<const N: usize>(mask: u8) -> bool {
     mask.count_ones() >= quorum(N)
 }
 
-/// Returns the mask of the items for which `is` is true.
 fn mask_of<T, const N: usize>(items: &[T; N], is: impl Fn(&T) -> bool) -> u8 {
     items.iter().enumerate().fold(0, |mask, (index, item)| mask | u8::from(is(item)) << index)
 }
@@ -340,7 +329,7 @@ fn axis_of<const N: usize>(
 ///
 /// All receivers tell the time of week of the same system. So if one receiver's message arrives later after its time of
 /// week than another's, its latency is greater by that difference. The candidate with the median latency gets
-/// [`LATENCY_MS`], and the others get as much more or less as their messages took. Where the difference is above
+/// [`LATENCY_MS`], and the others as much more or less as their messages took. If the difference is above
 /// [`LATENCY_SPREAD_MS`], the receiver's time of week is wrong, and its position gets [`LATENCY_MS`], too.
 fn latencies<const N: usize>(inputs: &[Input; N], candidates: u8) -> [i32; N] {
     const HALF_A_WEEK_MS: i32 = WEEK_MS as i32 / 2;
@@ -422,8 +411,7 @@ fn apart((place, step): (&Place, [f32; 2]), (other, other_step): (&Place, [f32; 
     ([north, east], off_north * off_north + off_east * off_east + up * up)
 }
 
-/// The place of a result: a step, m north and east, from a member's place; and the accuracy of the result's least
-/// accurate member, m.
+/// The place of a result: a step, m north and east, from a member's place, and the least accurate member's accuracy, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Spot {
     place: Place,
@@ -441,7 +429,7 @@ impl hold::Mark for Spot {
 
 /// Returns the median of the members' places, north and east each by itself.
 fn spot<const N: usize>(inputs: &[Input; N], brought: &[Brought; N], places: &[[[f32; 2]; N]; N], members: u8) -> Spot {
-    // The metres count from the first member's place. Its row has all members, since none comes before it.
+    // The metres count from the first member's place, since its row has all members.
     let place: Place = first(members, &inputs.each_ref().map(|input| input.fix.place));
     let row = first(members, places);
     let step = [0, 1].map(|axis| median(row.map(|place| place[axis]), members));
@@ -474,7 +462,6 @@ impl hold::Mark for Height {
     }
 }
 
-/// Returns the median of the altitudes of the receivers in the mask.
 fn height<const N: usize>(inputs: &[Input; N], brought: &[Brought; N], with_altitude: u8) -> Height {
     let ground_mm = first(with_altitude, &inputs.each_ref().map(|input| input.fix.altitude_mm));
     let mut heights = [0.0; N];
@@ -485,7 +472,6 @@ fn height<const N: usize>(inputs: &[Input; N], brought: &[Brought; N], with_alti
     Height { ground_mm, above: median(heights, with_altitude), accuracy }
 }
 
-/// Returns the greatest accuracy of the receivers in the mask, m; 0 for an empty mask.
 fn greatest<const N: usize>(brought: &[Brought; N], of: impl Fn(&Brought) -> f32, among: u8) -> f32 {
     brought.iter().enumerate().fold(0.0, |greatest, (index, brought)| {
         let accuracy = if has(among, index) { of(brought) } else { 0.0 };

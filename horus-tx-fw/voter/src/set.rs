@@ -2,26 +2,23 @@
 
 use crate::{MOST_RECEIVERS, has};
 
-/// The number of sets of [`MOST_RECEIVERS`] receivers.
 const SETS: usize = 1 << MOST_RECEIVERS;
 
 /// The number of parts of a metre in which an accuracy is counted; a float32 resolves one part at the largest accuracy.
 const PARTS_PER_METRE: f32 = (1 << 20) as f32;
 /// The largest accuracy, in parts of a metre, that differs from a larger one: 64 m. A candidate's is below 43 m.
 const MOST_PARTS: u32 = (1 << 26) - 1;
-/// The number of bits of a sum of [`MOST_RECEIVERS`] accuracies in parts of a metre.
 const SUM_BITS: u32 = 29;
 
-/// The weight that each member adds to a set. The next constant is added for a member of the set that won last. The
-/// number of a receiver adds less than 2^8, a lower number more.
+/// The weight that each member adds to a set. The number of a receiver adds less than 2^8, a lower number more.
 const MEMBER: u32 = 1 << 16;
 const KEPT: u32 = 1 << 8;
 
 /// Returns the set that wins, 0 if no receiver is eligible: of the sets in `eligible` in which each pair agrees, that
 /// with most members, then most of `last`, then the least sum of `accuracies` (m), then the lower receiver numbers.
 ///
-/// `friends[i]` are the receivers that agree with receiver `i`, including itself. Every set is examined once. Each is
-/// made from a smaller set by adding the receiver with the highest number.
+/// `friends[i]` are the receivers that agree with receiver `i`, including itself. Every set is examined once, made from
+/// a smaller set by adding the receiver with the highest number.
 pub(crate) fn winner<const N: usize>(friends: &[u8; N], eligible: u8, last: u8, accuracies: &[f32; N]) -> u8 {
     let mut weights = [0; N];
     let mut parts = [0; N];

@@ -12,7 +12,7 @@ fn seeded(cases: u32) -> Config {
     Config { cases, rng_seed: RngSeed::Fixed(15), failure_persistence: None, ..Config::default() }
 }
 
-/// Any place on earth. The poles and both sides of ±180° come more often than by chance.
+/// Draws any place on earth. The poles and both sides of ±180° come more often than by chance.
 fn somewhere() -> impl Strategy<Value = (f64, f64)> {
     let latitude = prop_oneof![
         4 => -89.0..89.0,
@@ -34,14 +34,13 @@ fn somewhere() -> impl Strategy<Value = (f64, f64)> {
 /// its time of week, ms, whether its fix is 2D, its attitude and its acceleration.
 type Drawn = (bool, [f64; 3], [i32; 3], [u32; 2], i32, u32, bool, Option<[f32; 3]>, Option<[f32; 3]>);
 
-/// Draws three numbers that mostly lie so close to `about` that two such draws may agree.
+/// Draws three numbers, most of which lie so close to `about` that two such draws may agree.
 fn numbers(about: [f32; 3], within: f32) -> impl Strategy<Value = Option<[f32; 3]>> {
     let off = move || prop_oneof![6 => -within..within, 1 => Just(f32::NAN), 1 => -500.0_f32..500.0];
     let drawn = [off(), off(), off()].prop_map(move |off| [0, 1, 2].map(|axis| about[axis] + off[axis]));
     prop::option::weighted(0.8, drawn)
 }
 
-/// Draws a receiver near a place.
 fn receiver() -> impl Strategy<Value = Drawn> {
     let metres = || prop_oneof![3 => -3.0..3.0, 2 => -40.0..40.0, 1 => -900.0..900.0];
     let speed = || prop_oneof![Just(0), -20_000..20_000, -150_000..150_000];

@@ -137,8 +137,7 @@ fn the_age_of_a_message_follows_from_its_lag_behind_the_others() {
         ([100, 400_000, 110], [40, 50, 50]),
         ([400_000, 100, 110], [50, 40, 50]),
         ([0, WEEK_MS / 2 - 9, WEEK_MS / 2], [50, 50, 59]),
-        // In this row, times of week lie just before and after half a week from the first, which is wrong, so none can
-        // be compared.
+        // In this row, times of week lie around half a week from the first, which is wrong, so none can be compared.
         ([0, WEEK_MS / 2, WEEK_MS / 2 + 9], [50, 50, 50]),
         // In these rows the week ends between the receivers' times of week.
         ([5, LAST, LAST - 20], [56, 50, 30]),
@@ -177,7 +176,6 @@ fn reach(one: Report, other: Report) -> f64 {
     near
 }
 
-/// Returns the greatest difference in height at which two receivers agree, m.
 fn climb(one: Report, other: Report) -> f64 {
     let (mut near, mut far) = (0.0, 90.0);
     while far - near > 1e-4 {
@@ -251,8 +249,8 @@ fn without_a_majority_there_is_no_position_and_no_exclusion() {
     assert_eq!(once(all_apart).position, None);
 }
 
-/// The rule of exclusion is for this case: receiver 3 drifts out of the reach of receiver 2, which states a smaller
-/// accuracy, and then out of the reach of receiver 1.
+/// Receiver 3 drifts out of the reach of receiver 2, which states a smaller accuracy, and then out of the reach of
+/// receiver 1. The rule of exclusion is for this case.
 #[test]
 fn a_receiver_that_drifts_away_never_takes_a_right_one_along() {
     let mut voter = Voter::new();
@@ -313,8 +311,7 @@ fn of_equal_triples_of_five_the_lowest_numbers_win() {
     assert_eq!(once(at([4.8, 0.0, 9.6, 2.4, 7.2])).members, 0b01011, "1, 2 and 4 before 1, 3 and 5");
 }
 
-/// Votes with three receivers, the third of which is wrong until `wrong_until`. Returns the tick at which it is no
-/// longer excluded.
+/// Votes with three receivers, the third wrong until `wrong_until`. Returns the tick from which it is not excluded.
 fn returns(step: u32, wrong_until: u32, third: impl Fn(u32) -> Report, start: u32) -> Option<u32> {
     let mut voter = Voter::new();
     for at in (0..5_000).step_by(step as usize) {
@@ -375,16 +372,15 @@ fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate()
     let far = GOOD.moved(200.0, 0.0);
     let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
     assert_eq!(vote([GOOD, GOOD, far], 0).excluded, 0b100);
-    // Receiver 2 falls silent, and receiver 1 alone gives no result. Receiver 3 returns to 1, and after a second both
-    // give one.
+    // Receiver 2 falls silent, and receiver 1 alone gives no result. Receiver 3 agrees with receiver 1 again, and after
+    // a second both give a result.
     for now in (10..=1_010).step_by(10) {
         assert_eq!(vote([GOOD, SILENT, GOOD], now).position, None);
     }
     let verdict = vote([GOOD, SILENT, GOOD], 1_020);
     assert_eq!((verdict.members, verdict.excluded), (0b101, 0));
 
-    // Two eligible receivers disagree. For the third it is enough to agree with one of them, but it must agree with
-    // one.
+    // Two eligible receivers disagree. The third must agree with one of them, which is enough.
     for (third, returns) in [(GOOD, true), (far, true), (GOOD.moved(0.0, 900.0), false)] {
         let mut voter = Voter::new();
         let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
@@ -548,7 +544,6 @@ fn acceleration_is_the_median_of_a_quorum_that_agrees() {
     assert_eq!(acceleration([GOOD, GOOD, GOOD]), None);
 }
 
-/// A receiver with a 2D fix, which states no altitude.
 const FLAT: Report = Report { stated: Stated { altitude_mm: None, ..Report::GOOD.stated }, ..Report::GOOD };
 
 fn altitude(verdict: &Verdict) -> Option<f64> {
@@ -588,8 +583,8 @@ fn who_contradicts_a_quorum_of_altitudes_is_excluded_beside_members_without_one(
     // Two altitudes are no quorum of five, so nobody can tell which one is right.
     let verdict = once([FLAT, FLAT, GOOD, GOOD, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b01111, None, 0));
-    // A receiver without an altitude contradicts no other, and one that agrees with a member that has an altitude may
-    // still take part.
+    // A receiver without an altitude contradicts no other. One that agrees with a member that has an altitude may still
+    // take part.
     let verdict = once([FLAT.moved(7.0, 0.0), FLAT.moved(4.0, 0.0), GOOD, GOOD, GOOD]);
     assert_eq!((verdict.members, verdict.excluded), (0b11110, 0));
     let verdict = once([FLAT, GOOD, GOOD, GOOD.raised(-7.0), GOOD.raised(9.0).stating(1_500, 100)]);
@@ -750,7 +745,7 @@ fn an_altitude_that_jumps_is_held_back_by_itself() {
             assert_eq!(altitude(&Flight::begun(0).tick(GOOD.raised(sign * by))).is_some(), shown, "{by}");
         }
     }
-    // If there are ticks without an altitude, the altitude shown last counts, and the way that is possible since then.
+    // After ticks without an altitude, the altitude shown last still counts, with the way that is possible since then.
     let mut flight = Flight::begun(0);
     (0..10).for_each(|_| assert_eq!(altitude(&flight.tick(FLAT)), None));
     assert_eq!(altitude(&flight.tick(GOOD.raised(33.0))), None);
@@ -820,7 +815,6 @@ fn a_flight_across_the_pole_or_180_degrees_is_extrapolated_correctly() {
     assert!((longitude + 180.0 - 55.0 / 111_328.0).abs() < 1e-6, "{longitude}");
 }
 
-/// Draws a report whose fields have any 32 bits.
 fn anything() -> impl Strategy<Value = Report> {
     let floats = || prop::option::of(any::<[u32; 3]>().prop_map(|bits| bits.map(f32::from_bits)));
     (any::<bool>(), any::<[i32; 6]>(), any::<[u32; 3]>(), any::<i32>(), floats(), floats(), any::<bool>()).prop_map(
@@ -866,8 +860,7 @@ fn wrong() -> impl Strategy<Value = Report> {
 proptest! {
     #![proptest_config(seeded(4_000))]
 
-    /// The result lies between the two right receivers, or at most as far from one of them as two that agree can be
-    /// apart.
+    /// The result lies between the right receivers, or as far from one of them as two that agree can be apart.
     #[test]
     fn one_wrong_receiver_of_three_moves_the_position_within_bounds(
         wrongs in prop::collection::vec(wrong(), 1..6),

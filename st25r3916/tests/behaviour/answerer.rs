@@ -25,7 +25,6 @@ fn listening(chip: Chip) -> (Rig, Answerer) {
     (rig, answerer)
 }
 
-/// Continues from one event of the answerer to its next event.
 fn next(rig: &mut Rig, answerer: &mut Answerer) -> AnswererEvent {
     rig.run(answerer, Step::Event(AnswererEvent::Listening))
 }
@@ -38,7 +37,7 @@ fn receive(rig: &mut Rig, answerer: &mut Answerer) {
     assert_eq!(rig.buffer[1..=64], payload);
 }
 
-/// Prepares an answer with the bytes `payload`; returns the event that follows.
+/// Prepares an answer with these bytes. Returns the event that follows.
 fn prepare(rig: &mut Rig, answerer: &mut Answerer, payload: &[u8]) -> AnswererEvent {
     rig.payload = payload.to_vec();
     let step = answerer.answer(payload.len()).expect("a frame was delivered");
@@ -49,7 +48,6 @@ fn transmit(rig: &mut Rig, answerer: &mut Answerer) -> AnswererEvent {
     rig.run(answerer, Step::Transfer(Transfer::Short(Answerer::transmit())))
 }
 
-/// Checks that the next frame is received and answered.
 fn works_again(rig: &mut Rig, answerer: &mut Answerer) {
     let payload: Vec<u8> = (0..128).map(|byte| byte ^ 0x3C).collect();
     let frame = [0x77; 64];
@@ -106,8 +104,7 @@ fn a_frame_is_answered_by_these_transfers() {
         assert_eq!(lengths, [1, 3, 8, 17, 1, 113, 8]);
         assert_eq!((&log[0][..], &log[1][..], &log[4][..]), ("DB", "22 04 00", "C4"));
         receive(&mut rig, &mut answerer);
-        // The transfers are the status, the unmasking and one setting. No clear is among them, because the FIFO is
-        // empty.
+        // The transfers are the status, the unmasking and one setting. The FIFO is empty, so no clear is among them.
         assert_eq!(rig.log()[..2], ["59 00 00 00 00 00 00 00", "D1"]);
         let counters = answerer.counters();
         assert_eq!(
@@ -161,7 +158,7 @@ fn an_answer_whose_instant_has_passed_is_given_up() {
     assert_eq!(prepare(&mut rig, &mut answerer, &[1; 128]), AnswererEvent::Loaded);
     rig.log();
     receive(&mut rig, &mut answerer);
-    // The transfers are the status, the clear and the unmasking: the head of the answer is removed from the FIFO.
+    // The transfers are the status, the clear and the unmasking: the clear removes the answer's head from the FIFO.
     assert_eq!(rig.log()[..3], ["59 00 00 00 00 00 00 00", "DB", "D1"]);
     assert!(rig.chip.sent.is_empty());
     works_again(&mut rig, &mut answerer);
@@ -208,7 +205,7 @@ fn a_late_executor_finds_the_next_frame_behind_its_answer() {
     let (mut rig, mut answerer) = listening(Chip::new(Variant::B));
     receive(&mut rig, &mut answerer);
     assert_eq!(prepare(&mut rig, &mut answerer, &[1; 16]), AnswererEvent::Loaded);
-    // The 216 bits of the answer take 509 us. Then this chip opens its receiver by itself.
+    // The 216 bits of the answer take 509 µs. Then this chip opens its receiver by itself.
     let end = rig.chip.now + 3 + 509;
     rig.chip.frame(end + 300, &[9; 64]);
     rig.chip.at(end + 200, Happening::Unmask);

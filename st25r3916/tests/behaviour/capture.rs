@@ -1,4 +1,4 @@
-//! Compares the answers of a real ST25R3916, where their recording is available, with the register table.
+//! Compares the register table with a recording of a real ST25R3916, where the recording is available.
 
 use std::path::Path;
 use std::{env, fs};
@@ -8,15 +8,15 @@ use st25r3916::register as reg;
 
 use crate::stand_in::Chip;
 
-/// The byte that follows `head` on MISO in the recording's first line that contains `head`.
+/// Returns the byte that follows `head` on MISO in the recording's first line that contains `head`.
 fn answered(recording: &str, head: &str) -> u8 {
     let line = recording.lines().find(|line| line.contains(&format!(" {head} 00 | "))).expect("the register was read");
     let last = line.split_whitespace().last().expect("a byte");
     u8::from_str_radix(last, 16).expect("a hexadecimal byte")
 }
 
-/// The public recording of every register of a real ST25R3916; `None` where it is not available, which is allowed
-/// everywhere but on a build server (`CI` set).
+/// Returns the public recording of every register of a real ST25R3916. `None` if it is not available, which a build
+/// server (`CI` set) does not allow.
 fn recording() -> Option<String> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../shared/data/st25r3916-silicon/Read_All_Registers_SpaceA_B.txt");

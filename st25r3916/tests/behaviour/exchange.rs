@@ -26,7 +26,7 @@ fn ready(chip: Chip) -> (Rig, Exchange) {
     (rig, exchange)
 }
 
-/// Loads a frame of 64 bytes; the transmit command is due afterwards.
+/// Loads a frame of 64 bytes, after which the transmit command is due.
 fn load(rig: &mut Rig, exchange: &mut Exchange) {
     rig.payload = (0..64).collect();
     let step = exchange.prepare(64).expect("it is ready");
@@ -34,8 +34,7 @@ fn load(rig: &mut Rig, exchange: &mut Exchange) {
     assert_eq!(rig.run(exchange, Step::Event(ExchangeEvent::Prepared)), ExchangeEvent::Loaded);
 }
 
-/// Sends the loaded frame and runs the exchange to its result; `answer` gets the chip and the instant of the frame's
-/// end.
+/// Sends the loaded frame and runs the exchange to its result. `answer` gets the chip and the frame's end.
 fn fire<R>(rig: &mut Rig, exchange: &mut Exchange, answer: impl FnOnce(&mut Chip, u64) -> R) -> ExchangeEvent {
     let end = rig.chip.now + 3 + FRAME_US;
     answer(&mut rig.chip, end);
@@ -47,7 +46,6 @@ fn exchange<R>(rig: &mut Rig, machine: &mut Exchange, answer: impl FnOnce(&mut C
     fire(rig, machine, answer)
 }
 
-/// Checks that the next cycle begins and ends with an answer.
 fn works_again(rig: &mut Rig, machine: &mut Exchange) {
     rig.chip.clear_air();
     assert_eq!(rig.run(machine, Step::Event(SILENT)), ExchangeEvent::Ready);
@@ -74,8 +72,7 @@ fn bring_up_sets_the_receiver_for_answers_and_masks_it() {
             assert_eq!(settings.iter().filter(|other| *other == entry).count(), 1, "{entry}");
         }
         assert_eq!(settings[settings.len() - 3..], ["02 C8", "D0", "42 00 00 00"], "{variant:?}");
-        // All settings are written and read back, IO and regulator control are read back as well, and three transfers
-        // follow.
+        // All settings are written and read back, also IO and regulator control. Three transfers follow.
         assert_eq!(settings.len(), number + 5, "{variant:?}: {settings:?}");
         assert!(!rig.chip.unmasked);
     }
@@ -220,14 +217,13 @@ fn a_second_answer_is_never_mixed_with_the_first() {
                 assert_eq!(rig.buffer[1..=128], [1; 128], "{gap}");
                 whole += 1;
             }
-            // If the second answer began between the two halves of the status read at the first one's end, the first is
-            // a runt.
+            // If the second answer began within the status read at the first one's end, the first is a runt.
             event => {
                 assert!([OVERRUN, ExchangeEvent::NoAnswer(NoAnswer::Dropped(Dropped::Runt))].contains(&event), "{gap}");
                 overrun += u32::from(event == OVERRUN);
             }
         }
-        // A sync during the read may have emptied the FIFO while it was read, which the stand-in counts as misuse.
+        // A sync during the read may have emptied the FIFO, which the stand-in counts as misuse.
         rig.chip.misuse.clear();
         works_again(&mut rig, &mut machine);
     }
@@ -298,7 +294,7 @@ fn faults_within_the_window_are_told_and_recovered_from() {
             assert_eq!(event, ExchangeEvent::Fault(fault), "step {at}");
             assert_eq!((machine.state(), machine.poller_state()), (ExchangeState::Polling, PollerState::Faulted));
             rig.chip.miso = Miso::Driven;
-            // The driver has asked a chip without an oscillator for the answer, which the stand-in counts as misuse.
+            // The driver has read an answer from a chip without an oscillator, which the stand-in counts as misuse.
             rig.chip.misuse.clear();
             works_again(&mut rig, &mut machine);
         }
@@ -421,7 +417,7 @@ fn settings_are_read_back_in_turn_after_each_exchange() {
     }
 }
 
-/// Sends a frame and returns whether the exchange ends in a register's fault.
+/// Sends a frame. Returns whether the exchange ends in a register's fault.
 fn load_and_fire(rig: &mut Rig, machine: &mut Exchange) -> bool {
     rig.payload = vec![1; 64];
     let step = machine.prepare(64).expect("it is ready");
@@ -437,8 +433,8 @@ fn load_and_fire(rig: &mut Rig, machine: &mut Exchange) -> bool {
 
 #[test]
 fn the_steps_to_the_transmit_command_are_always_the_same() {
-    // Records steps and bytes from the preparation to the transmit command: after silence, after an answer, after a
-    // damaged answer and after an endless one.
+    // Steps and bytes are recorded from the preparation to the transmit command: after silence, after an answer, after
+    // a damaged answer and after an endless one.
     let mut ways = vec![];
     for kind in 0..4 {
         let (mut rig, mut machine) = ready(Chip::new(Variant::B));

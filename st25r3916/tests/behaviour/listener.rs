@@ -25,8 +25,7 @@ fn payload(len: usize, seed: usize) -> Vec<u8> {
     (0..len).map(|index| (index * 31 + seed * 7 + 3) as u8).collect()
 }
 
-/// Sends a frame 1 ms from now and checks that it is received whole. The field of earlier frames may be reported
-/// before.
+/// Sends a frame 1 ms from now and checks that it is received whole. A report of the field may come before it.
 fn hears(rig: &mut Rig, listener: &mut Listener, len: usize) {
     let bytes = payload(len, len);
     rig.chip.frame(rig.chip.now + 1_000, &bytes);
@@ -368,7 +367,7 @@ fn status(main: u8, level: u16) -> [u8; 8] {
     [0, 0xFB, main, 0, 0, 0, low, high << 6]
 }
 
-/// A listener that has received the sync of a frame and has waited for the frame's first bytes.
+/// Returns a listener that has received the sync of a frame and has waited for the frame's first bytes.
 fn in_a_frame() -> Listener {
     let (_, mut listener) = listening(Chip::new(Variant::B), FILLING);
     let _ = listener.step(Input::Start);
@@ -413,7 +412,7 @@ fn two_frames_300_microseconds_apart_are_both_received() {
         let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
         for _ in 0..5 {
             let end = rig.chip.frame(rig.chip.now + 4_000, &payload(184, 1));
-            // The gap is followed by preamble and sync of the second frame: 64 bits, 151 µs.
+            // Preamble and sync of the second frame follow the gap: 64 bits, 151 µs.
             rig.chip.frame(end + 300 + 151, &payload(180, 2));
             assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 184, flags: CLEAN });
             assert_eq!(rig.buffer[1..=184], payload(184, 1));
@@ -432,7 +431,7 @@ fn a_frame_that_begins_before_the_re_arm_is_received_not_cleared() {
         let (mut rig, mut listener) = listening(chip, config);
         rig.chip.frame(rig.chip.now + 1_000, &payload(100, 1));
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 100, flags: CLEAN });
-        // The caller is slow: half of the next frame has been received when the caller continues.
+        // The caller is slow: half of the next frame has arrived when the caller continues.
         rig.chip.frame(rig.chip.now + 10, &payload(120, 2));
         rig.chip.advance(rig.chip.now + 1_200);
         rig.log();
@@ -482,7 +481,7 @@ fn a_frame_without_end_is_dropped_6_ms_after_its_sync() {
             hears(&mut rig, &mut listener, 244);
             let log = rig.log();
             assert_eq!(log[0], "59 00 00 00 00 00 00 00");
-            // The FIFO is cleared only where it holds bytes.
+            // The FIFO is cleared only if it holds bytes.
             assert!(log[1] == "D1" || log[1..3] == ["DB", "D1"], "{log:?}");
             assert_eq!(listener.counters().no_end, 1);
             rig.assert_no_misuse();
@@ -591,7 +590,7 @@ fn a_frame_broken_off_within_a_byte_keeps_the_bytes_before_it() {
     for config in BOTH {
         let (rig, listener) = listening(Chip::new(Variant::B), config);
         for whole in 0..sent.len() {
-            // The frame breaks off in every µs of the byte, also while an early read's status is read.
+            // The frame breaks off in every µs of the byte, also while the status of an early read is read.
             for into in 1..19 {
                 let (mut rig, mut listener) = (rig.clone(), listener.clone());
                 let over = rig.chip.raw_frame(rig.chip.now + 1_000, &sent[..whole], None);
@@ -634,7 +633,7 @@ fn a_fifo_level_that_lies_is_survived_and_flagged() {
     }
 }
 
-/// Sends three frames and returns whether one of them is delivered whole.
+/// Sends three frames. Returns whether one of them is delivered whole.
 fn hears_again(rig: &mut Rig, listener: &mut Listener) -> bool {
     for seed in 0..3 {
         let bytes = payload(244, seed);
@@ -844,8 +843,7 @@ fn a_frame_that_begins_while_an_idle_chip_is_checked_is_received() {
             let chip = Chip { db_clears_irqs, ..Chip::new(Variant::B) };
             let (mut rig, mut listener) = listening(chip, config);
             hears(&mut rig, &mut listener, 244);
-            // The frame's sync comes at every µs of the check after 20 ms, and of the re-arming at the end of that
-            // check.
+            // The frame's sync comes at every µs of the check after 20 ms, and of the re-arming after that check.
             for sync in 19_950..20_150 {
                 let (mut rig, mut listener) = (rig.clone(), listener.clone());
                 let sent = payload(244, sync);
@@ -859,7 +857,7 @@ fn a_frame_that_begins_while_an_idle_chip_is_checked_is_received() {
                 };
                 let ListenerEvent::Frame { len: 244, .. } = event else { panic!("{config:?}, {sync} us: {event:?}") };
                 assert_eq!(rig.buffer[1..=244], sent, "{config:?}, {sync} us");
-                // The listener noticed the frame's beginning in time: it read the frame while the frame arrived.
+                // Few bytes are left for the last read, so the listener read the frame while it arrived.
                 let left = rig.chip.log.iter().rev().find(|mosi| mosi[0] == 0x9F).unwrap().len() - 1;
                 assert!(config != FILLING || left <= TAIL - 2, "{left} bytes after the end, {sync} us");
                 rig.assert_no_misuse();
@@ -884,7 +882,7 @@ fn supervision_costs_nothing_while_frames_come() {
         rig.chip.frame(rig.chip.now + 5_000, &payload(244, cycle));
         assert!(matches!(rig.listener(&mut listener), ListenerEvent::Frame { .. }));
     }
-    // Operation control, mode and bit rate are read only when it is their turn, because no interval was idle.
+    // Operation control, mode and bit rate are read only in their turn, since a frame came in every interval.
     assert_eq!(rig.log().iter().filter(|read| *read == "42 00 00 00").count(), 4);
 }
 
@@ -1022,7 +1020,7 @@ fn every_flipped_setting_is_told_within_one_rotation() {
                 rig.chip.flip(space, address, bit);
                 let mut frames = 0;
                 let fault = loop {
-                    // Unless the flipped bit makes it deaf, the chip receives a frame in every 10 ms; in both cases one
+                    // The chip receives a frame in every 10 ms, unless the flipped bit makes it deaf. In both cases one
                     // setting is read in each cycle.
                     rig.chip.frame(rig.chip.now + 5_000, &payload(244, 1));
                     match rig.listener(&mut listener) {
@@ -1044,7 +1042,7 @@ fn every_flipped_setting_is_told_within_one_rotation() {
     }
 }
 
-/// Returns the instants, in ms from now, of the next bring-ups for silence.
+/// Returns the instants, ms from now, of the next bring-ups for silence.
 fn silences(rig: &mut Rig, listener: &mut Listener, count: usize, field: bool) -> Vec<u64> {
     let start = rig.chip.now;
     let mut instants = vec![];

@@ -225,7 +225,7 @@ fn measuring_and_reading_back_cost_less_than_a_millisecond() {
     let mut rig = Rig::new(Chip::new(Variant::A));
     let mut poller = Poller::new(PollerConfig::new());
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
-    // The oscillator takes 700 µs, the regulators 3 ms; the rest is 25 µs of measurement and transfers at 8 MHz.
+    // The oscillator takes 700 µs and the regulators 3 ms; the rest is 25 µs of measurement and transfers at 8 MHz.
     assert!(rig.chip.now < 700 + 3_000 + 1_000, "{} µs", rig.chip.now);
 }
 
@@ -371,7 +371,6 @@ fn a_frame_that_does_not_fit_or_comes_too_early_is_refused() {
     assert_eq!(poller.prepare(0), Err(SendError::Length));
     assert_eq!(poller.prepare(255), Err(SendError::Length));
     assert_eq!(poller.prepare(usize::MAX), Err(SendError::Length));
-    // The poller sends after the refusals as before them.
     assert_eq!(rig.send(&mut poller, &[1; 254]), SENT);
     assert_eq!(poller.prepare(10), Err(SendError::NotReady));
 }
@@ -393,8 +392,8 @@ fn the_wait_for_the_end_is_the_air_time_and_a_margin() {
     rig.payload = vec![0; 244];
     assert_eq!(rig.load(&mut poller, 244), PollerEvent::Loaded);
     let _ = poller.step(Input::Done(&[0]));
-    // The wait is the air time, 2040 bits · 32 / 13.56 MHz = 4814.2 µs, rounded up, and a margin of 100 µs, less the
-    // time of 228 bytes, the rest of the load, at 10 MHz.
+    // The wait is the air time, 2040 bits · 32 / 13.56 MHz = 4814.2 µs, rounded up, and a margin of 100 µs. The load of
+    // the other 228 bytes at 10 MHz is subtracted.
     assert_eq!(poller.step(Input::Done(&[])), Step::Wait { us: 4_815 + 100 - 182 });
 }
 

@@ -1,5 +1,4 @@
-//! Tests that no machine panics or stops, whatever an executor or a chip does, and that each works again when the chip
-//! works.
+//! Tests that no machine panics or stops, whatever executor and chip do, and that each works with a working chip.
 
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -14,7 +13,6 @@ use st25r3916::{
 
 use crate::stand_in::{Chip, Happening, Miso, Rig};
 
-/// An input that a test gives to a machine, right or wrong.
 #[derive(Clone, Debug)]
 enum Said {
     Start,
@@ -27,7 +25,7 @@ enum Said {
     Send(usize),
 }
 
-/// Draws a byte: those that a real chip sends are drawn more often than at random.
+/// Draws a byte. Bytes that a real chip sends are drawn more often than others.
 fn byte() -> impl Strategy<Value = u8> {
     prop_oneof![
         any::<u8>(),
@@ -91,8 +89,7 @@ fn answer<E>(step: &Step<E>, bytes: [u8; 8]) -> Vec<u8> {
     bytes.iter().copied().cycle().take(len).collect()
 }
 
-/// Gives the inputs to a machine and returns its outstanding step; `send` prepares a frame or an answer, if the machine
-/// permits that now.
+/// Gives the inputs to a machine and returns its outstanding step. `send` prepares a frame or an answer.
 fn feed<M: Machine<Event: Copy>>(
     machine: &mut M,
     said: &[Said],
@@ -123,8 +120,7 @@ fn feed_poller(machine: &mut Poller, said: &[Said]) -> Step<PollerEvent> {
     feed(machine, said, |machine, len| machine.prepare(len).ok())
 }
 
-/// Sends frames every 10 ms until the listener receives one whole, at most 30 frames (back-off and bring-up take about
-/// ten).
+/// Sends frames every 10 ms until the listener receives one whole, at most 30. A recovery takes about ten.
 fn listens_again(rig: &mut Rig, machine: &mut Listener, mut step: Step<ListenerEvent>) -> bool {
     let payload: Vec<u8> = (0..244).map(|index| index as u8 ^ 0x5A).collect();
     let start = rig.chip.now;
@@ -169,8 +165,8 @@ fn sends_again(rig: &mut Rig, machine: &mut Poller, mut step: Step<PollerEvent>)
     false
 }
 
-/// Runs exchanges, each answered with `answer`, until one succeeds, beginning with the outstanding `step`. Returns how
-/// many failed before.
+/// Carries out the outstanding `step`, then runs exchanges, each answered with `answer`, until one succeeds. Returns
+/// how many failed before.
 fn exchanges_again(rig: &mut Rig, machine: &mut Exchange, mut step: Step<ExchangeEvent>) -> Option<u32> {
     let answer = [0xC3; 128];
     rig.payload = vec![0xA5; 64];
@@ -199,8 +195,7 @@ fn exchanges_again(rig: &mut Rig, machine: &mut Exchange, mut step: Step<Exchang
     None
 }
 
-/// Sends 30 frames, one every 20 ms, and returns whether the machine answers one of them. `step` is the machine's
-/// outstanding step, which is carried out first.
+/// Carries out `step`, then sends 30 frames, one every 20 ms. Returns whether the machine answers one of them.
 fn answers_again(rig: &mut Rig, machine: &mut Answerer, mut step: Step<AnswererEvent>) -> bool {
     rig.payload = vec![0xC3; 128];
     rig.chip.clear_air();
@@ -249,7 +244,6 @@ fn heard() -> impl Strategy<Value = (u64, Heard)> {
     (0..12_000_u64, heard)
 }
 
-/// Puts `heard` on the air, at instants that are counted from `from`.
 fn play(chip: &mut Chip, from: u64, heard: &[(u64, Heard)]) {
     for (at, what) in heard {
         let at = from + at;
@@ -406,8 +400,7 @@ proptest! {
         prop_assert!(matches!(event, ExchangeEvent::Answer { .. } | ExchangeEvent::NoAnswer(_)), "{:?}", event);
         let bound = u64::from(WINDOW_US + FRAME_US) + 600 + 4 * lateness;
         prop_assert!(rig.chip.now - end <= bound, "{} us", rig.chip.now - end);
-        // Signals that are still on the air do not disturb the next frame. When they are over, the next answer is
-        // received.
+        // Signals that are still on the air do not disturb the next frame. After them an answer is received.
         let ready = rig.run(&mut machine, Step::Event(event));
         prop_assert_eq!(ready, ExchangeEvent::Ready);
         let step = machine.prepare(64).expect("it is ready");

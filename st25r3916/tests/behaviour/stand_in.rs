@@ -1,7 +1,7 @@
 //! A stand-in for the chip with registers and a FIFO, and an executor that runs a machine against it.
 //!
-//! The stand-in behaves as the driver's documentation describes the chip, in whole microseconds, and can be set to
-//! misbehave. It is not a model of the chip: it has no analogue side, and only the two modes that are used here.
+//! The stand-in behaves as the driver's documentation describes the chip, in whole µs, and can be set to misbehave. It
+//! has no analogue side, and only the two modes that the driver uses.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -20,11 +20,10 @@ pub(crate) const EON: u8 = 0x10;
 pub(crate) const EOF: u8 = 0x08;
 pub(crate) const CRC: u8 = 0x80;
 
-/// An event in the chip that happens at a planned instant, without an access by the driver.
+/// An event in the chip that comes at a planned instant, without an access by the driver.
 #[derive(Clone, Debug)]
 pub(crate) enum Happening {
     Irq(usize, u8),
-    /// The A/D converter has a result.
     Measured(u8),
     /// The sync of a frame is received, if the receiver is on and unmasked.
     Sync,
@@ -43,7 +42,6 @@ pub(crate) enum Happening {
     Unmask,
 }
 
-/// The state of MISO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Miso {
     Driven,
@@ -71,7 +69,6 @@ pub(crate) struct Chip {
     pub(crate) calibration_us: Option<u64>,
     /// The time until I_dct and the result after the command for the supply measurement; `None`: I_dct never comes.
     pub(crate) measurement_us: Option<u64>,
-    /// The supply voltage VDD, in millivolts.
     pub(crate) supply_mv: u32,
     /// Whether the chip carries out transmit commands.
     pub(crate) transmits: bool,
@@ -79,7 +76,6 @@ pub(crate) struct Chip {
     pub(crate) transmit_ends: bool,
     /// Whether the no-response timer raises I_nre.
     pub(crate) no_response_ends: bool,
-    /// Whether the IRQ pin is high whatever the registers hold.
     pub(crate) pin_stuck: bool,
     /// The number that is added to the right FIFO level in the FIFO status.
     pub(crate) level_error: i32,
@@ -97,7 +93,6 @@ pub(crate) struct Chip {
     pub(crate) misuse: Vec<String>,
     pub(crate) unmasked: bool,
     pub(crate) receiving: bool,
-    /// Whether the chip's own frame is on the air.
     pub(crate) sending: bool,
     pub(crate) schedule: BTreeMap<(u64, u32), Happening>,
     pub(crate) order: u32,
@@ -144,13 +139,12 @@ impl Chip {
         }
     }
 
-    /// The space and address of each register of spaces A and B that the driver has written and that must keep its
-    /// value. The length is not among them, because it differs for each frame.
+    /// Returns the space and address of each register that the driver has written and that must keep its value. The
+    /// frame's length is not among them, because it changes.
     pub(crate) fn written(&self) -> BTreeSet<(usize, usize)> {
         self.written.iter().copied().filter(|(space, address)| *space < 2 && !matches!(address, 0x22 | 0x23)).collect()
     }
 
-    /// Inverts a bit of a register without an access by the driver.
     pub(crate) fn flip(&mut self, space: usize, address: usize, bit: u8) {
         let registers = if space == 0 { &mut self.a } else { &mut self.b };
         registers[address] ^= 1 << bit;
@@ -164,7 +158,7 @@ impl Chip {
         self.schedule.insert((instant.max(self.now), self.order), happening);
     }
 
-    /// Plans a frame whose sync ends at `sync`; its bytes are LEN, the payload and two fixed bytes in place of the
+    /// Plans a frame whose sync ends at `sync`. Its bytes are LEN, the payload and two fixed bytes in place of the
     /// CRC-16. Returns the instant of its end.
     pub(crate) fn frame(&mut self, sync: u64, payload: &[u8]) -> u64 {
         let mut bytes = vec![payload.len() as u8 + 1];
@@ -173,7 +167,7 @@ impl Chip {
         self.raw_frame(sync, &bytes, Some(0))
     }
 
-    /// Plans a frame of these bytes and returns the instant of its end; without `end`, I_rxe never comes.
+    /// Plans a frame of these bytes and returns the instant of its end. Without `end`, I_rxe never comes.
     pub(crate) fn raw_frame(&mut self, sync: u64, bytes: &[u8], end: Option<u8>) -> u64 {
         self.at(sync, Happening::Sync);
         let instant = |index: usize| sync + (index as u64 * 18_879) / 1_000;
@@ -187,7 +181,6 @@ impl Chip {
         over
     }
 
-    /// Removes the planned frames and the present frame from the air.
     pub(crate) fn clear_air(&mut self) {
         self.receiving = false;
         self.schedule.retain(|_, what| {
@@ -237,7 +230,7 @@ impl Chip {
         self.schedule.values().any(|what| matches!(what, Happening::Irq(TIMER, 0x80)))
     }
 
-    /// Plans the end of a direct command after `us` microseconds; `None`: the command never ends.
+    /// Plans the end of a direct command after `us` µs; `None`: the command never ends.
     fn ends(&mut self, us: Option<u64>) {
         if let Some(us) = us {
             self.at(self.now + us, Happening::Irq(TIMER, 0x80));
@@ -351,7 +344,6 @@ impl Chip {
         }
     }
 
-    /// The next instant at which the IRQ pin may change, if any.
     pub(crate) fn next(&self) -> Option<u64> {
         self.schedule.first_key_value().map(|((instant, _), _)| *instant)
     }
@@ -385,8 +377,7 @@ impl Chip {
                 }
             }
             0x40..=0x7F => {
-                // The bytes of the head come first. Each register is read when its own byte begins: a frame may end
-                // between two of them.
+                // Each register is read when its own byte begins, since a frame may end between two of them.
                 self.advance(self.now + first as u64);
                 for (offset, slot) in miso[first..].iter_mut().enumerate() {
                     *slot = self.read(space, usize::from(head & 0x3F) + offset);
@@ -401,8 +392,7 @@ impl Chip {
                 self.needs_oscillator("FIFO read");
                 let mut dry = false;
                 for slot in &mut miso[1..] {
-                    // A byte leaves the FIFO when it is clocked out, which is after the command and the bytes before
-                    // it.
+                    // A byte leaves the FIFO when it is clocked out, after the command and the bytes before it.
                     self.advance(self.now + 1);
                     match self.fifo.pop_front() {
                         Some(byte) => *slot = byte,
@@ -495,7 +485,7 @@ impl Chip {
                 (self.sending, self.receiving) = (true, false);
                 let ntx = usize::from(self.a[0x22]) << 5 | usize::from(self.a[0x23]) >> 3;
                 self.sent.push((self.now, vec![]));
-                // `after` is the time, µs, of preamble, sync and this number of bytes; a bit lasts 32 periods of 13.56
+                // `after` is the time, µs, of preamble, sync and this number of bytes; a bit is 32 periods of 13.56
                 // MHz.
                 let after = |bytes: usize| (48 + 16 + 8 * bytes as u64) * 3_200 / 1_356;
                 for byte in 0..ntx {
@@ -542,7 +532,7 @@ impl Chip {
     }
 }
 
-/// The space, the address and the wrong bits of the register that a fault names.
+/// Returns the space, the address and the wrong bits of the register that a fault names.
 pub(crate) fn told(fault: Fault) -> (usize, usize, u8) {
     let Fault::Register { address, expected, found } = fault else { panic!("{fault:02x?}") };
     (usize::from(address >> 6), usize::from(address & 0x3F), expected ^ found)
@@ -558,11 +548,9 @@ pub(crate) struct Rig {
     /// The delay, µs, before each answer to a wait, as if the executor were busy.
     pub(crate) lateness: u64,
     pub(crate) transfers: u32,
-    /// The outstanding step of the listener that is being run.
     pub(crate) outstanding: Step<ListenerEvent>,
 }
 
-/// The kind of an [`Input`], without the response that it borrows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Given {
     Start,
@@ -640,12 +628,11 @@ impl Rig {
         }
     }
 
-    /// Runs a poller from `step` to its next event.
     pub(crate) fn poller(&mut self, machine: &mut Poller, step: Step<PollerEvent>) -> PollerEvent {
         self.run_within(machine, step, 200)
     }
 
-    /// Runs a machine from `step` to its next event, even if that is the end of a listener's silence of one second.
+    /// Runs a machine from `step` to its next event, even if that comes only after a listener's silence of one second.
     pub(crate) fn run<M: Machine>(&mut self, machine: &mut M, step: Step<M::Event>) -> M::Event {
         self.run_within(machine, step, 600)
     }
@@ -661,12 +648,11 @@ impl Rig {
         panic!("no event within {steps} steps");
     }
 
-    /// Runs a poller from one event to its next.
     pub(crate) fn poller_next(&mut self, machine: &mut Poller) -> PollerEvent {
         self.poller(machine, Step::Event(PollerEvent::Ready))
     }
 
-    /// Loads and transmits one frame; returns the event that follows.
+    /// Loads and transmits one frame. Returns the event that follows.
     pub(crate) fn send(&mut self, machine: &mut Poller, payload: &[u8]) -> PollerEvent {
         self.payload = payload.to_vec();
         match self.load(machine, payload.len()) {
@@ -675,7 +661,6 @@ impl Rig {
         }
     }
 
-    /// Prepares a frame of `len` bytes and loads its head.
     pub(crate) fn load(&mut self, machine: &mut Poller, len: usize) -> PollerEvent {
         let step = machine.prepare(len).expect("the poller is ready");
         match self.poller(machine, step) {
@@ -684,8 +669,7 @@ impl Rig {
         }
     }
 
-    /// Runs a listener for at most `steps` steps and returns its next event, if one came; the next call continues from
-    /// there.
+    /// Runs a listener for at most `steps` steps, to its next event, if one comes; the next call continues.
     pub(crate) fn listener_within(&mut self, machine: &mut Listener, steps: u32) -> Option<ListenerEvent> {
         for _ in 0..steps {
             let given = self.carry_out(self.outstanding);
@@ -701,7 +685,7 @@ impl Rig {
         self.listener_within(machine, 400).expect("an event within 400 steps")
     }
 
-    /// Takes the MOSI bytes of every transfer since the last call, as text.
+    /// Returns the MOSI bytes of every transfer since the last call, as text.
     pub(crate) fn log(&mut self) -> Vec<String> {
         self.chip
             .log

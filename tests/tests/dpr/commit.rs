@@ -1,5 +1,4 @@
-//! Measures the time of a frame's processing from its first bytes to a published image, and that of the deadline
-//! without a frame.
+//! Measures the time from a frame's first bytes to a published image, and the time of the deadline without a frame.
 
 use core::hint::black_box;
 
@@ -20,13 +19,11 @@ use rtic_core::Mutex;
 
 use super::frames::{Case, CASES, CLASSES, SIZE};
 
-/// The number of a frame's bytes, LEN included, that have arrived when the listener has read its FIFO for the first,
-/// second and third time.
+/// The number of a frame's bytes, LEN included, that have arrived at the listener's three reads of its FIFO.
 const READS: [usize; 3] = [16, SIZE + 3 - st25r3916::listener::BODY, SIZE + 3 - st25r3916::listener::TAIL];
 /// The number of cycles before the timed one; the sequence is found with the fourth.
 const CYCLES_BEFORE: u32 = 6;
 
-/// An RTIC resource that no other task uses.
 pub(crate) struct Own<'a, T>(pub(crate) &'a mut T);
 
 impl<T> Mutex for Own<'_, T> {
@@ -50,7 +47,7 @@ impl Doorbell for Bell {
 
 type ImageBuffer<'a> = &'a mut ImageMemory;
 
-/// The resources with which the commit task works: images, areas and counters.
+/// The resources of the commit task: images, areas and counters.
 struct Publishing<'a> {
     mailbox: Mailbox<ImageBuffer<'a>>,
     filling: Option<Filling<ImageBuffer<'a>>>,
@@ -108,7 +105,6 @@ fn in_sequence(publishing: &mut Publishing<'_>) -> Commit<RECEIVERS> {
     commit
 }
 
-/// Returns the frame of a case, from its LEN on.
 fn arrived(case: Case) -> [u8; SIZE + 1] {
     let mut bytes = [0; SIZE + 1];
     bytes[0] = SIZE as u8 + 1;
@@ -116,7 +112,6 @@ fn arrived(case: Case) -> [u8; SIZE + 1] {
     bytes
 }
 
-/// Times `Early::follow` at each read.
 pub(crate) fn follow(cycles: &Cycles) {
     let mut taken = [Taken::NONE; READS.len()];
     for case in CASES {
@@ -191,7 +186,7 @@ pub(crate) fn frame(cycles: &Cycles) {
 
             // Next the whole commit task is timed, which does the same with a frame in a receive buffer.
             let mut written = defmt::unwrap!(filling.take());
-            // LEN is stored behind LEAD bytes, so it is the last byte of the first word.
+            // LEN is stored after LEAD bytes, so it is the last byte of the first word.
             written.memory()[0] = u32::from(bytes[0]) << (8 * LEAD);
             for (word, bytes) in written.memory()[1..].iter_mut().zip(bytes[1..].as_chunks().0) {
                 *word = u32::from_le_bytes(*bytes);
@@ -220,8 +215,7 @@ pub(crate) fn frame(cycles: &Cycles) {
     }
 }
 
-/// Times `Commit::check_deadline` before the deadline, at it and long after it, and the task's work when no frame has
-/// come.
+/// Times `Commit::check_deadline` before the deadline, at it and long after it, and the task's work without a frame.
 pub(crate) fn deadline(cycles: &Cycles) {
     let mut images = [[0; IMAGE_WORDS]; IMAGES];
     let mut publishing = Publishing::new(&mut images);
@@ -250,7 +244,7 @@ pub(crate) fn deadline(cycles: &Cycles) {
 }
 
 /// Returns the cycles of one `Link::seal`. The function is not inlined, so that the loops that call it add no
-/// instructions of their own between the two readings of the counter.
+/// instructions between the two readings of the counter.
 #[inline(never)]
 fn seal_once(cycles: &Cycles, link: &Link, shown: Objects, health: &Health) -> u32 {
     cycles.of(|| link.seal(shown, Objects::all(RECEIVERS), health))

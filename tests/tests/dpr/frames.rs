@@ -4,19 +4,15 @@ use dpr_fw::RECEIVERS;
 use on_target_tests::profile_suite as suite;
 use profile::{crc, Profile};
 
-/// The number of bytes in a payload.
 pub(crate) const SIZE: usize = Profile::<RECEIVERS>::SIZE;
-/// The number of objects in a profile.
 pub(crate) const OBJECTS: usize = RECEIVERS + 1;
 /// The number of bytes of an object's CRC, which is the object's end.
 const CRC: usize = 4;
 /// The offset of the first byte of the latitude in every object.
 const LATITUDE: usize = 8;
 
-/// The defect of a frame, if it has one.
 #[derive(Clone, Copy, Debug, defmt::Format)]
 pub(crate) enum Case {
-    /// The frame has no fault.
     Good,
     /// A bit in the first byte of this object is wrong.
     FirstByte(usize),
@@ -28,12 +24,9 @@ pub(crate) enum Case {
     Swapped,
     /// This object is that of the cycle before, with valid CRCs.
     OfTheCycleBefore(usize),
-    /// The latitude of Reported-Position was changed and its frame CRC calculated anew, so that its position CRC is
-    /// wrong.
+    /// The latitude of Reported-Position and its frame CRC were changed, so its position CRC is wrong.
     Position,
-    /// Every byte of the payload is 0x00.
     Zeros,
-    /// Every byte of the payload is 0xFF.
     Ones,
     /// The frame is good, but its timestamp is that of the cycle before.
     Repeated,
@@ -43,7 +36,6 @@ pub(crate) enum Case {
     Restarted,
 }
 
-/// All cases.
 pub(crate) const CASES: [Case; 20] = [
     Case::Good,
     Case::FirstByte(0),
@@ -82,7 +74,7 @@ impl Case {
         }
     }
 
-    /// Returns the index of the frame's class in [`CLASSES`]. What the DPR does depends only on whether it has a
+    /// Returns the index of the frame's class in [`CLASSES`]. The DPR's work depends only on whether the frame has a
     /// timestamp and what the sequence says of it, not on the other bytes of the frame.
     pub(crate) const fn class(self) -> usize {
         match self {
@@ -92,7 +84,6 @@ impl Case {
         }
     }
 
-    /// Returns the payload of the cycle with `timestamp`.
     pub(crate) fn payload(self, timestamp: u32) -> [u8; SIZE] {
         let good = |timestamp| {
             let (reported, gps) = suite::inputs(timestamp);

@@ -30,7 +30,6 @@ struct Flags {
     fifo: u8,
 }
 
-/// The flags of a frame in which the chip has found no error.
 const CLEAN: Flags = Flags { error: 0, fifo: 0 };
 /// For a frame that is read while it arrives, the result of each wait: the main interrupts with which it ends (0 if its
 /// time is over), and the number of bytes in the FIFO then.
@@ -68,8 +67,7 @@ fn listening(chip: &mut Chip) -> Listener {
     defmt::panic!("the listener does not come up")
 }
 
-/// Receives one frame and records the time of each step in the element of `taken` with that step's number. Returns the
-/// number of steps.
+/// Receives one frame and records the time of step number `n` in element `n` of `taken`. Returns the number of steps.
 fn frame(
     cycles: &Cycles,
     chip: &mut Chip,
@@ -82,8 +80,7 @@ fn frame(
     let mut listener = before.clone();
     let mut waits = waits.iter();
     let mut arm = |chip: &mut Chip| {
-        // When the receiver is made ready again, no further interrupt has occurred, and the CRC-16 is still in the
-        // FIFO.
+        // When the receiver is made ready again, no further interrupt has come, and the CRC-16 is still in the FIFO.
         let &(main, count) = waits.next().unwrap_or(&(0, 2));
         let Flags { error, fifo } = if main == RXS || (main, count) == (0, 2) { CLEAN } else { flags };
         chip.set_status(Status { main, error, count, fifo });
@@ -126,8 +123,8 @@ fn frame(
     steps
 }
 
-/// Times every step of frames whose bytes and flags differ, and then of frames whose LEN is wrong, whose FIFO is read
-/// at other instants.
+/// Times every step of frames with different bytes and flags, then of frames with a wrong LEN, whose FIFO is read at
+/// other instants.
 pub(crate) fn steps(cycles: &Cycles) {
     let mut chip = Chip::new();
     let before = listening(&mut chip);

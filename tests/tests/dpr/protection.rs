@@ -4,13 +4,13 @@
 use dpr_fw::debug_port;
 use nrf52840_hal::pac;
 
-/// The registers that determine whether the debug port is open, as in the firmware.
+/// The registers of the debug port's protection, as in the firmware.
 struct Protection<'a> {
     ficr: &'a pac::FICR,
     uicr: &'a pac::UICR,
 }
 
-/// The address of APPROTECT.DISABLE, which the register description of this PAC does not have.
+/// The address of APPROTECT.DISABLE, which the PAC does not define.
 const APPROTECT_DISABLE: u32 = 0x4000_0558;
 
 impl debug_port::Registers for Protection<'_> {
@@ -29,7 +29,6 @@ impl debug_port::Registers for Protection<'_> {
     }
 }
 
-/// Keeps the debug port open, as the firmware does.
 pub(crate) fn open(ficr: &pac::FICR, uicr: &pac::UICR) {
     debug_port::open(&mut Protection { ficr, uicr });
 }

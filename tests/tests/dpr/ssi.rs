@@ -1,5 +1,5 @@
-//! Measures the time of the work at the end of a transaction on the SSI, of the hand-over of images and receive areas,
-//! and of the port task.
+//! Measures the time of the work at the end of an SSI transaction, of the hand-over of images and receive areas, and of
+//! the port task.
 
 use core::{hint::black_box, ops::Range};
 
@@ -28,10 +28,9 @@ use super::commit::Own;
 /// The number of bytes of the map that the flight controller can read.
 const LEN: usize = Map::<RECEIVERS>::LEN;
 
-/// The bytes that a transaction writes into a receive area.
 type Mosi = [u8; RECEIVE_BYTES];
 
-/// Returns the bytes on MOSI for a request, an object behind it, and the byte `beyond` in all places behind that.
+/// Returns the bytes on MOSI for a request and an object, followed by the byte `beyond` in all remaining places.
 fn mosi(request: [u8; 8], object: &[u8; Uplink::SIZE], beyond: u8) -> Mosi {
     let mut bytes = [beyond; RECEIVE_BYTES];
     bytes[..8].copy_from_slice(&request);
@@ -42,8 +41,7 @@ fn mosi(request: [u8; 8], object: &[u8; Uplink::SIZE], beyond: u8) -> Mosi {
 const NOTHING: [u8; 8] = [0; 8];
 const IDLE: [u8; Uplink::SIZE] = [0; Uplink::SIZE];
 
-/// Returns requests: for nothing, for windows, damaged ones, for windows outside the map, and random ones (from a fixed
-/// seed).
+/// Returns requests: none, for windows, damaged ones, for windows outside the map, and random ones (from a fixed seed).
 fn requests() -> [[u8; 8]; 16] {
     let window = |offset, length| encode(Request { offset, length });
     let mut damaged = window(96, 60);
@@ -113,8 +111,7 @@ impl<'a> Ssi for Wires<'_, 'a, '_> {
     }
     fn hand_over(&mut self, asked: Asked) -> HandedOver {
         let Some(mut area) = self.area.take() else { return HandedOver::Empty };
-        // The fourth word of an area holds the object's identifier and status, by which an area is judged when it is
-        // discarded.
+        // The fourth word of an area, identifier and status, is examined when the area is dropped.
         area.memory()[3] = 0x5A5A_5A5A;
         let (next, handed_over) = self.areas.hand_over(area, Transaction { asked, bytes: self.mosi.len() });
         self.area = Some(next);
@@ -196,8 +193,7 @@ pub(crate) fn serve(cycles: &Cycles) {
     }
     defmt::assert_eq!(port.released, granted);
     // The flight controller waits until the buffers are released, so this time has a bound and a limit of its spread.
-    // The whole call, which also counts and handles the queues of the areas, has a bound only: its time depends on how
-    // many areas the port task has.
+    // The whole call has a bound only: its time depends on how many areas the port task has.
     released[0].assert("Server::serve, until the release", bounds(330, 250, 330, 16));
     released[1].assert("Server::serve, until the release, area just returned", bounds(360, 280, 360, 16));
     released[2].assert("Server::serve, until the release, areas used up", bounds(400, 330, 420, 16));
@@ -258,8 +254,7 @@ pub(crate) fn rotation(cycles: &Cycles) {
     done.assert("Rotation::done", bounds(35, 30, 45, 8));
 }
 
-/// Times `WritePort::transaction` and `WritePort::prepare`. Only idle has a lower priority than they have, so only
-/// their bound counts, not their spread.
+/// Times `WritePort::transaction` and `WritePort::prepare`. Only the idle loop waits for them, so no spread counts.
 pub(crate) fn port(cycles: &Cycles) {
     let (base, own) = (Writer::<BaseStation>::claim(), Writer::<FlightController>::claim());
     let values = |timestamp| UplinkValues { timestamp, payload: [0xA5; Uplink::PAYLOAD], ..UplinkValues::default() };

@@ -9,7 +9,6 @@ use horus_tx_fw::{
 };
 use on_target_tests::cycles::{bounds, Cycles, Taken};
 
-/// Returns a solution whose every value is `value`, valid or not.
 fn solution(valid: bool, value: f64) -> Solution {
     let single = value as f32;
     Solution {
@@ -20,8 +19,7 @@ fn solution(valid: bool, value: f64) -> Solution {
     }
 }
 
-/// Returns the solution of a receiver that at `now` ms has sent an intact NAV-PVT with a fix at `latitude` (1e-7
-/// degrees).
+/// Returns the solution of a receiver whose intact NAV-PVT has a fix at `latitude` (1e-7 degrees) at `now` ms.
 fn located(now: u32, latitude: i32, velocity: [i32; 3]) -> Solution {
     let mut receiver = Receiver::new();
     let message = nav_pvt(latitude, velocity);
@@ -53,7 +51,6 @@ fn nav_pvt(latitude: i32, velocity: [i32; 3]) -> [u8; 100] {
     message
 }
 
-/// Times `Cycle::fill` with different solutions of the receivers.
 pub(crate) fn fill(cycles: &Cycles) {
     let values = [0.0, -0.0, 47.4979, f64::MIN_POSITIVE / 2.0, f64::MAX, f64::INFINITY, f64::NAN];
     let winterthur = located(1_230, 474_987_654, [12_000, -9_000, 1_500]);
@@ -103,7 +100,7 @@ pub(crate) fn fill(cycles: &Cycles) {
 }
 
 /// Times `Receiver::receive` for the bytes of one call. The time is bounded but not constant, because a complete
-/// message is converted and a false start is searched again. The call runs at a priority below that of all work with a
+/// message is converted and a false start is searched again. The call has a lower priority than all work with a
 /// deadline.
 pub(crate) fn receive(cycles: &Cycles) {
     let message = nav_pvt(474_987_654, [12_000, -9_000, 1_500]);

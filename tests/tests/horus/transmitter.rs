@@ -1,5 +1,4 @@
-//! Measures the time of the transmitter's calls in a cycle, with a port that only records the transfers that it is
-//! asked for.
+//! Measures the time of the transmitter's calls in a cycle, with a port that only records the requested transfers.
 
 use core::{hint::black_box, ops::Range};
 
@@ -24,14 +23,12 @@ const STATUS_READ: u8 = 0x59;
 /// The bit I_txe, end of transmission, of the main interrupts.
 const TXE: u8 = 0x08;
 
-/// A transfer to the front end's chip that the transmitter has started.
 #[derive(Clone, Copy)]
 enum Started {
     Short([u8; Short::MAX], usize),
     Load,
 }
 
-/// A port of the transmitter that carries out no transfer.
 struct Wires {
     started: Option<Started>,
     /// The bytes that the last transfer has clocked in from the chip, and their number.
@@ -100,8 +97,7 @@ fn settle(transmitter: &mut Transmitter<'_, Wires>, chip: &mut Chip, mut main: u
                 wires.response = (chip.respond(&bytes[..len]), len);
             }
             Some(Started::Load) => wires.response.1 = 0,
-            // Either the transmitter waits for a pending interrupt, which comes at once, or it waits only for the
-            // offer.
+            // The transmitter waits for a pending interrupt, which comes at once, or only for the offer.
             None => wires.irq = true,
         }
         transmitter.poll();

@@ -10,7 +10,7 @@ use dpr_fw::{triple::Memory, ImageMemory, IMAGE_WORDS};
 use super::{At, Board, Task};
 use crate::{explorer::holds, Mutation};
 
-/// A buffer: its place in RAM, and the words that the processor sees there.
+/// A buffer: its number in RAM, and the words that the processor sees there.
 pub(crate) struct Buffer {
     place: usize,
     words: ImageMemory,
@@ -23,7 +23,6 @@ impl Buffer {
         Self { place, words: [0xEE; IMAGE_WORDS], at }
     }
 
-    /// Returns the buffer's number among all buffers.
     pub(super) fn place(&self) -> usize {
         self.place
     }

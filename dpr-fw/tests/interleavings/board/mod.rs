@@ -1,9 +1,9 @@
-//! The firmware's tasks on the model of the hardware, with RTIC's priorities: whenever a task of a higher priority
-//! becomes ready, it runs to its end at once, unless a lock masks it.
+//! The firmware's tasks on the model of the hardware, with RTIC's priorities: a task that becomes ready runs to its end
+//! at once, unless a lock masks it or a task of the same or a higher priority runs.
 //!
 //! The tasks call the library as `main.rs` does, and the ports make the same register accesses as `hw/ssi.rs`, in the
-//! same order. Before each access and each critical section is a *point*: there anything that the hardware can do may
-//! happen, any number of times, and a task that becomes ready runs.
+//! same order. Before each access and each critical section is a *point*, at which events of the hardware may happen,
+//! any number of times, and tasks that become ready run.
 
 mod buffer;
 mod port;
@@ -30,7 +30,6 @@ use super::{
 use buffer::Buffer;
 use port::SsiModel;
 
-/// The tasks with the priorities of `main.rs`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) enum Task {
     Idle = 0,
@@ -44,15 +43,15 @@ pub(crate) enum Task {
 const ROTATION_CEILING: u8 = Task::Receive as u8;
 const MAILBOX_CEILING: u8 = Task::Ssi as u8;
 
-/// The pieces of state that a task may hold, as indices into the digests of them.
+/// These are the pieces of state that a task may hold, as indices into the digests of them.
 const MAILBOX: usize = 0;
 const ROTATION: usize = 1;
 const SSI: usize = 2;
 const RECEIVING: usize = 3;
 const FILLING: usize = 4;
 
-/// A task that runs or is interrupted. Its local variables follow from the state in which it began, how far it is, and
-/// what it has seen of shared state; so a digest of these three stands for the variables.
+/// A task that runs or is interrupted. Its local variables follow from the state in which it began, from how far it has
+/// run, and from what it has seen of shared state. So a digest of these three stands for the variables.
 struct Frame {
     task: Task,
     seen: u64,
@@ -60,7 +59,6 @@ struct Frame {
     scrubbed: bool,
 }
 
-/// Which tasks are called and have not begun to run.
 #[derive(Clone, Copy, Debug, Default, Hash)]
 struct Called {
     ssi: bool,
@@ -69,7 +67,6 @@ struct Called {
     scrub: bool,
 }
 
-/// The state of the whole board, which every task shares.
 struct Board {
     explorer: Rc<Explorer>,
     bounds: Bounds,
@@ -84,17 +81,16 @@ struct Board {
     receiving: RefCell<Option<Filling<Buffer>>>,
     filling: RefCell<Option<Filling<Buffer>>>,
     telemetry: Telemetry,
-    /// Digests of the five states above, which cannot be read while a task holds them.
+    /// The digests of the five states above, which cannot be read while a task holds them.
     digests: Cell<[u64; 5]>,
     /// The frames that were handed on to the commit task and not read yet.
     handed: RefCell<Vec<u8>>,
     generation: Cell<u8>,
-    /// A frame that was taken out of its order, to be read later ([`Mutation::RotationOrder`]).
+    /// A frame that is to be read later than its turn ([`Mutation::RotationOrder`]).
     put_by: RefCell<Option<Received<Buffer, u8>>>,
 }
 
-/// The board for one run. Each buffer holds a reference to the board, so both are taken apart at the run's end, also
-/// when the run ends early.
+/// The board for one run. Buffers and board refer to each other, so they are taken apart when the run ends.
 pub(crate) struct OneRun(At);
 
 impl Drop for OneRun {
@@ -110,12 +106,11 @@ impl Drop for OneRun {
 }
 
 impl OneRun {
-    /// The board as `init` leaves it.
     pub(crate) fn new(explorer: Rc<Explorer>, bounds: Bounds) -> Self {
         Self(At::new(explorer, bounds))
     }
 
-    /// Runs the board until nothing happens any more.
+    /// Runs the board until no event is left.
     pub(crate) fn run(&self) {
         self.0.run();
     }
@@ -129,7 +124,6 @@ struct At(Rc<Board>);
 struct RotationOf(At);
 
 impl At {
-    /// The board as `init` leaves it.
     fn new(explorer: Rc<Explorer>, bounds: Bounds) -> Self {
         let at = Self(Rc::new(Board {
             explorer,
@@ -161,7 +155,6 @@ impl At {
         at
     }
 
-    /// Runs the whole run, with interrupts enabled.
     fn run(&self) {
         self.call(|called| called.commit = self.0.bounds.publishes);
         loop {
@@ -185,7 +178,7 @@ impl At {
         self.at_rest();
     }
 
-    /// Checks what must hold whenever no task is ready: no buffer and no call was left behind.
+    /// Checks, when no task is ready, that no buffer and no call was left behind.
     fn at_rest(&self) {
         let hw = self.0.hw.borrow();
         holds(!hw.masked, "a pause has no end");
@@ -218,7 +211,7 @@ impl At {
         }
     }
 
-    /// Records that `what` is all that the running task has seen that still determines its next steps.
+    /// Records that of all that the running task has seen, only `what` still determines its next steps.
     fn forget_all_but(&self, what: impl std::hash::Hash) {
         if let Some(frame) = self.0.frames.borrow_mut().last_mut() {
             frame.seen = digest(what);
@@ -236,8 +229,8 @@ impl At {
         ))
     }
 
-    /// Records that the running task locks a resource. What the scrub task saw before does not matter any more: the
-    /// buffer that it held goes back now, and the buffer that it takes is nowhere else.
+    /// Records that the running task locks a resource. What the scrub task saw before no longer matters: the buffer
+    /// that it held goes back now, and no other code holds the buffer that it takes.
     fn see_resource(&self, index: usize) {
         let shared = self.0.digests.get()[index];
         if let Some(frame) = self.0.frames.borrow_mut().last_mut() {
@@ -254,7 +247,6 @@ impl At {
         self.0.digests.set(digests);
     }
 
-    /// Whether `task` is running or interrupted.
     fn is_active(&self, task: Task) -> bool {
         self.0.frames.borrow().iter().any(|frame| frame.task == task)
     }
@@ -292,7 +284,7 @@ impl At {
         self.interrupts();
     }
 
-    /// Returns the priority above which a task that is called runs at once.
+    /// Returns the priority above which a called task runs at once.
     fn level(&self) -> u8 {
         let running = self.0.frames.borrow().last().map_or(Task::Idle, |frame| frame.task);
         self.0.mask.get().max(running as u8)
@@ -312,9 +304,8 @@ impl At {
                 self.call(|called| called.ssi = false);
                 self.enter(Task::Ssi, Self::ssi_end);
             } else if pause_over && level < Task::Ssi as u8 {
-                // The task `ssi_pause` has the same priority as `ssi_end` and comes behind it in the table of vectors.
-                // Its two accesses are one step, since hardware events between them have the same effect as before the
-                // first.
+                // The task `ssi_pause` has the same priority as `ssi_end` and comes after it in the table of vectors.
+                // Its two accesses are one step, since an event between them has the same effect as before the first.
                 self.0.explorer.note("ssi_pause: END and ACQUIRED are not masked");
                 let mut hw = self.0.hw.borrow_mut();
                 (hw.pause_over, hw.masked) = (false, false);

@@ -63,7 +63,6 @@ impl Doorbell for At {
     }
 }
 
-/// SPIS1 and the image that it streams, with the register accesses of `hw/ssi.rs`.
 #[derive(Debug)]
 pub(crate) struct SsiModel {
     at: At,
@@ -71,7 +70,6 @@ pub(crate) struct SsiModel {
     received: [u8; 8],
     /// Whether FRESH is to rise after the release, which is wrong ([`Mutation::FreshAfterRelease`]).
     fresh: bool,
-    /// Whether the last exchange brought a newer image.
     newer: bool,
 }
 
@@ -80,7 +78,6 @@ impl SsiModel {
         Self { at, image: None, received: [0; 8], fresh: false, newer: false }
     }
 
-    /// Returns the image that is streamed.
     pub(super) fn image(&self) -> &impl std::fmt::Debug {
         &self.image
     }
@@ -134,14 +131,14 @@ impl Ssi for SsiModel {
         }
         at.see((amount, self.received));
         if bounds.mutation == Mutation::None {
-            // These bytes are not read before they are written again. Clearing them saves the search a state.
+            // These bytes are written again before they are read. Clearing them saves the search a state.
             hw.borrow_mut().rxd = [0; 8];
             hw.borrow_mut().amount = 0;
         }
         Events { ours, received: Some(&self.received[..amount]), over_read: false, overflow: false }
     }
 
-    /// Everything that comes in stays in one area here. The way of an area to the port task is tested with that task.
+    /// All received bytes stay in one area here. Another test covers the way of an area to the port task.
     fn hand_over(&mut self, _: Asked) -> HandedOver {
         HandedOver::Empty
     }

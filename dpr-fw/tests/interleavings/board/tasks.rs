@@ -13,7 +13,6 @@ use super::{At, Buffer, RotationOf, FILLING, RECEIVING, SSI};
 use crate::{explorer::holds, Mutation};
 
 impl At {
-    /// Runs the task `ssi_end`.
     pub(super) fn ssi_end(&self) {
         self.0.hw.borrow_mut().expired_in_task = false;
         self.see(self.0.digests.get()[SSI]);
@@ -51,8 +50,7 @@ impl At {
         self.call(|called| called.commit = true);
     }
 
-    /// Runs the tasks `commit` and `deadline`: takes in the frames that wait ([`dpr_fw::intake`]) and publishes an
-    /// image for each; without any, it publishes one without objects.
+    /// Runs `commit` and `deadline` ([`dpr_fw::intake`]): an image for each frame that waits, or one without objects.
     pub(super) fn commit(&self) {
         self.see(self.0.digests.get()[FILLING]);
         let mut filling = self.0.filling.borrow_mut().take();
@@ -134,7 +132,6 @@ impl At {
         self.forget_all_but(("published", received));
     }
 
-    /// Runs the task `scrub`.
     pub(super) fn scrub(&self) {
         for found in [scrub_waiting(RotationOf(self.clone())), scrub_waiting(self.clone())] {
             self.0.telemetry.scrubbed(found);

@@ -46,7 +46,6 @@ impl Report {
         }
     }
 
-    /// Returns a copy of the report, `north` and `east` metres away.
     pub(crate) fn moved(self, north: f64, east: f64) -> Self {
         let here = Place::of(&self.stated, self.stated.altitude_mm.map_or(0.0, |mm| f64::from(mm) / 1e3));
         let (latitude, longitude) = geodetic(here.at(north, east));
@@ -58,7 +57,6 @@ impl Report {
         Self { stated, ..self }
     }
 
-    /// Returns a copy of the report with an altitude that is `metres` higher.
     pub(crate) fn raised(mut self, metres: f64) -> Self {
         self.stated.altitude_mm = self.stated.altitude_mm.map(|mm| mm + (metres * 1e3) as i32);
         self
@@ -117,7 +115,6 @@ fn minus(a: Vector, b: Vector) -> Vector {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// A place in space, with the directions north and east at it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     pub(crate) at: Vector,
@@ -145,7 +142,6 @@ impl Place {
         Self::new(f64::from(stated.latitude_e7) / 1e7, f64::from(stated.longitude_e7) / 1e7, height)
     }
 
-    /// Returns the point that lies `north` and `east` metres from this place.
     pub(crate) fn at(&self, north: f64, east: f64) -> Vector {
         [0, 1, 2].map(|i| self.at[i] + north * self.north[i] + east * self.east[i])
     }
@@ -172,7 +168,6 @@ pub(crate) fn geodetic([x, y, z]: Vector) -> (f64, f64) {
     ((low + high) / 2.0, y.atan2(x).to_degrees())
 }
 
-/// The result of a vote of the second implementation.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Opinion {
     pub(crate) members: Vec<usize>,
@@ -268,7 +263,6 @@ impl<T: Moves> Jumps<T> {
     }
 }
 
-/// Returns the difference from one angle to another on the circle, rad.
 fn turn(from: f64, to: f64) -> f64 {
     let (sine, cosine) = (to - from).sin_cos();
     sine.atan2(cosine)
@@ -431,9 +425,9 @@ impl Oracle {
     }
 }
 
-/// Returns the age of each position at the tick, s: 50 ms for the candidate whose message has the median delay after
-/// its time of week; as much more or less for another candidate as its message came later or sooner; and 50 ms again
-/// where the difference is above 50 ms.
+/// Returns the age of each position at the tick, s. The candidate whose message has the median delay after its time of
+/// week gets 50 ms, another candidate as much more or less as its message came later or sooner. If the difference is
+/// above 50 ms, it gets 50 ms again.
 fn ages(report: &[Report], candidates: &[usize]) -> Vec<f64> {
     const WEEK: f64 = 604_800.0;
     let lag = |i: usize| {
@@ -459,12 +453,10 @@ fn middle(values: &mut [f64]) -> f64 {
     if values.len() % 2 == 1 { values[half] } else { f64::midpoint(values[half - 1], values[half]) }
 }
 
-/// Returns the numbers of the receivers in a mask.
 pub(crate) fn listed(mask: u8) -> Vec<usize> {
     (0..8).filter(|i| mask >> i & 1 == 1).collect()
 }
 
-/// Returns the distance of two results over ground, m; each is given in degrees.
 pub(crate) fn distance(a: (f64, f64), b: (f64, f64)) -> f64 {
     Place::new(a.0, a.1, 0.0).to(Place::new(b.0, b.1, 0.0).at).2
 }
