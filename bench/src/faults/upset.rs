@@ -65,8 +65,8 @@ impl Upset {
         }
     }
 
-    /// A uniformly drawn upset of `kind` among `targets`; `None` where `kind` is no kind of upset or `targets` has
-    /// nothing of it.
+    /// Returns a uniformly drawn upset of `kind` among `targets`; `None` if `kind` is no kind of upset, or `targets`
+    /// has no bit of that kind.
     pub fn drawn(kind: Kind, rng: &mut Rng, targets: &Targets) -> Option<Self> {
         match kind {
             Kind::Ram => {
@@ -79,7 +79,8 @@ impl Upset {
             }
             Kind::Registers => {
                 let number = rng.below(16) as u8;
-                // Hardware does not have the bits that are always zero: two of SP and one of PC (ARMv7-M ARM B1.4.1).
+                // The two lowest bits of SP and the lowest bit of PC always read zero, so they cannot be upset (ARMv7-M
+                // ARM B1.4.1).
                 let least = match number {
                     13 => 2,
                     15 => 1,
@@ -98,11 +99,11 @@ impl Upset {
         }
     }
 
-    /// Flips the bit on `node`, now.
+    /// Flips the bit on `node` now.
     ///
     /// # Errors
     ///
-    /// [`Error::NotMemory`] where the part has no memory at the address.
+    /// [`Error::NotMemory`] if there is no memory at the address.
     pub fn apply<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<(), Error> {
         match *self {
             Self::Ram { address, bit } | Self::Flash { address, bit } => {
@@ -151,7 +152,7 @@ fn a_bit(rng: &mut Rng, ranges: &[Range<u32>]) -> Option<(u32, u8)> {
 /// The memory that a firmware uses. An upset of other memory would have no effect.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Targets {
-    /// The ranges of RAM: statics, which include the buffers of the DMA controllers, and the stack in use.
+    /// The ranges of RAM: the statics, with the buffers of the DMA controllers, and the stack in use.
     pub ram: Vec<Range<u32>>,
     /// The ranges of flash: the program with its CRC.
     pub flash: Vec<Range<u32>>,
@@ -162,8 +163,7 @@ impl Targets {
     ///
     /// # Errors
     ///
-    /// [`Error::NoSymbol`] where the program lacks a symbol that cortex-m-rt's linker script defines, or that of its
-    /// CRC.
+    /// [`Error::NoSymbol`] if the program lacks the symbol of its CRC or one that cortex-m-rt's linker script defines.
     pub fn of<B: Board, C: Cost>(node: &Node<B, C>) -> Result<Self, Error> {
         let address = |symbol| node.address_of(symbol).map(|address| u32::try_from(address).unwrap_or(u32::MAX));
         let mut ram = vec![];

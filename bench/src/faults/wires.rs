@@ -1,9 +1,8 @@
 //! Faults of the wires between the boards and the world.
 //!
-//! [`Wires`] takes the signal that one end of a wire sends and returns what the other end receives. It acts where the
-//! bench passes the signals on: MISO before the flight controller reads a transaction, FRESH and TICK before they are
-//! logged, the radio before the base station receives it. For the listener's antenna it only determines whether the
-//! antenna answers.
+//! [`Wires`] takes the signal that one end of a wire sends and returns what the other end receives. MISO passes it
+//! before the flight controller reads a transaction, FRESH and TICK before they are logged, and the radio before the
+//! base station receives it. For the listener's antenna it only determines whether the antenna answers.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -27,72 +26,72 @@ pub enum WireFault {
     TickStuck,
     /// TICK has an additional tick, [`GLITCH_AFTER_NS`] after each tick that HORUS drives.
     TickGlitch,
-    /// The changes of HORUS's state inputs are missing from the log.
+    /// The log does not contain the changes of HORUS's state inputs.
     InputsUnseen,
     /// One bit of each transaction's MISO is inverted.
     MisoBit {
-        /// The byte's index in the transaction, from 0; in a shorter transaction no bit is inverted.
+        /// The byte's index in the transaction, from 0. No bit is inverted in a shorter transaction.
         byte: usize,
         /// The bit's number, 0 (the least significant) to 7.
         bit: u8,
     },
-    /// MISO repeats the bytes of the latest transaction that ended at least this long before. Beyond the end of the
-    /// earlier transaction MISO carries what the DPR sends.
+    /// MISO repeats the bytes of the latest transaction that ended at least this long before. After the last byte of
+    /// that transaction, MISO carries what the DPR sends.
     MisoReplay {
         /// The least age of the repeated transaction, ns; at most [`HISTORY_NS`].
         age_ns: u64,
     },
-    /// From this byte on, MISO repeats the bytes of the preceding transaction, up to the end of that transaction.
+    /// From this byte on, MISO repeats the bytes of the preceding transaction, as far as there are any.
     MisoSplice {
         /// The index of the first byte that is repeated, from 0.
         at_byte: usize,
     },
-    /// GPS1 and GPS2 are exchanged in the bytes that the flight controller reads, where a transaction has both.
+    /// GPS1 and GPS2 are exchanged in the bytes that the flight controller reads, if the transaction contains both.
     MisoSwap,
-    /// The bytes of one object read 0x00, like those of an object that was not received.
+    /// All bytes of one object read 0x00, as if the object had not been received.
     MisoVacant {
         /// The object whose bytes read 0x00: 0 for Reported-Position, n for GPSn.
         object: usize,
     },
-    /// Every transaction repeats the bytes of the last transaction that ended before the fault began. The cause is an
-    /// isolator or a bridge in the line that hangs and repeats its contents.
+    /// Every transaction repeats the bytes of the last transaction before the fault, because an isolator or a bridge in
+    /// the line hangs.
     MisoFrozen,
-    /// Bits of one object, or of Link-Status, are inverted and the object's CRC is corrected, where a transaction reads
-    /// the whole object. A line cannot do that, but a bridge that generates frames of its own can.
+    /// Bits of one object, or of Link-Status, are inverted and the object's CRC is corrected, if the transaction reads
+    /// the whole object. Only a bridge that generates frames itself can cause this fault.
     MisoForged {
         /// The changed object: 0 for Reported-Position, n for GPSn, `None` for Link-Status.
         object: Option<usize>,
-        /// The index in the object of the byte whose bits are inverted, from 0, before the CRC.
+        /// The index of the changed byte in the object, from 0, before the CRC.
         byte: usize,
         /// The inverted bits.
         bits: u8,
     },
-    /// Bits of one object behind the image in the map are inverted and its CRC is corrected, as with
+    /// Bits of an object behind the image in the map are inverted and the object's CRC is corrected, as in
     /// [`WireFault::MisoForged`].
     MisoForgedPort {
         /// The changed object: 0 for Port-Status, 1 for the uplink of the base station, 2 for that of the flight
         /// controller.
         object: usize,
-        /// The index in the object of the byte whose bits are inverted, from 0, before the CRC.
+        /// The index of the changed byte in the object, from 0, before the CRC.
         byte: usize,
         /// The inverted bits.
         bits: u8,
     },
     /// Every byte reads 0xFF.
     MisoOnes,
-    /// The listener's antenna answers each frame that it receives, although its front end has no command for that: the
-    /// front end's load modulator works without a command.
+    /// The listener's antenna answers each frame that it receives, because the load modulator of its front end works
+    /// without a command.
     AntennaAnswers,
     /// The radio to the base station transmits nothing.
     RadioDrop,
-    /// One bit of each profile on the radio is inverted, another bit each time.
+    /// One bit of each profile on the radio is inverted, each time another one.
     RadioBit,
     /// The second half of each profile on the radio is the second half of the profile before.
     RadioMix,
-    /// Every receiver has this fault, as if the satellites caused it; the log does not attribute the fault to the
+    /// Every receiver has this fault, as if the satellites caused it. The log does not attribute the fault to the
     /// receivers.
     Sky(ReceiverFault),
-    /// The flight controller keeps flying by the last position, whatever its client reports.
+    /// The flight controller keeps flying by the last position and ignores the client's report.
     ClientKeeps,
     /// The flight controller treats every sample as new.
     ClientYoung,
@@ -102,7 +101,7 @@ pub enum WireFault {
     ClientMute,
 }
 
-/// The delay of an additional pulse or tick after a genuine one, ns: it lies between two publications.
+/// The time from a genuine pulse or tick to the additional one, ns. It ends between two publications.
 pub const GLITCH_AFTER_NS: u64 = 3_000_000;
 
 /// The length of an additional pulse of FRESH, ns.
@@ -111,8 +110,7 @@ pub const GLITCH_NS: u64 = 2_000;
 /// The greatest age of a transaction that MISO can repeat, ns.
 pub const HISTORY_NS: u64 = 1_000_000_000;
 
-/// The greatest number of transactions that are kept for repetition. A flight controller that misuses the SSI makes up
-/// to 200 000 transactions a second.
+/// The greatest number of transactions kept for repetition. A misused SSI has up to 200 000 transactions a second.
 const REMEMBERED: usize = 4_096;
 
 impl WireFault {
@@ -177,14 +175,14 @@ impl WireFault {
     }
 }
 
-/// The bytes that the DPR sent in a transaction, and the instant at which the transaction ended (ns).
+/// The bytes that the DPR sent in a transaction, and the instant at which that transaction ended, ns.
 #[derive(Clone, Debug)]
 struct Sent {
     ended: u64,
     miso: Vec<u8>,
 }
 
-/// The wires between the boards and the world, with their present faults. The [module](self) describes them.
+/// The wires between the boards and the world with their present faults. The [module](self) describes them.
 #[derive(Clone, Debug)]
 pub struct Wires {
     layout: Layout,
@@ -192,18 +190,18 @@ pub struct Wires {
     faults: Vec<WireFault>,
     /// The last position that the flight controller flew by.
     flown: Option<ReportedValues>,
-    /// The level of FRESH at the far end of the wire.
+    /// The level of FRESH at the far end of its wire.
     fresh: bool,
-    /// The transactions that the DPR sent on MISO, the latest last.
+    /// The bytes of the latest transactions, the latest last.
     sent: VecDeque<Sent>,
-    /// The transaction that MISO repeats since it froze.
+    /// The transaction that a frozen MISO repeats.
     frozen: Option<Sent>,
     /// The last frame on the radio.
     radio: Vec<u8>,
 }
 
 impl Wires {
-    /// Returns wires without faults around a DPR whose image has this layout. `seed` determines all random values.
+    /// Returns wires without faults for a DPR whose image has this layout. `seed` determines all random values.
     #[must_use]
     pub const fn new(layout: Layout, seed: u64) -> Self {
         Self {
@@ -218,12 +216,11 @@ impl Wires {
         }
     }
 
-    /// Begins `fault`, beside any present faults.
+    /// Begins `fault`.
     ///
     /// # Panics
     ///
-    /// Panics if a fault repeats a transaction older than [`HISTORY_NS`], or if a bit's number exceeds 7: the bench is
-    /// set up wrongly.
+    /// Panics if a fault repeats a transaction older than [`HISTORY_NS`], or if a bit's number exceeds 7.
     pub fn begin(&mut self, fault: WireFault) {
         match fault {
             WireFault::MisoReplay { age_ns } => assert!(age_ns <= HISTORY_NS, "a replay of {age_ns} ns ago"),
@@ -241,8 +238,8 @@ impl Wires {
         }
     }
 
-    /// Takes a transaction that ended at `at` (ns). In it the DPR sent `miso`, whose first byte is the image's byte at
-    /// `offset`. Changes `miso` to the bytes that the flight controller receives.
+    /// Changes `miso`, which the DPR sent in a transaction that ended at `at` (ns), to the bytes that the flight
+    /// controller receives. The first byte is the image's byte at `offset`.
     pub fn miso(&mut self, at: u64, offset: usize, miso: &mut [u8]) {
         let sent = miso.to_vec();
         for fault in &self.faults {
@@ -267,7 +264,7 @@ impl Wires {
                 }
                 WireFault::MisoFrozen => overwrite(miso, 0, self.frozen.as_ref()),
                 WireFault::MisoForged { object, byte, bits } => {
-                    // The bytes of Link-Status are at the image's start.
+                    // Link-Status is at the image's start.
                     let place = object.map_or(Some(0..LinkStatus::SIZE), |object| self.layout.in_image(object));
                     forge(offset, miso, place, (byte, bits));
                 }
@@ -294,14 +291,14 @@ impl Wires {
         }
     }
 
-    /// Takes a level of the DPR's FRESH at `at` (ns). Returns the resulting levels at the far end, each with its
-    /// instant (ns), in order of time; some may be in the future.
+    /// Takes the level that the DPR drives on FRESH at `at` (ns). Returns the resulting levels at the far end with
+    /// their instants (ns), in order of time; the instants may be in the future.
     pub fn fresh(&mut self, at: u64, level: bool) -> impl Iterator<Item = (u64, bool)> + use<> {
         let late: u64 =
             self.faults.iter().map(|fault| if let WireFault::FreshLate(ns) = fault { *ns } else { 0 }).sum();
         let mut seen = vec![];
         let stuck = self.faults.contains(&WireFault::FreshStuck);
-        // A pulse that has begun when the wire breaks is completed. A pulse that has begun when the wire is mended does
+        // If the wire breaks within a pulse, the pulse is completed. If it is mended within a pulse, that pulse does
         // not appear.
         if level != self.fresh && !(level && stuck) {
             self.fresh = level;
@@ -314,8 +311,8 @@ impl Wires {
         seen.into_iter()
     }
 
-    /// Takes a rise of HORUS's TICK at `at` (ns). Returns the instants of the resulting rises at the far end, in order
-    /// of time; some may be in the future.
+    /// Takes a tick of HORUS at `at` (ns). Returns the instants of the resulting ticks at the far end, in order of time;
+    /// they may be in the future.
     pub fn tick(&self, at: u64) -> impl Iterator<Item = u64> + use<> {
         let seen = (!self.faults.contains(&WireFault::TickStuck)).then_some(at);
         let glitch = seen.filter(|_| self.faults.contains(&WireFault::TickGlitch)).map(|at| at + GLITCH_AFTER_NS);
@@ -347,14 +344,14 @@ impl Wires {
         !self.faults.contains(&WireFault::InputsUnseen)
     }
 
-    /// Whether the listener's antenna answers the frames that it receives.
+    /// Whether the listener's antenna answers received frames.
     #[must_use]
     pub fn answers(&self) -> bool {
         self.faults.contains(&WireFault::AntennaAnswers)
     }
 
-    /// Takes `bytes` that the flight controller sent to the base station: a whole frame, or none. Changes them to the
-    /// bytes that the base station receives; it receives nothing if the result is `false`.
+    /// Changes `bytes`, a whole frame or none from the flight controller, to what the base station receives. Returns
+    /// `false` if the base station receives nothing.
     pub fn radio(&mut self, bytes: &mut Vec<u8>) -> bool {
         if bytes.is_empty() {
             return true;
@@ -381,15 +378,14 @@ impl Wires {
     }
 }
 
-/// Replaces the bytes of `miso` from `from` on by those of the transaction `old`, up to the end of the shorter of the
-/// two.
+/// Replaces the bytes of `miso` from `from` on by those of the transaction `old`, as far as both reach.
 fn overwrite(miso: &mut [u8], from: usize, old: Option<&Sent>) {
     let old = old.map_or(&[][..], |old| &old.miso);
     miso.iter_mut().zip(old).skip(from).for_each(|(byte, old)| *byte = *old);
 }
 
-/// Inverts `bits` of a byte of the object at `place` and corrects the object's CRC, if `miso`, which begins with the
-/// map's byte `offset`, has the whole object.
+/// Inverts `bits` of a byte of the object at `place` and corrects the object's CRC, if `miso` has the whole object. The
+/// first byte of `miso` is the map's byte at `offset`.
 fn forge(offset: usize, miso: &mut [u8], place: Option<Range<usize>>, (byte, bits): (usize, u8)) {
     let place = place.and_then(|place| Some(place.start.checked_sub(offset)?..place.end - offset));
     let Some((covered, seal)) = place.and_then(|place| miso.get_mut(place)?.split_last_chunk_mut()) else { return };

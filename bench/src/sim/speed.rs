@@ -1,32 +1,32 @@
 //! Measures the speed of the bench.
 //!
-//! The measurement is here and not in the caller, because generic code is compiled with the options of the crate that
-//! names its types. A caller that is not optimised would measure a slower bench than the one that [`super::run`] runs.
+//! Generic code is compiled with the options of the crate that names its types. The measurement is therefore in this
+//! crate: in a caller that is not optimised, it would measure a slower bench than the one that [`super::run`] runs.
 
 use std::time::Instant;
 
 use super::{Bench, Error, Setup};
 
-/// The number of runs. The shortest one counts, because other work on the machine delayed it least.
+/// The number of runs. The shortest one counts, because it was disturbed least by other work on the machine.
 const RUNS: usize = 3;
 
-/// The number of copies of the running bench that are made. The shortest time of a copy counts.
+/// The number of copies that are made of the running bench. The shortest time counts.
 const COPIES: usize = 100;
 
-/// The cost of one virtual second.
+/// The wall time and the number of instructions of one virtual second, and the wall time of a copy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Speed {
-    /// The time that this machine takes for a virtual second, s.
+    /// The wall time of a virtual second, s.
     pub seconds: f64,
     /// The number of instructions that HORUS's core executes in a virtual second.
     pub horus: f64,
     /// The number of instructions that the DPR's core executes in a virtual second.
     pub dpr: f64,
-    /// The time that a copy of the whole bench takes, s.
+    /// The wall time of a copy of the whole bench, s.
     pub copy: f64,
 }
 
-/// Runs the bench on the fast clock to its end and measures the part from `warm_up_ns` on.
+/// Runs the bench on the fast clock to its end and measures the time after the first `warm_up_ns`.
 ///
 /// # Errors
 ///

@@ -21,26 +21,22 @@ use crate::faults::receivers::NOISE_ONE_IN;
 use crate::faults::receivers::bus::{BusFault, CLOCKS, GLITCH, GLITCHES, STRETCHED};
 use emulator_node::Input;
 
-/// The receiver's address, with the direction bit clear.
+/// The receiver's I2C address, shifted left by one; the lowest bit is the direction.
 const ADDRESS: u8 = 0x42 << 1;
-/// The shortest duration of a byte, ns: nine bits at 400 kHz take 22.5 µs, and a controller's clock, in whole
-/// nanoseconds, may be off by 1 %.
+/// The shortest permitted duration of a byte, ns: nine bits at 400 kHz take 22.5 µs, less 1 % for a clock whose period
+/// is rounded to whole nanoseconds.
 const SHORTEST_BYTE: u64 = 22_270;
 
 const TOO_FAST: &str = "I2C: more than 400 kHz (ZED-F9R data sheet 5.3)";
 
-/// The state of the transfer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum State {
-    /// The receiver is not addressed.
     Idle,
-    /// The receiver has received these bytes in the present transfer.
+    /// The controller writes; the bytes of this transfer so far.
     Written(Vec<u8>),
-    /// The receiver sends bytes.
     Read,
 }
 
-/// A fault of the bus.
 #[derive(Clone, Debug)]
 struct Failing {
     fault: BusFault,
@@ -51,7 +47,6 @@ struct Failing {
     glitch_at: u64,
 }
 
-/// A receiver on I2C.
 #[derive(Clone, Debug)]
 pub(super) struct Ddc {
     pub(super) scl: Pin,
@@ -59,20 +54,20 @@ pub(super) struct Ddc {
     pub(super) outbox: Outbox,
     pub(super) crossings: Crossings,
     state: State,
-    /// The register that is read next.
+    /// The register address that the next read byte comes from.
     register: u8,
     /// The number of bytes that were available when the high byte of that number was read.
     available: u16,
-    /// The instant at which the controller's last byte ended, ns; `None` where the controller has held the clock since
+    /// The instant at which the controller's last byte ended, ns; `None` if the controller has held the clock since
     /// then.
     last: Option<u64>,
-    /// Whether the controller did not acknowledge the last byte, after which it must end the transfer.
+    /// Whether the controller has not acknowledged the last byte. It must then end the transfer.
     closing: bool,
     failing: Option<Failing>,
-    /// The levels that the part drives on SCL and SDA: high where the part releases the line.
+    /// The levels that the microcontroller drives on SCL and SDA; high if it releases the line.
     made: [bool; 2],
-    /// Whether the receiver holds SCL and SDA low: the present values, and the values that were last passed to the
-    /// part.
+    /// Whether the receiver holds SCL and SDA low: the present values, and the values that the microcontroller received
+    /// last.
     low: [bool; 2],
     told: [bool; 2],
     /// The instant at which the present glitch ends, ns.
@@ -116,7 +111,6 @@ impl Ddc {
         self.failing = Some(Failing { fault, rng, clocks: 0, glitch_at });
     }
 
-    /// Ends `fault` of the bus.
     pub(super) fn end_fault(&mut self, fault: BusFault) {
         if self.failing.as_ref().is_some_and(|failing| failing.fault == fault) {
             self.failing = None;
@@ -130,7 +124,7 @@ impl Ddc {
         self.failing.as_ref().is_some_and(|failing| failing.fault == fault)
     }
 
-    /// The bits of a byte that a fault of the bus inverts.
+    /// Returns a mask of the bits of one byte that the present bus fault inverts.
     fn flips(&mut self) -> u8 {
         match &mut self.failing {
             Some(Failing { fault: BusFault::Noise, rng, .. }) => {
@@ -140,7 +134,7 @@ impl Ddc {
         }
     }
 
-    /// Applies `event` of the controller, which ended at `at` (ns). `heard` is called with each byte that is for the
+    /// Applies `event` of the controller, which ended at `at` (ns), and calls `heard` with each data byte for the
     /// receiver.
     pub(super) fn act(
         &mut self,
@@ -181,7 +175,7 @@ impl Ddc {
                 let flips = self.flips();
                 let data = self.next(at, before.unwrap_or(at), flips) ^ flips;
                 self.closing = !acknowledged;
-                // A byte that is too fast, or on a failing bus, may be read wrongly.
+                // A byte that is clocked too fast, or on a failing bus, may be read wrongly.
                 if fast || self.failing.is_some() {
                     self.crossings.spoil();
                 }
@@ -196,8 +190,8 @@ impl Ddc {
         (answer, misuse)
     }
 
-    /// Returns the next byte of the register that is read. The byte ends at `at`, and the byte before it ended at
-    /// `before` (ns).
+    /// Returns the next byte of the register that the controller reads. The byte ends at `at`, and the byte before it
+    /// ended at `before` (ns).
     fn next(&mut self, at: u64, before: u64, flips: u8) -> u8 {
         let register = self.register;
         self.register = register.saturating_add(1);
@@ -224,7 +218,7 @@ impl Ddc {
                 _ => bytes.into_iter().for_each(heard),
             },
             State::Read => {
-                // A controller that ends a read without a NACK expected another number of bytes.
+                // A controller must end a read by not acknowledging its last byte.
                 if !std::mem::take(&mut self.closing) {
                     self.crossings.spoil();
                 }
@@ -235,7 +229,7 @@ impl Ddc {
         self.closing = false;
     }
 
-    /// Applies the level that software drives on `pin` while it is a general-purpose pin.
+    /// Applies the level that the firmware drives on `pin` as a general-purpose output.
     pub(super) fn pin(&mut self, pin: Pin, pad: Pad) {
         let Some(line) = [self.scl, self.sda].iter().position(|line| *line == pin) else { return };
         let high = pad != Pad::Driven(false);
@@ -256,7 +250,7 @@ impl Ddc {
         glitch.min(self.glitch_over).min(changed)
     }
 
-    /// Drives SCL and SDA up to `at` (ns) and returns whether either changed.
+    /// Drives SCL and SDA up to `at` (ns) and returns whether either of them changed.
     pub(super) fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) -> bool {
         let mut moved = false;
         if at >= self.glitch_over {
@@ -266,7 +260,7 @@ impl Ddc {
         }
         if let Some(failing) = self.failing.as_mut().filter(|failing| at >= failing.glitch_at) {
             failing.glitch_at = at + failing.rng.between(GLITCHES.0, GLITCHES.1);
-            // Glitches also occur on an idle bus.
+            // A glitch also occurs while the bus is idle.
             self.glitch_over = at + GLITCH;
             self.low[1] = true;
             moved = true;
