@@ -311,8 +311,8 @@ impl Wires {
         seen.into_iter()
     }
 
-    /// Takes a tick of HORUS at `at` (ns). Returns the instants of the resulting ticks at the far end, in order of time;
-    /// they may be in the future.
+    /// Takes a tick of HORUS at `at` (ns). Returns the instants (ns) of the resulting ticks at the far end of the wire,
+    /// in order of time; they may be in the future.
     pub fn tick(&self, at: u64) -> impl Iterator<Item = u64> + use<> {
         let seen = (!self.faults.contains(&WireFault::TickStuck)).then_some(at);
         let glitch = seen.filter(|_| self.faults.contains(&WireFault::TickGlitch)).map(|at| at + GLITCH_AFTER_NS);
