@@ -61,7 +61,6 @@ impl FrontEnd {
         Self { chip, wires, emission, faults, irq: (false, None), crossings: watched.then(Vec::new) }
     }
 
-    /// Calls `act` on the chip at `at` (ns) and passes the events of the air that the chip then emits to the antenna.
     fn call<T>(&mut self, at: u64, act: impl FnOnce(&mut Chip, u64) -> T) -> T {
         self.chip.advance(at);
         let now = self.chip.now();
@@ -137,8 +136,7 @@ impl FrontEnd {
     /// event.
     #[must_use]
     pub fn next_event(&self) -> u64 {
-        // The antenna's events up to the chip's present time are left out, because the bench takes them before time
-        // advances.
+        // The bench takes the antenna's events up to the present before it advances time.
         let held_back = Some(self.emission.next_at()).filter(|at| *at > self.chip.now());
         self.chip.next_event().unwrap_or(u64::MAX).min(held_back.unwrap_or(u64::MAX))
     }
@@ -211,8 +209,7 @@ fn note(crossings: &mut Option<Vec<(u64, Crossing)>>, at: u64, crossing: Crossin
     }
 }
 
-/// Records the edges of the chip's interrupt output. An edge may be earlier than the chip's present time, because the
-/// output falls within the byte that clears the interrupt.
+/// Records the edges of the chip's interrupt output, which may be earlier than the chip's present time.
 fn note_irq(chip: &mut Chip, crossings: &mut Option<Vec<(u64, Crossing)>>) {
     if chip.has_irq_edges() {
         for edge in chip.take_irq_edges() {

@@ -49,14 +49,12 @@ pub struct Horus {
     pub front_end: FrontEnd,
     /// The receivers' interfaces.
     pub receivers: Receivers,
-    /// Whether the microcontroller has been given the idle levels of the receivers' lines.
     powered: bool,
-    /// The level of the pin TICK.
     tick: bool,
     ticks: Vec<u64>,
     inputs: [StateInput; INPUTS],
     input_changes: Vec<InputChange>,
-    /// The indices of the inputs whose new pin levels have not been passed to the microcontroller yet.
+    /// The indices of the inputs whose new levels are still to be passed on.
     untold: Vec<usize>,
 }
 

@@ -9,8 +9,7 @@ use super::{Dpr, Horus};
 use crate::faults::PowerFault;
 use crate::faults::power::RAILS_UV;
 
-/// The lowest supply of a front end, µV (DS13541, operating conditions). Below this voltage the model switches the chip
-/// off, because the data sheet promises nothing.
+/// The lowest supply of a front end, µV (DS13541, operating conditions). The model switches the chip off below it.
 const FRONT_END_UV: u32 = 2_400_000;
 
 /// A board whose front end has a supply that can fail.
@@ -24,8 +23,7 @@ pub trait Powered: Board {
     /// Makes the board's crystal work (`works`) or fail from now on.
     fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool);
 
-    /// Whether the firmware of `part` can only wait for the watchdog after a reset, for example because the crystal is
-    /// dead.
+    /// Whether the firmware of `part` can only wait for the watchdog after a reset.
     fn cannot_start(part: &Self::Part) -> bool;
 }
 
@@ -79,8 +77,7 @@ impl PowerFault {
             }
             Self::CrystalDead => B::crystal(node, false),
             Self::FrontEndOff => supply_front_end(node, false),
-            // A sag has no effect at its beginning, because each of its voltages is applied later as an event of its
-            // own.
+            // Each voltage of a sag is applied later as an event of its own.
             Self::Sag(_) => {}
             Self::Pin => node.restart(FromOutside::Pin),
             Self::BrownOut => node.restart(FromOutside::BrownOut),

@@ -8,7 +8,6 @@
 
 use cortex_m4::Width;
 
-/// The bus that the access port can access.
 pub(super) trait Target {
     /// Reads at `address`; `None` where the bus answers with an error.
     fn read(&mut self, address: u32, width: Width) -> Option<u32>;
@@ -28,7 +27,6 @@ const IDR: u8 = 0xFC;
 /// The value of CSW after a reset (TRM): accesses are permitted, their size is a word, and the Prot bits have their
 /// reset values.
 const CSW_RESET: u32 = 0x4380_0042;
-/// The bits of CSW that can be written: MasterType, HPROT1, AddrInc, Size.
 const CSW_WRITABLE: u32 = 1 << 29 | 1 << 25 | 3 << 4 | 7;
 /// The bits of TAR that its automatic increment changes (ADI C2.2.2).
 const INCREMENT: u32 = 0x3FF;

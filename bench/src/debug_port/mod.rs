@@ -97,7 +97,6 @@ pub trait Wire: Send + std::fmt::Debug {
     fn stick_flash(&mut self, address: u32, bit: u8, value: bool) -> bool;
 }
 
-/// The state of the debug port's protocol on its two wires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Line {
     /// JTAG, which an SWJ-DP selects at power-on (ADI B5.2.1).
@@ -130,10 +129,8 @@ const DEBUG_POWER_REQUEST: u32 = 1 << 28;
 const DEBUG_POWER_ACK: u32 = 1 << 29;
 const SYSTEM_POWER_REQUEST: u32 = 1 << 30;
 const SYSTEM_POWER_ACK: u32 = 1 << 31;
-/// The bits of CTRL/STAT that a write sets: MASKLANE, TRNCNT, and the two power requests. CDBGRSTREQ is not implemented
-/// in these microcontrollers.
+/// The bits of CTRL/STAT that a write sets: MASKLANE, TRNCNT, and the two power requests.
 const CONTROL_KEPT: u32 = 0x00FF_FF00 | DEBUG_POWER_REQUEST | SYSTEM_POWER_REQUEST;
-/// The value of DLCR (ADI B2.2.3): the turnaround takes one clock.
 const DLCR: u32 = 0x40;
 
 /// A board with the debug port of its microcontroller.
@@ -141,18 +138,16 @@ const DLCR: u32 = 0x40;
 pub struct DebugPort<B: Board, C: Cost> {
     node: Node<B, C>,
     line: Line,
-    /// The number of successive ones on SWDIO up to now. The two fields after it are the number of bits since the last
-    /// line reset, and the latest sixteen bits.
+    /// The number of successive ones on SWDIO up to now.
     ones: u32,
     since_reset: u32,
     latest: u16,
     control: u32,
     select: u32,
-    /// The result of the last read of an access port (`read_buffer`), and that of the last read of any kind.
+    /// The result of the last read of an access port.
     read_buffer: u32,
     resend: u32,
     memory_ap: MemoryAp,
-    /// Whether the microcontroller is held in reset.
     held: bool,
     pin_low: bool,
     stuck: Option<(u32, u8, bool)>,
@@ -224,8 +219,7 @@ where
             }
         }
         self.line = Line::Open;
-        // While a sticky flag is set, the port answers only reads of DPIDR and CTRL/STAT and writes of ABORT (ADI
-        // B4.2.4).
+        // While a sticky flag is set, only DPIDR, CTRL/STAT and ABORT can be accessed (ADI B4.2.4).
         let always =
             matches!(request, Request::ReadPort(0) | Request::WritePort(0, _)) || request == Request::ReadPort(4);
         if self.control & STICKY != 0 && !always {
@@ -275,7 +269,6 @@ where
         }
     }
 
-    /// The value of CTRL/STAT. A requested power domain has power at once.
     fn status(&self) -> u32 {
         let acknowledged = |request, ack| if self.control & request != 0 { ack } else { 0 };
         self.control
@@ -301,7 +294,7 @@ where
         }
     }
 
-    /// The 8-bit address of an access port's register: the bank that SELECT selects, and the address in that bank.
+    /// The 8-bit address of an access port's register, made of the bank that SELECT selects and the address in it.
     const fn access_register(&self, address: u8) -> u8 {
         (self.select & 0xF0) as u8 | address & 0xC
     }
@@ -310,8 +303,7 @@ where
         (self.select >> 24) as u8
     }
 
-    /// Reads a register of the selected access port; `None` if the access failed. A register that does not exist reads
-    /// zero (ADI B2.2.11).
+    /// Reads a register of the selected access port; one that does not exist reads zero (ADI B2.2.11).
     fn access_read(&mut self, register: u8) -> Option<u32> {
         match self.selected() {
             0 if !self.node.part().is_open() => Some(0),
@@ -351,14 +343,13 @@ where
         self.reset_debug();
     }
 
-    /// Gives the debug registers their power-on values, if the last reset of the microcontroller resets them. The core
-    /// must not have executed an instruction since that reset.
+    /// Gives the debug registers their power-on values, if the last reset resets them. The core must not have run
+    /// since.
     fn reset_debug(&mut self) {
         /// Writes that reset DHCSR, FP_CTRL (both with their keys) and DEMCR (ARMv7-M C1.6.2, C1.11.3, C1.6.5).
         const RESET: [(u32, u32); 3] = [(0xE000_EDF0, 0xA05F_0000), (0xE000_2000, 2), (0xE000_EDFC, 0)];
         if self.node.resets().last().is_some_and(|reset| B::Part::resets_debug(reset.cause)) {
             for (address, value) in RESET {
-                // A write to a debug register cannot fail.
                 let _ = self.node.access_port_write(address, Width::Word, value);
             }
         }

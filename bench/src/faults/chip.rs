@@ -103,7 +103,6 @@ impl ChipFaults {
         }
     }
 
-    /// Applies `of` to the present faults and returns the result of the latest fault that has one.
     fn last<T>(&self, of: impl Fn(ChipFault) -> Option<T>) -> Option<T> {
         self.present.iter().rev().find_map(|fault| of(*fault))
     }

@@ -52,8 +52,7 @@ impl FrontEndFault {
     }
 }
 
-/// Removes the last byte of payload from a frame whose original length is `whole` bytes. The frame's first byte already
-/// gives the shorter length.
+/// Removes the last byte of payload of a frame of `whole` bytes, whose first byte already gives the shorter length.
 fn shorten(data: &mut Vec<u8>, whole: usize) {
     data.truncate(whole - 3);
     let crc = nfc_f(data);
@@ -63,11 +62,9 @@ fn shorten(data: &mut Vec<u8>, whole: usize) {
 #[derive(Clone, Debug)]
 struct Sending {
     start: FrameStart,
-    /// The delay with which the frame leaves the antenna, ns.
     late: u64,
-    /// Whether the end of the frame has left the antenna already. The chip's own end of the frame is then ignored.
+    /// Whether the end of the frame has left the antenna, so that the chip's own end is ignored.
     ended: bool,
-    /// Whether the whole frame is lost.
     lost: bool,
     /// The frame's original length, bytes, if its last byte of payload is to be removed once all bytes are known.
     shortened: Option<usize>,
@@ -195,8 +192,7 @@ impl Emission {
         }
         if let (Some(bits), false) = (bits, lost) {
             let air = u64::from(start.header_bits) + bits / 8 * u64::from(start.byte_bits) + bits % 8;
-            // Two divisions convert the bit's duration from attoseconds to nanoseconds without overflow; a bit takes
-            // about 2.4 µs.
+            // Two divisions convert attoseconds to nanoseconds without overflow; a bit takes about 2.4 µs.
             let ends = at + late + air * (start.bit_as / 1_000_000) / 1_000;
             self.leave(ends, AirEvent::FrameEnd { bits: u32::try_from(bits).unwrap_or(u32::MAX) });
         }
@@ -206,7 +202,6 @@ impl Emission {
         self.sending = Some(Sending { start, late, ended: bits.is_some(), lost, shortened });
     }
 
-    /// Schedules a repetition of a frame of `bits` bits that ended at `at`.
     fn send_again(&mut self, at: u64, start: &FrameStart, bits: u32) {
         for fault in self.faults.clone() {
             let begins = match fault {

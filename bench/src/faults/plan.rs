@@ -166,7 +166,6 @@ impl Faults {
             let mut rng = Rng::stream(seed, kind as u64);
             let mut round: Vec<Draw> = vec![];
             let mut free_at = FIRST_AT;
-            // The first episode needs no gap before it.
             let mut gap = (0, GAP.1);
             loop {
                 if round.is_empty() {
@@ -202,8 +201,7 @@ impl Faults {
 }
 
 impl Faults {
-    /// Removes each hang that begins between a start of its board, which another episode caused, and the start of the
-    /// board's watchdog. Nothing would end such a hang.
+    /// Removes hangs that begin before a restarted board's watchdog runs, because nothing would end them.
     fn without_hangs_in_starts(&mut self) {
         for board in BOARDS {
             let of_power = |it: &&Episode| starts(&it.fault, board);
@@ -236,7 +234,6 @@ fn lasts(fault: &Fault) -> bool {
     }
 }
 
-/// The duration that `fault` may have, ns.
 fn length_of(fault: &Fault) -> (u64, u64) {
     match fault {
         Fault::Receiver(_, ReceiverFault::Drifts { .. }) => DRIFT_LENGTH,
@@ -302,13 +299,11 @@ fn air() -> Vec<AirFaults> {
     ]
 }
 
-/// Every fault of either board's front-end chip.
 fn front_ends() -> impl Iterator<Item = Fault> {
     let of = |board| ChipFault::ALL.into_iter().map(move |fault| Fault::Chip(board, fault));
     [Board::Horus, Board::Dpr].into_iter().flat_map(of)
 }
 
-/// Every fault of a receiver or its line.
 fn receivers() -> Vec<ReceiverFault> {
     let absurd = Absurd::ALL.map(ReceiverFault::Absurd);
     let mut faults = vec![
@@ -349,8 +344,7 @@ fn receivers() -> Vec<ReceiverFault> {
     faults
 }
 
-/// Faults of several receivers together: all jump to the same wrong position or height, or one has a wrong height while
-/// the others measure none.
+/// All receivers jump to the same wrong position or height, or one has a wrong height while the others measure none.
 fn receivers_together(gps: usize, rng: &mut Rng) -> [Draw; 3] {
     let high = ReceiverFault::Offset { north: 0, east: 0, up: 500 };
     let lone = rng.below(gps as u64) as usize;
@@ -364,13 +358,11 @@ fn receivers_together(gps: usize, rng: &mut Rng) -> [Draw; 3] {
     ]
 }
 
-/// Every state input of HORUS with every fault of it.
 fn inputs() -> impl Iterator<Item = (usize, InputFault)> {
     (0..INPUTS).flat_map(|input| InputFault::ALL.map(|fault| (input, fault)))
 }
 
-/// Faults of the DPR's buffers. For each kind of buffer, as many bits flip as there are buffers, one bit is stuck at
-/// zero, and one at one.
+/// Faults of the DPR's buffers: for each kind of buffer, one flip per buffer, and one bit stuck at zero and at one.
 fn buffers(rng: &mut Rng) -> Vec<Draw> {
     let mut draws = vec![];
     for (buffers, count) in [(Buffers::Receive, 3), (Buffers::Image, 4)] {
@@ -387,9 +379,8 @@ fn buffers(rng: &mut Rng) -> Vec<Draw> {
 /// The faults that restart a board at once.
 const RESTARTS: [PowerFault; 3] = [PowerFault::Pin, PowerFault::BrownOut, PowerFault::Watchdog];
 
-/// Every fault of either board's supply and reset, sagging supplies, and faults of both boards together in either
-/// order: loss of both supplies, and restarts for any two reasons. The last fault restarts the DPR while its crystal is
-/// dead.
+/// Every fault of either board's supply and reset, sags, and faults of both boards together in either order. The last
+/// fault restarts the DPR while its crystal is dead.
 fn power(rng: &mut Rng) -> Vec<Draw> {
     let restart = Fault::Power(Board::Dpr, RESTARTS[rng.below(RESTARTS.len() as u64) as usize]);
     let dead = Fault::Power(Board::Dpr, PowerFault::CrystalDead);
@@ -415,8 +406,7 @@ fn power(rng: &mut Rng) -> Vec<Draw> {
     draws
 }
 
-/// Hangs of each board alone, of both boards in either order, and of each board during its start; and a dead task of
-/// each board.
+/// Hangs of each board, of both in either order, and of each during its start; and a dead task of each board.
 fn hangs(rng: &mut Rng) -> Vec<Draw> {
     let mut draws: Vec<Draw> = BOARDS.map(|board| vec![(0, Fault::Hang(board))]).into();
     for [first, second] in [[Board::Horus, Board::Dpr], [Board::Dpr, Board::Horus]] {

@@ -6,8 +6,7 @@ use super::Rng;
 
 const MS: u64 = 1_000_000;
 
-/// The voltages, µV, from which a supply can sag and to which it then recovers: the boards' 3.3 V, and the highest
-/// voltage that both microcontrollers allow.
+/// The voltages, µV, from which a supply can sag: the boards' 3.3 V, and the highest that both microcontrollers allow.
 pub(crate) const RAILS_UV: [u32; 2] = [3_300_000, 3_600_000];
 
 /// A fault of a board's supply or reset pin. The front end shares the board's supply.
@@ -93,8 +92,7 @@ pub fn shape(seed: u64) -> Vec<(u64, u32)> {
         for step in 1..=steps {
             let part = i64::from(step) * (i64::from(to) - i64::from(volts)) / i64::from(steps);
             let reached = (i64::from(volts) + part) as u32;
-            // A change in a single step comes at once, and the voltage stays the same for the rest of the change's
-            // time.
+            // A change in a single step comes at once, and the voltage then stays for the rest of the time.
             let after = if steps == 1 { 0 } else { takes * u64::from(step) / u64::from(steps) };
             shape.push((at + after, reached));
         }

@@ -134,7 +134,6 @@ impl std::fmt::Display for Upset {
     }
 }
 
-/// The address of a random byte in `ranges`, and the number of a bit in it.
 fn a_bit(rng: &mut Rng, ranges: &[Range<u32>]) -> Option<(u32, u8)> {
     let bytes: u64 = ranges.iter().map(|range| u64::from(range.end.saturating_sub(range.start))).sum();
     let mut nth = rng.below(bytes);
@@ -170,7 +169,6 @@ impl Targets {
         for (start, end) in [("__sdata", "__edata"), ("__sbss", "__ebss"), ("__suninit", "__euninit")] {
             ram.push(address(start)?..address(end)?);
         }
-        // The stack grows down from the address `_stack_start`.
         ram.push(node.register(13)..address("_stack_start")?);
         ram.retain(|range| !range.is_empty());
         let flash = std::iter::once(address("__vector_table")?..address("__program_crc")? + 4).collect();

@@ -188,15 +188,11 @@ pub struct Wires {
     layout: Layout,
     noise: Rng,
     faults: Vec<WireFault>,
-    /// The last position that the flight controller flew by.
     flown: Option<ReportedValues>,
-    /// The level of FRESH at the far end of its wire.
     fresh: bool,
-    /// The bytes of the latest transactions, the latest last.
     sent: VecDeque<Sent>,
     /// The transaction that a frozen MISO repeats.
     frozen: Option<Sent>,
-    /// The last frame on the radio.
     radio: Vec<u8>,
 }
 
@@ -264,7 +260,6 @@ impl Wires {
                 }
                 WireFault::MisoFrozen => overwrite(miso, 0, self.frozen.as_ref()),
                 WireFault::MisoForged { object, byte, bits } => {
-                    // Link-Status is at the image's start.
                     let place = object.map_or(Some(0..LinkStatus::SIZE), |object| self.layout.in_image(object));
                     forge(offset, miso, place, (byte, bits));
                 }
@@ -282,7 +277,6 @@ impl Wires {
         }
     }
 
-    /// Exchanges GPS1 and GPS2 in `miso`, whose first byte is the image's byte at `offset`.
     fn swap(&self, offset: usize, miso: &mut [u8]) {
         let (Some(one), Some(two)) = (self.layout.in_image(1), self.layout.in_image(2)) else { return };
         let Some(start) = one.start.checked_sub(offset) else { return };
@@ -298,8 +292,7 @@ impl Wires {
             self.faults.iter().map(|fault| if let WireFault::FreshLate(ns) = fault { *ns } else { 0 }).sum();
         let mut seen = vec![];
         let stuck = self.faults.contains(&WireFault::FreshStuck);
-        // If the wire breaks within a pulse, the pulse is completed. If it is mended within a pulse, that pulse does
-        // not appear.
+        // A pulse that has begun is completed when the wire breaks, and is left out when the wire is mended.
         if level != self.fresh && !(level && stuck) {
             self.fresh = level;
             seen.push((at + late, level));
@@ -384,8 +377,7 @@ fn overwrite(miso: &mut [u8], from: usize, old: Option<&Sent>) {
     miso.iter_mut().zip(old).skip(from).for_each(|(byte, old)| *byte = *old);
 }
 
-/// Inverts `bits` of a byte of the object at `place` and corrects the object's CRC, if `miso` has the whole object. The
-/// first byte of `miso` is the map's byte at `offset`.
+/// Inverts `bits` of a byte of the object at `place` and corrects its CRC, if `miso` has the whole object.
 fn forge(offset: usize, miso: &mut [u8], place: Option<Range<usize>>, (byte, bits): (usize, u8)) {
     let place = place.and_then(|place| Some(place.start.checked_sub(offset)?..place.end - offset));
     let Some((covered, seal)) = place.and_then(|place| miso.get_mut(place)?.split_last_chunk_mut()) else { return };

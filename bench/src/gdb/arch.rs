@@ -16,7 +16,6 @@ use gdbstub_arch::arm::ArmBreakpointKind;
 /// The number of 32-bit registers before the first double register: 0 to 15, xPSR, and six system registers.
 const FIRST_DOUBLE: usize = 23;
 const DOUBLES: usize = 16;
-/// The index of FPSCR, which is the last register.
 const FPSCR: usize = FIRST_DOUBLE + DOUBLES;
 
 #[derive(Clone, Copy, Debug)]
@@ -48,7 +47,6 @@ impl RegId for Number {
 }
 
 impl Number {
-    /// All registers, in the order of gdb's target description.
     pub(super) fn all() -> impl Iterator<Item = Self> {
         (0..=FPSCR).map(Self)
     }
@@ -75,13 +73,11 @@ impl Number {
     }
 }
 
-/// Whether register `id` has 64 bits.
 const fn is_double(id: usize) -> bool {
     id >= FIRST_DOUBLE && id < FPSCR
 }
 
-/// The values of all registers in the order of gdb's target description, as one word for a 32-bit register and two
-/// words for a 64-bit register.
+/// The values of all registers in gdb's order, one word for a 32-bit register and two words for a 64-bit register.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct CoreRegisters {
     pub(super) words: Vec<u32>,

@@ -188,15 +188,13 @@ where
     })
 }
 
-/// The state of a run when the debugger has disconnected, or has ended the run.
 enum Left<W> {
     Over(W),
     /// The debugger ended the run at this instant, virtual ns.
     Killed(u64),
 }
 
-/// Serves the debugger on `connection` at the board of `world` until the debugger disconnects, then runs `world` to its
-/// end.
+/// Serves the debugger at the board of `world` until the debugger disconnects, then runs `world` to its end.
 fn attended<W: World, T>(world: W, connection: T, lost: &mut dyn FnMut(String)) -> Result<Left<W>, W::Error>
 where
     T: ConnectionExt,
@@ -221,8 +219,7 @@ where
     Ok(Left::Over(debuggee.world))
 }
 
-/// The event loop of the gdb server. While the board runs, the loop waits for a halt of the board and for a message of
-/// gdb.
+/// The event loop of the gdb server, which waits for a halt of the board and for a message of gdb.
 struct Loop<W, T>(PhantomData<(W, T)>);
 
 impl<W: World, T: ConnectionExt> BlockingEventLoop for Loop<W, T> {

@@ -19,7 +19,6 @@ monitor help                    this
 ";
 
 impl<W: World> Debuggee<W> {
-    /// Carries out a `monitor` command and returns its output.
     pub(super) fn monitor(&mut self, command: &str) -> Result<String, W::Error> {
         let words: Vec<&str> = command.split_whitespace().collect();
         Ok(match words.as_slice() {
@@ -28,8 +27,8 @@ impl<W: World> Debuggee<W> {
             ["pins"] => self.pins(),
             ["pin", name] => self.pin(name),
             ["pin", name, level] => self.drive(name, level),
-            // Editors send OpenOCD's commands to any gdb server (cortex-debug's src/external.ts). `halt` has no effect,
-            // because the board is halted whenever a command arrives.
+            // Editors send OpenOCD's `halt` to any gdb server (cortex-debug's src/external.ts); the board is halted
+            // anyway.
             ["halt"] => self.time(),
             ["reset"] | ["reset", "halt"] => self.reset()?,
             ["faults", list] => self.world.faults(list),
@@ -48,7 +47,6 @@ impl<W: World> Debuggee<W> {
         format!("{ms:.6} ms of {end:.0} ms, {instructions} instructions; {doing}\n")
     }
 
-    /// The names of the board's pins.
     fn names(&self) -> Vec<(String, Pin)> {
         let pins = |ports: u8, numbers: u8| {
             (0..ports).flat_map(move |port| (0..numbers).map(move |number| Pin::new(port, number)))
@@ -106,7 +104,6 @@ impl<W: World> Debuggee<W> {
         self.pin(name)
     }
 
-    /// Pulls the reset pin, and runs until the board halts after the reset.
     fn reset(&mut self) -> Result<String, W::Error> {
         self.node().halt_after_reset(true);
         self.node().resume(Resume::Continue);

@@ -29,8 +29,7 @@ const BAD_ADDRESS: u8 = 14;
 /// One board of a run as gdb's target, with the run that the board belongs to.
 pub(super) struct Debuggee<W> {
     pub(super) world: W,
-    /// The addresses of gdb's software breakpoints (`Z0`) and hardware breakpoints (`Z1`). The emulated core's
-    /// breakpoints serve both.
+    /// The addresses of gdb's software (`Z0`) and hardware (`Z1`) breakpoints; the emulated core implements both.
     software: BTreeSet<u32>,
     hardware: BTreeSet<u32>,
     watchpoints: Vec<Watchpoint>,
@@ -57,7 +56,6 @@ impl<W: World> Debuggee<W> {
         })
     }
 
-    /// Halts the board at its next instruction.
     pub(super) fn interrupt(&mut self) -> SingleThreadStopReason<u32> {
         self.node().halt();
         let why = self.node().halted().unwrap_or(Halt::Asked);

@@ -107,7 +107,6 @@ impl<B: node::Board, C: Cost> Debuggable for Node<B, C> {
 }
 
 pub(super) trait World {
-    /// The error that prevents the run from continuing.
     type Error: std::fmt::Display;
 
     fn side(&self) -> Side;
@@ -119,16 +118,13 @@ pub(super) trait World {
 
     fn is_over(&self) -> bool;
 
-    /// The exit status that a debugger shows for the run.
     fn status(&mut self) -> u8;
 
-    /// The end of the run, virtual ns.
     fn end(&self) -> u64;
 
     /// The instant, virtual ns, that all boards of the run have reached.
     fn now(&mut self) -> u64;
 
-    /// Pulls and releases the reset pin of the board with the debugger.
     fn pull_reset(&mut self);
 
     /// The line of `monitor help` that describes `monitor faults`.
@@ -142,7 +138,6 @@ pub(super) struct Link<'a, C: Cost> {
     pub(super) run: Debugged<C>,
     pub(super) side: Side,
     pub(super) observer: &'a mut dyn Observer,
-    /// The number of receivers in the profile.
     pub(super) gps: usize,
     pub(super) seed: u64,
 }
@@ -193,7 +188,6 @@ monitor faults LIST             what goes wrong from now on, drawn from the seed
         self.run.add_faults(&Faults::none().with(now, now, fault));
     }
 
-    /// Draws faults of the kinds in `list` for the rest of the run and adds them to the run.
     fn faults(&mut self, list: &str) -> String {
         let kinds: Result<Vec<Kind>, _> = list.split(',').map(str::parse).collect();
         let kinds = match kinds {

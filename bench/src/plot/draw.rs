@@ -22,7 +22,6 @@ const MOST_POINTS: usize = 2_000;
 /// The least length of an axis that shows metres, m.
 const LEAST_M: f64 = 20.0;
 
-/// The numbers of one cycle for the picture.
 pub(super) struct Drawn {
     pub(super) seconds: f64,
     pub(super) truth: Option<Place>,
@@ -32,8 +31,7 @@ pub(super) struct Drawn {
     pub(super) latency_ms: Option<f64>,
 }
 
-/// The colours of Reported-Position and GPS1 to GPS5: those of Okabe and Ito, which colour-blind readers can
-/// distinguish.
+/// The colours of Reported-Position and GPS1 to GPS5, by Okabe and Ito, which colour-blind readers can distinguish.
 const COLOURS: [RGBColor; 1 + profile::MAX_RECEIVERS] = [
     RGBColor(0x00, 0x00, 0x00),
     RGBColor(0x00, 0x72, 0xB2),
@@ -45,7 +43,6 @@ const COLOURS: [RGBColor; 1 + profile::MAX_RECEIVERS] = [
 const TRUTH: RGBColor = RGBColor(0x99, 0x99, 0x99);
 const GRID: RGBColor = RGBColor(0xE4, 0xE4, 0xE4);
 
-/// Draws the picture of `cycles`, with the heading `title`, as an SVG document.
 pub(super) fn svg(title: &str, receivers: usize, cycles: &[Drawn]) -> Result<String, Error> {
     let mut text = String::new();
     {
@@ -83,7 +80,6 @@ fn range(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
     middle - half..middle + half
 }
 
-/// Splits the line from point to point wherever a point is missing.
 fn pieces(points: impl Iterator<Item = Option<(f64, f64)>>) -> Vec<Vec<(f64, f64)>> {
     let mut pieces = vec![vec![]];
     for point in points {
@@ -123,8 +119,7 @@ fn name(object: usize) -> String {
     if object == 0 { "Reported-Position".to_owned() } else { format!("GPS{object}") }
 }
 
-/// The objects with their line styles. The bold Reported-Position comes last, so that it lies above the thin coloured
-/// receivers.
+/// The objects with their line styles. Reported-Position comes last, so that its line lies on top.
 fn objects(receivers: usize) -> impl Iterator<Item = (usize, ShapeStyle)> {
     (1..=receivers).chain([0]).map(|object| (object, COLOURS[object].stroke_width(if object == 0 { 3 } else { 1 })))
 }
@@ -185,7 +180,6 @@ fn ground_track(area: &Panel<'_>, receivers: usize, cycles: &[Drawn]) -> Result<
     legend(&mut chart)
 }
 
-/// Draws one number of each object over time and shades the times in which a receiver was excluded.
 fn over_time(
     area: &Panel<'_>,
     title: &str,
@@ -224,7 +218,6 @@ fn over_time(
     legend(&mut chart)
 }
 
-/// The intervals in which the voter excluded `receiver`, s.
 fn excluded(cycles: &[Drawn], receiver: usize) -> Vec<Range<f64>> {
     let mut spans: Vec<Range<f64>> = vec![];
     let mut was = false;
@@ -240,8 +233,7 @@ fn excluded(cycles: &[Drawn], receiver: usize) -> Vec<Range<f64>> {
     spans
 }
 
-/// Draws the time from sample to readable. Several cycles are drawn by the longest of their times, so that no long time
-/// is hidden.
+/// Draws the time from sample to readable. The longest of several cycles is drawn, so that no long time is hidden.
 fn readable(area: &Panel<'_>, cycles: &[Drawn]) -> Result<(), Error> {
     let x = range(cycles.iter().map(|cycle| cycle.seconds), 0.1);
     let group = cycles.len().div_ceil(MOST_POINTS).max(1);

@@ -17,7 +17,6 @@ type Place = [f64; 3];
 /// The values that HORUS sent in the cycle of a tick.
 #[derive(Clone, Debug, Default)]
 struct Cycle {
-    /// The tick's instant, ns.
     tick: u64,
     /// The instant at which the last frame of the cycle ended, ns.
     ended: u64,

@@ -16,7 +16,6 @@ pub(super) fn injected(now: u64, episode: &Episode) -> What {
     What::Injected { kind: fault.name(), disturbs: fault.disturbs(), until: (*until).max(now) }
 }
 
-/// The log's cause for a restart of a microcontroller.
 const fn cause(reset: Reset) -> Cause {
     match reset {
         Reset::PowerOn => Cause::PowerOn,
@@ -34,22 +33,17 @@ fn no_task(board: Side, task: u8) -> What {
     What::Finding { board, fault: false, text: format!("a fault could not be injected: there is no task {task}") }
 }
 
-/// The events of one board that are to be written to the log.
 #[derive(Clone, Debug)]
 pub(super) struct BoardEvents {
     side: Side,
     events: Vec<Event>,
-    /// The number of the node's restarts that are in the log.
     restarts: usize,
-    /// Whether the supply supervisor has warned the firmware of a falling supply since the last start. The firmware
-    /// must then stop.
+    /// Whether the firmware must stop, because the supply supervisor has warned it of a falling supply since its start.
     warned: bool,
     /// Whether the board last started without the crystal that its firmware needs.
     without_crystal: bool,
-    /// The number of the node's findings that are in the log.
     findings: usize,
-    /// The original contents of memory that faults of the program have changed; they are restored at the end of the
-    /// episode.
+    /// The original contents of memory, which are restored when a fault of the program ends.
     repairs: Vec<(Fault, Repair)>,
 }
 
@@ -58,12 +52,10 @@ impl BoardEvents {
         Self { side, events: vec![], restarts: 0, warned: false, without_crystal: false, findings: 0, repairs: vec![] }
     }
 
-    /// Records an event at `at` (ns).
     pub(super) fn note(&mut self, at: u64, what: What) {
         self.events.push(Event { at, what });
     }
 
-    /// Records that the fault of `episode` is injected from `now` (ns) on.
     pub(super) fn injected(&mut self, now: u64, episode: &Episode) {
         self.note(now, injected(now, episode));
     }
@@ -109,8 +101,7 @@ impl BoardEvents {
         self.restarts = node.resets().len();
     }
 
-    /// Records a hang if the supply supervisor has warned the firmware of a falling supply. The firmware must then stop
-    /// until the watchdog or the supply restarts it, which the judge treats as a hang.
+    /// Records a hang if the firmware must stop because of a falling supply. The judge treats the stop as a hang.
     fn note_warning<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>) {
         if node.take_supply_warning() && node.is_powered() && !std::mem::replace(&mut self.warned, true) {
             self.note(node.now(), What::Hung { board: self.side });
@@ -131,8 +122,7 @@ impl BoardEvents {
                 if let Fault::DeadTask(_, task) = episode.fault {
                     match interrupt_of(self.side, task) {
                         Some(line) if node.switch_interrupt_off(line) => self.injected(now, episode),
-                        // The interrupt is not enabled yet, and the board's next start would enable it. The fault is
-                        // therefore not injected.
+                        // The interrupt is not enabled yet, and the board's next start would enable it.
                         Some(_) => {}
                         None => self.note(now, no_task(self.side, task)),
                     }
@@ -144,7 +134,7 @@ impl BoardEvents {
                         power.begin(node);
                         self.note_crystal(now, *power, false);
                     }
-                    // A board without supply cannot hang, and a board that already hangs stays as it is.
+                    // A board that has no supply, or already hangs, cannot begin to hang.
                     Fault::Hang(_) if node.is_powered() && !node.is_hung() => {
                         node.hang();
                         self.note(now, What::Hung { board: self.side });
@@ -173,8 +163,7 @@ impl BoardEvents {
                 Fault::Power(_, power) => {
                     power.end(node);
                     self.note_crystal(now, *power, true);
-                    // A firmware that still waits for the crystal would continue its start when the crystal works, so
-                    // the board is reset.
+                    // A firmware that waits for the crystal would otherwise continue its start.
                     if matches!(power, PowerFault::CrystalDead) && self.without_crystal {
                         node.restart(FromOutside::Pin);
                     }
@@ -197,7 +186,6 @@ impl BoardEvents {
         self.note_warning(node);
     }
 
-    /// Records the beginning or the end of a crystal's fault.
     fn note_crystal(&mut self, now: u64, fault: PowerFault, works: bool) {
         if fault == PowerFault::CrystalDead {
             self.note(now, What::Crystal { board: self.side, works });
@@ -215,7 +203,6 @@ impl BoardEvents {
         }
     }
 
-    /// Records that a fault could not be injected because of `error`.
     fn refused(&mut self, now: u64, error: &emulator_node::Error) {
         let text = format!("a fault could not be injected: {error}");
         self.note(now, What::Finding { board: self.side, fault: false, text });

@@ -31,7 +31,6 @@ use emulator_node::{Downstream, LogLine, Node};
 /// The longest interval between two records of the base station's display, ns.
 const STATION_EVERY: u64 = 100_000_000;
 
-/// An event at the DPR: a change of FRESH, an event of the SPIS, or a restart.
 #[derive(Clone, Copy, Debug)]
 enum Seen {
     /// The DPR restarted, and its SPIS has no buffers until the firmware gives it some.
@@ -43,12 +42,10 @@ enum Seen {
 #[derive(Clone, Debug)]
 pub(super) struct Link {
     air: Air,
-    /// The instant up to which the air has received all inputs, ns. HORUS's emissions are passed on up to a millisecond
-    /// before the DPR reaches them.
+    /// The instant up to which the air has received all inputs, ns; at most a millisecond ahead of the DPR.
     air_at: u64,
     flight_controller: FlightController,
     base: BaseStation,
-    /// The present faults of the base station.
     base_faults: Vec<BaseFault>,
     wires: Wires,
     faults: Timeline,
@@ -58,29 +55,23 @@ pub(super) struct Link {
     recorder: Recorder,
     /// The instant at which FRESH rose, while it is not yet known which image the next transaction would read.
     announced: Option<u64>,
-    /// The instant at which HORUS's present transaction with a receiver began, ns. Its bytes are logged only when the
-    /// transaction is over.
+    /// The beginning of HORUS's present transaction with a receiver, ns, whose bytes are logged only at its end.
     untold_since: u64,
     /// The bytes that a transaction would read now; `None` if a transaction is under way or the SPIS has no buffers.
     offer: Option<Vec<u8>>,
     /// The instant at which the base station's display was last recorded, ns, and the alarms at that instant.
     station: (u64, Alarms),
-    /// The number of the DPR's restarts that have been recorded.
     restarts: usize,
-    /// Whether an SSI transaction is under way.
     selected: bool,
-    /// The instant at which the last SSI transaction ended, ns.
     deselected: u64,
     /// The signal changes for the trace; `None` if there is no trace.
     trace: Option<Vec<Mark>>,
-    /// The watch on the DPR's tasks; `None` if there is no trace.
     tasks: Option<TaskWatch>,
     sweeping: Option<Sweeping>,
     /// HORUS's log lines that are later than the DPR's present instant, because HORUS runs ahead.
     horus_lines: VecDeque<LogLine>,
 }
 
-/// The values from which a [`Link`] is made.
 pub(super) struct Surroundings {
     pub(super) header: Header,
     pub(super) flight: Option<Arc<Flight>>,
@@ -91,7 +82,6 @@ pub(super) struct Surroundings {
     pub(super) sweeping: Option<Sweeping>,
 }
 
-/// The values of a [`Link`] at the end of the run.
 pub(super) struct Ended {
     pub(super) verdict: Verdict,
     pub(super) log: Log,
@@ -158,8 +148,7 @@ impl Link {
         self.recorder.release(reached.min(self.announced.unwrap_or(u64::MAX)).min(self.untold_since));
     }
 
-    /// Records the base station's display at `now` (ns) if a record is due or the alarms have changed. The base station
-    /// must have the profiles of that instant.
+    /// Records the base station's display at `now` (ns) if a record is due or the alarms have changed.
     fn note_station(&mut self, now: u64) {
         let drone = self.base.drone();
         let calm = self.base_faults.contains(&BaseFault::Calm);
@@ -182,7 +171,6 @@ impl Link {
         self.faults.add(faults.timeline(false));
     }
 
-    /// Takes the events that were added to the log since the last call.
     pub(super) fn take_log(&mut self) -> Vec<Event> {
         self.recorder.take_kept()
     }
@@ -192,8 +180,7 @@ impl Link {
         self.flight_controller.take_images()
     }
 
-    /// Takes each Port-Status and base station's uplink that the flight controller has read since the last call, with
-    /// its instant (ns).
+    /// Takes each Port-Status with the base station's uplink that was read since the last call, with its instant (ns).
     pub(super) fn take_ports(&mut self) -> Vec<(u64, Vec<u8>)> {
         self.flight_controller.take_ports()
     }
@@ -206,7 +193,6 @@ impl Link {
         self.tasks = Some(tasks);
     }
 
-    /// Takes the signal changes since the last call for the trace; empty without a trace.
     pub(super) fn take_marks<C: Cost>(&mut self, dpr: &mut Node<Dpr, C>) -> Vec<Mark> {
         let Some(trace) = &mut self.trace else { return vec![] };
         let crossings = dpr.board_mut(|board| board.front_end.take_crossings());
@@ -217,7 +203,6 @@ impl Link {
         std::mem::take(trace)
     }
 
-    /// Ends the run at `end` (ns).
     pub(super) fn finish<C: Cost>(mut self, end: u64, evidence: Vec<What>, dpr: &mut Node<Dpr, C>) -> Ended {
         self.come_to(end, dpr);
         self.offered(None);
@@ -275,8 +260,7 @@ impl Link {
         self.note_air();
     }
 
-    /// Advances the air to `to` (ns) and passes on the frames that the air delays or repeats. HORUS's front end must
-    /// have emitted everything before that instant.
+    /// Advances the air to `to` (ns) and passes on the frames that the air delays or repeats.
     fn advance_air<C: Cost>(&mut self, to: u64, node: &mut Node<Dpr, C>) {
         let Self { air, recorder, .. } = self;
         node.board_mut(|board| {
@@ -331,7 +315,6 @@ impl Link {
         }
     }
 
-    /// Records an event of the wires or the SPIS in the sweep's present phase.
     fn note_phase(&mut self, at: u64, event: PhaseEvent) {
         if let Some(phase) = self.sweeping.as_mut().and_then(Sweeping::phase) {
             let after = i64::try_from(at).unwrap_or(i64::MAX) - i64::try_from(phase.frame_ended).unwrap_or(i64::MAX);
@@ -350,8 +333,7 @@ impl Link {
         }
         seen.extend(node.resets()[self.restarts..].iter().map(|reset| (reset.at, Seen::Restart)));
         self.restarts = node.resets().len();
-        // The firmware gives an image to the SPIS before it raises FRESH, and the image becomes readable after that. At
-        // equal instants the rise of FRESH is therefore handled first.
+        // The firmware gives an image to the SPIS before it raises FRESH. At equal instants FRESH is handled first.
         seen.extend(spis.into_iter().map(|(cycle, _, event)| (node.ns(cycle), Seen::Spis(event))));
         seen.sort_by_key(|(at, _)| *at);
         for (at, what) in seen {
@@ -396,8 +378,7 @@ impl Link {
             if self.selected || at <= self.deselected {
                 self.offered(None);
             } else if self.offer.is_some() {
-                // Usually the firmware holds the buffers when FRESH rises. Otherwise the rise announces the image in
-                // the SPIS.
+                // If the SPIS already has an image, this rise announces it.
                 self.offered(self.offer.clone());
             }
         } else {
@@ -405,8 +386,7 @@ impl Link {
         }
     }
 
-    /// Records the last rise of FRESH, if it is not recorded yet, with `image`, which a transaction would read after
-    /// it.
+    /// Records the last rise of FRESH with `image`, which a transaction would read after it.
     fn offered(&mut self, image: Option<Vec<u8>>) {
         if let Some(at) = self.announced.take() {
             self.recorder.note(at, What::Fresh { high: true, offered: image.map(Bytes) });
@@ -502,7 +482,6 @@ impl Link {
         }
     }
 
-    /// Begins, changes or ends an episode of a fault of the DPR's board.
     fn turn_board<C: Cost>(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
         self.dpr_events.turn(node, turn);
         // A board without supply offers no image. Other restarts are handled by `watch_dpr`.
@@ -513,7 +492,6 @@ impl Link {
     }
 }
 
-/// Records that the carrier at the DPR's antenna has begun or ended.
 fn note_field(recorder: &mut Recorder, at: u64, event: &AirEvent) {
     match event {
         AirEvent::FieldOn => recorder.note(at, What::FieldHeard { on: true }),

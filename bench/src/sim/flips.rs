@@ -20,12 +20,10 @@ use emulator_node::{Clock, Threads};
 
 /// The longest time from a flip of a register's bit until the flight controller reads valid data again, ns.
 pub const VALID_AGAIN: u64 = 1_500_000_000;
-/// How long the bench has run before the first flip, ns.
 const WARM: u64 = 600_000_000;
 /// How long each copy runs after its flip, ns. A link that recovers and fails again shows this within that time.
 pub const FOR_NS: u64 = 2_000_000_000;
-/// The longest time between two readings of new data in a working link, ns: two cycles of HORUS, a control cycle of the
-/// flight controller, and a margin.
+/// The longest time between two readings of new data in a working link, ns, with a margin.
 const GAP: u64 = 35_000_000;
 
 /// The outcome of a flip.
@@ -174,8 +172,7 @@ fn of_part<C: Cost>(
 /// and the numbers of readings before that, by what Link-Status reported: link down, faulty front end, neither.
 fn read(events: &[Event], at: u64, end: u64) -> (Option<u64>, [u32; 3]) {
     let mut status: Vec<(u64, LinkStatusBits)> = vec![];
-    // `last` is the instant of the latest reading of new data, and `back` the time from the flip to the end of the last
-    // gap.
+    // `last` is the instant of the latest new data, and `back` the time from the flip to the end of the last gap.
     let (mut last, mut back) = (at, Some(0));
     let mut newest = None;
     for event in events {

@@ -9,7 +9,6 @@ pub(super) const DPR_SPI_HZ: u32 = 8_000_000;
 
 pub(super) const SSI_HZ: u32 = profile::ssi::timing::MAX_CLOCK_HZ;
 
-/// Adds the SPI traffic of a front end to the trace.
 pub(super) fn bus(trace: &mut Vec<Mark>, crossings: Vec<(u64, Crossing)>, bus: Bus, [cs, irq]: [Wire; 2], hz: u32) {
     for (at, crossing) in crossings {
         match crossing {

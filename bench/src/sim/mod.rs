@@ -207,7 +207,6 @@ pub trait Observer {
     }
 }
 
-/// The observer that does nothing.
 impl Observer for () {
     fn progress(&mut self, _virtual_ns: u64) {}
     fn log(&mut self, _board: &str, _line: &str) {}
@@ -377,7 +376,6 @@ impl<C: Cost> Bench<C> {
         })
     }
 
-    /// Begins a trace of the bench's wires and tasks now.
     fn trace(&mut self, path: &Path) -> Result<Trace, trace::Error> {
         let Relay { a, b, upstream, downstream } = &mut self.relay;
         let horus = TaskWatch::new(trace::Board::Horus, a, horus_tx_fw::task::TASKS);
@@ -538,7 +536,6 @@ fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome
     kept.finish(bench, end)
 }
 
-/// The outputs of a run that are written while it is in progress: logs, trace, event log, picture.
 struct Outputs {
     setup: Setup,
     trace: Option<Trace>,

@@ -178,7 +178,6 @@ impl Sweeping {
         placed.collect()
     }
 
-    /// The sweep's present phase.
     pub(super) fn phase(&mut self) -> Option<&mut Phase> {
         self.phases.last_mut()
     }

@@ -9,12 +9,11 @@ use std::sync::Arc;
 use bench_judge::{Event, Findings, Header, Judge, Log, Verdict, What};
 use gnss_sim::Flight;
 
-/// The events of a run on their way into the log.
 #[derive(Clone, Debug)]
 pub(super) struct Recorder {
     header: Header,
     waiting: Vec<Event>,
-    /// The instant, ns, before which all events are in the log.
+    /// All events before this instant, ns, are in the log.
     released: u64,
     judge: Judge,
     /// The aircraft's true flight. Its position goes into the log at each tick. `None` if a recording is played.
@@ -84,8 +83,7 @@ impl Recorder {
         self.judge.findings()
     }
 
-    /// Ends the run at `end` (ns). Returns the verdict and the part of the log that was not taken yet. Events after
-    /// `end` are dropped; they occur because a board completes its last instruction.
+    /// Ends the run at `end` (ns), and returns the verdict and the rest of the log. Later events are dropped.
     pub(super) fn finish(mut self, end: u64) -> (Verdict, Log) {
         self.waiting.retain(|event| event.at <= end);
         self.note(end.max(self.released), What::End);
@@ -95,7 +93,6 @@ impl Recorder {
     }
 }
 
-/// The event with the aircraft's true position at `at` (ns), the instant of a tick.
 fn aircraft(flight: &Flight, at: u64) -> Event {
     let place = flight.state(at as f64 / 1e9).position;
     let billionths = |degrees: f64| (degrees * 1e9).round() as i64;

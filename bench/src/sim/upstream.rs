@@ -32,7 +32,6 @@ const DEAF_AFTER_BAUD: u64 = 100_000_000;
 /// How long a restarting receiver neither sends nor receives, ns.
 const STARTS: u64 = 300_000_000;
 
-/// A receiver and the messages that it will send.
 #[derive(Clone, Debug)]
 struct Feed {
     receiver: Receiver,
@@ -50,7 +49,6 @@ impl Feed {
         Self { receiver, burst_at, answers: VecDeque::new(), deaf_until: 0 }
     }
 
-    /// The instant at which the receiver next sends, ns.
     fn next_at(&self) -> u64 {
         self.burst_at.min(self.answers.front().map_or(u64::MAX, |(at, _)| *at))
     }
@@ -102,9 +100,7 @@ pub(super) struct Receivers {
     events: BoardEvents,
     wires: Wires,
     seed: u64,
-    /// The changes of the pin TICK for the trace.
     marks: Vec<Mark>,
-    /// The watch on HORUS's tasks; `None` if there is no trace.
     tasks: Option<TaskWatch>,
 }
 
@@ -195,7 +191,6 @@ impl Receivers {
     }
 }
 
-/// Converts the well-formed frames in `frames` from the link's usual bit rate to `baud`.
 fn at_rate(frames: Vec<UartFrame>, baud: u32) -> Vec<UartFrame> {
     let at = |frame: UartFrame| {
         let byte = frame.data as u8;
@@ -288,7 +283,6 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
                     let now = node.now();
                     if begins {
                         self.events.injected(now, episode);
-                        // Each episode gets random values of its own.
                         let seed = self.seed ^ episode.at;
                         node.board_mut(|board| board.receivers.begin_fault(now, receiver, fault, seed));
                     } else {

@@ -9,7 +9,6 @@ use super::fst::FstFile;
 use super::signals::{Id, Signals, Value};
 use super::vcd::VcdFile;
 
-/// A trace file in the format that the ending of its name selects.
 pub(super) enum TraceFile {
     Vcd(VcdFile),
     Fst(Box<FstFile>),

@@ -11,11 +11,10 @@ use fst_writer::{
 
 use super::signals::{Id, Signals, Value, digits, regroup};
 
-/// The number of bytes of changes, about, that are compressed and written as one block of the file. Larger blocks
-/// compress better, but a viewer has to read more at once.
+/// The approximate size of a block of the file before its compression, bytes. Larger blocks compress better but load
+/// more slowly.
 const BLOCK: usize = 16 << 20;
 
-/// An FST file being written.
 pub(super) struct FstFile {
     writer: FstBodyWriter<BufWriter<File>>,
     ids: Vec<FstSignalId>,

@@ -47,8 +47,7 @@ use signals::{BUSES, Id, Signals, Value};
 pub use signals::{Board, Bus, DPR, HORUS, SSI, Task, TaskSignal, Wire, Word};
 pub use tasks::TaskWatch;
 
-/// The greatest time by which an event may be earlier than an event that came before it, ns. It exceeds the longest
-/// byte plus the greatest lookahead of a board.
+/// The greatest time by which an event may come late, ns: the longest byte plus the greatest lookahead of a board.
 const WINDOW_NS: u64 = 200_000;
 
 /// The reason why a trace cannot be written.
@@ -102,14 +101,11 @@ pub struct Trace {
     path: PathBuf,
     file: TraceFile,
     signals: Signals,
-    /// The values of the signals at the instant that was written last.
     values: Vec<Value>,
-    /// Events that have not been written yet, by instant and signal. The latest of several for the same instant and
-    /// signal counts.
+    /// Events that have not been written yet, by instant and signal; the latest of several counts.
     waiting: BTreeMap<(u64, Id), Value>,
     /// The instant, ns, before which all events are written.
     written: u64,
-    /// Whether the values at 0 ns have been written.
     begun: bool,
 }
 
@@ -151,8 +147,7 @@ impl Trace {
         }
     }
 
-    /// Adds the edges of a byte that was transferred on a bus at the clock rate `hz` (Hz); its eighth clock ended at
-    /// `at` (ns).
+    /// Adds the edges of a byte whose eighth clock ended at `at` (ns) on a bus with the clock rate `hz` (Hz).
     fn byte(&mut self, at: u64, bus: Bus, mosi: u8, miso: u8, hz: u32) {
         let half = |halves: u64| at.saturating_sub(halves * 500_000_000 / u64::from(hz));
         let bit = |byte: u8, bit: u64| Some(u64::from(byte >> (7 - bit) & 1));
@@ -203,7 +198,6 @@ impl Trace {
         let Self { path, file, signals, values, written, begun, .. } = self;
         let failed = |source| Error::Io { path: path.clone(), source };
         if !std::mem::replace(begun, true) {
-            // Events at 0 ns are the values of the signals at the start.
             while let Some(first) = due.first_entry().filter(|first| first.key().0 == 0) {
                 let Id(place) = first.key().1;
                 values[place] = first.remove();

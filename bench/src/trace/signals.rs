@@ -73,8 +73,7 @@ pub enum Word {
     LinkStatusAge,
 }
 
-/// The one-bit signals, each with group, name and level at the start. The names must be unique without their groups,
-/// because sigrok drops the groups.
+/// The one-bit signals: group, name and level at the start. Names must be unique, because sigrok drops the groups.
 const WIRES: [(Wire, &str, &str, bool); 18] = [
     (Wire::HorusSck, "horus", "horus_sck", false),
     (Wire::HorusMosi, "horus", "horus_mosi", false),
@@ -154,14 +153,12 @@ pub const SSI: Bus = Bus {
 
 pub(super) const BUSES: [Bus; 3] = [HORUS, DPR, SSI];
 
-/// A signal's index in the list of all signals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Id(pub(super) usize);
 
 /// A signal's value; `None` is high impedance (`z`).
 pub(super) type Value = Option<u64>;
 
-/// A signal of the trace.
 #[derive(Clone, Debug)]
 pub(super) struct Signal {
     /// The groups that contain the signal, the outermost first.
@@ -206,7 +203,6 @@ pub(super) struct Signals {
 }
 
 impl Signals {
-    /// Returns the signals of a trace: the wires, the numbers, and the tasks of each board.
     pub(super) fn new(horus: &[Task], dpr: &[Task]) -> Self {
         let bit = |level: bool| Some(u64::from(level));
         let wires = WIRES.iter().map(|&(_, group, name, level)| Signal {
@@ -281,7 +277,6 @@ impl Signals {
 }
 
 impl fmt::Display for Task {
-    /// Writes the task's name and vector, such as `rf_irq_EXTI3`.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "{}_{}", self.name, self.vector)
     }

@@ -60,14 +60,12 @@ impl TaskWatch {
         marks
     }
 
-    /// Records that exception `active`, with this priority, runs from `at` (ns) on.
     fn changes(&mut self, at: u64, active: u16, priority: i16, marks: &mut Vec<Mark>) {
         if let Some(place) = self.entered.iter().position(|&(entered, _)| entered == active) {
             // The core returned to an exception that was active before, or entered it again by tail-chaining.
             self.leave(at, place + 1, marks);
         } else {
-            // An exception that is not more urgent than the last one follows it by tail-chaining, because it cannot
-            // preempt it (ARMv7-M ARM B1.5.12). Thread mode is less urgent than every exception.
+            // A less urgent exception cannot preempt, so it follows by tail-chaining (ARMv7-M ARM B1.5.12).
             while self.entered.last().is_some_and(|&(_, last)| last <= priority) {
                 self.leave(at, self.entered.len() - 1, marks);
             }

@@ -3,7 +3,7 @@
 
 use super::Board;
 
-/// The STM32F429's interrupts in order of their numbers (RM0090 table 63), with the names that firmware sources use.
+/// The STM32F429's interrupts by number (RM0090 table 63).
 const STM32F429: [&str; 91] = [
     "WWDG",
     "PVD",
@@ -98,8 +98,7 @@ const STM32F429: [&str; 91] = [
     "DMA2D",
 ];
 
-/// The nRF52840's interrupts in order of their numbers (PS, "Instantiation"). The number of an interrupt is its
-/// peripheral's ID; numbers without a peripheral have an empty name.
+/// The nRF52840's interrupts by number (PS, "Instantiation"); empty if no peripheral has that number.
 const NRF52840: [&str; 48] = [
     "POWER_CLOCK",
     "RADIO",
@@ -151,7 +150,6 @@ const NRF52840: [&str; 48] = [
     "SPIM3",
 ];
 
-/// The exception number of the interrupt called `vector` on the board.
 pub(crate) fn exception(board: Board, vector: &str) -> Option<u16> {
     let interrupts = match board {
         Board::Horus => &STM32F429[..],

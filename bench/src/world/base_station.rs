@@ -60,7 +60,6 @@ pub struct BaseStation {
     drone: Drone,
     bad_frames: u64,
     history: VecDeque<Entry>,
-    /// The instant at which the last bytes arrived, ns.
     arrived_ns: u64,
 }
 

@@ -21,7 +21,6 @@ impl Clock {
         Self { millicycle_as: u64::try_from(rounded).unwrap_or(u64::MAX) }
     }
 
-    /// Converts `n` carrier cycles to ns, rounded.
     pub(crate) fn cycles(self, n: u64) -> u64 {
         let a = u128::from(n) * u128::from(self.millicycle_as);
         let ns = (a + 500 * u128::from(AS_PER_NS)) / (1_000 * u128::from(AS_PER_NS));
@@ -50,14 +49,12 @@ pub(crate) fn rate_of(cycles: u64) -> u32 {
     }
 }
 
-/// Returns the duration of `bits` bits, ns, rounded.
 pub(crate) fn bits_ns(bits: u64, bit_as: u64) -> u64 {
     let a = u128::from(bits) * u128::from(bit_as);
     let ns = (a + u128::from(AS_PER_NS / 2)) / u128::from(AS_PER_NS);
     u64::try_from(ns).unwrap_or(u64::MAX)
 }
 
-/// Returns the number of whole bits that fit into `ns`.
 pub(crate) fn bits_in(ns: u64, bit_as: u64) -> u64 {
     // Half a nanosecond is added, because `bits_ns` may have rounded the instant of the last bit down.
     let a = u128::from(ns) * u128::from(AS_PER_NS) + u128::from(AS_PER_NS / 2);

@@ -36,7 +36,6 @@ pub(crate) struct Core {
     oscillator: bool,
     registers: Registers,
     interrupts: Interrupts,
-    /// Interrupt bits that a fault keeps from being set.
     withheld: u32,
     schedule: Schedule,
     /// The random generator for everything that scatters on silicon.
@@ -73,7 +72,6 @@ impl Core {
         self.clock
     }
 
-    /// Returns a uniform random number from 0 to `most`.
     pub(crate) fn scatter(&mut self, most: u64) -> u64 {
         self.rng.up_to(most)
     }
@@ -131,8 +129,7 @@ impl Core {
         self.oscillator = stable;
     }
 
-    /// Gives registers, interrupts and oscillator the state after power-up (Set default). The caller must update the
-    /// IRQ pin.
+    /// Gives registers, interrupts and oscillator their state after power-up, but does not update the IRQ pin.
     pub(crate) fn set_default(&mut self) {
         self.registers.reset();
         self.registers.set(Space::B, reg::B_DRIVER_TIMING as u8, self.config.driver_timing_display);
@@ -165,7 +162,6 @@ impl Core {
         self.a(reg::OPERATION) & bits == bits
     }
 
-    /// Whether en (02, bit 7) is set, so that the oscillator must run.
     pub(crate) fn enabled(&self) -> bool {
         self.operates(EN)
     }
@@ -207,19 +203,17 @@ impl Core {
         self.interrupts.raise(bits & !self.withheld, unmasked, self.now);
     }
 
-    /// Clears `bits`, which the controller read at `at`. The instant may be slightly in the past.
     pub(crate) fn interrupts_were_read(&mut self, bits: u32, at: u64) {
         let unmasked = self.unmasked();
         self.interrupts.were_read(bits, unmasked, at);
     }
 
-    /// Flips `bits`, as a fault.
     pub(crate) fn flip_interrupts(&mut self, bits: u32) {
         let unmasked = self.unmasked();
         self.interrupts.flip(bits, unmasked, self.now);
     }
 
-    /// Keeps the interrupt bits `bits`, and no others, from being set from now on. Bits that are set stay set.
+    /// Keeps `bits`, and no others, from being set from now on. Bits that are set stay set.
     pub(crate) fn withhold(&mut self, bits: u32) {
         self.withheld = bits;
     }

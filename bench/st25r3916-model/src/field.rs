@@ -30,9 +30,7 @@ const THRESHOLDS_MV: [u16; 8] = [75, 105, 150, 205, 290, 400, 560, 800];
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Field {
     own: bool,
-    /// Whether a foreign carrier is on, detected or not.
     outside: bool,
-    /// The output of the field detector.
     detected: bool,
 }
 
@@ -41,7 +39,6 @@ impl Field {
         self.own
     }
 
-    /// Whether a foreign carrier is on, detected or not.
     pub(crate) fn outside(&self) -> bool {
         self.outside
     }
@@ -66,13 +63,11 @@ impl Field {
         }
     }
 
-    /// Records that a foreign carrier was switched on or off.
     pub(crate) fn outside_is(&mut self, core: &mut Core, on: bool) {
         self.outside = on;
         self.look(core);
     }
 
-    /// Resets the field detector to its state without a carrier.
     pub(crate) fn forget(&mut self) {
         self.detected = false;
     }
@@ -107,7 +102,6 @@ impl Field {
         }
     }
 
-    /// Updates the field detector's output after its delay.
     pub(crate) fn detect(&mut self, core: &mut Core) {
         let sees = self.sees(core);
         if sees != self.detected {
@@ -119,9 +113,8 @@ impl Field {
         }
     }
 
-    /// Carries out NFC initial field on (C8): the chip detects foreign fields during T_IDT + n T_RFW (4096 + n · 512
-    /// carrier cycles), and then switches its own field on. With a foreign field in that time the command ends without
-    /// a field.
+    /// Carries out NFC initial field on (C8): if the chip detects no foreign field during T_IDT + n T_RFW (4096 + n ·
+    /// 512 carrier cycles), it switches its own field on.
     pub(crate) fn initial_on(&self, core: &mut Core) {
         if core.a(reg::OPERATION) & EN_FD == 0 {
             core.note(Kind::CollisionAvoidanceBlind);
@@ -135,7 +128,6 @@ impl Field {
     }
 }
 
-/// Ends collision avoidance because of a foreign field.
 fn avoided(core: &mut Core) {
     core.cancel(Due::FieldOn);
     core.raise(irq::CAC);

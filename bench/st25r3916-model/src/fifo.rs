@@ -41,7 +41,6 @@ impl Fifo {
         (i < self.len).then(|| self.ring[(self.head + i) % CAPACITY])
     }
 
-    /// Returns up to `n` bytes from the front without removing them.
     pub(crate) fn front(&self, n: usize) -> Vec<u8> {
         (0..n.min(self.len)).filter_map(|i| self.peek(i)).collect()
     }

@@ -12,9 +12,7 @@ pub(crate) struct Incoming {
     start: u64,
     /// Whether the receiver has accepted the frame and raised I_rxs.
     pub(crate) locked: bool,
-    /// The number of the frame's bytes that were put into the FIFO.
     deposited: usize,
-    /// The instant at which the frame's next byte reaches the FIFO, ns.
     next_byte: u64,
     /// The instant at which the signal ended, ns, and the number of data bits up to then; `None` before the end.
     ended: Option<(u64, u32)>,
@@ -22,8 +20,8 @@ pub(crate) struct Incoming {
 }
 
 impl Incoming {
-    /// Returns a frame whose first bit was on the air at `start`, ns. Each byte reaches the FIFO `latency` ns after its
-    /// last bit.
+    /// Returns a frame whose first bit was on the air at `start`, ns. Bytes reach the FIFO `latency` ns after their
+    /// end.
     pub(crate) fn new(frame: FrameStart, start: u64, latency: u64) -> Self {
         Self { frame, start, locked: false, deposited: 0, next_byte: 0, ended: None, latency }
     }
@@ -38,8 +36,8 @@ impl Incoming {
         self.instant(0)
     }
 
-    /// Returns the instant at which the sync (NFC-F) or the start of communication (NFC-A) began, ns. The decoder must
-    /// run from then on to receive the frame.
+    /// Returns the instant, ns, from which the decoder must run to receive the frame: the start of sync or
+    /// communication.
     pub(crate) fn sync_start(&self) -> u64 {
         let bits = match self.frame.technology {
             Technology::NfcF => self.frame.header_bits.saturating_sub(16),
@@ -52,15 +50,13 @@ impl Incoming {
         self.ended.is_some()
     }
 
-    /// Appends bytes that the sender has put on the air.
     pub(crate) fn more(&mut self, chunk: &Chunk) {
         self.frame.chunk.data.extend_from_slice(&chunk.data);
         self.frame.chunk.parity_error |= chunk.parity_error;
         self.next_byte = 0;
     }
 
-    /// Records that the signal ended at `at` after `bits` data bits. Missing bits of an incomplete last byte are set to
-    /// 0.
+    /// Records that the signal ended at `at` after `bits` data bits. An incomplete last byte is filled with zero bits.
     pub(crate) fn ends(&mut self, at: u64, bits: u32) {
         self.ended = Some((at, bits));
         let data = &mut self.frame.chunk.data;
@@ -75,8 +71,7 @@ impl Incoming {
         }
     }
 
-    /// Records that the signal was lost at `at`. Returns false if the header had not ended by then, so that the
-    /// receiver does not detect the frame.
+    /// Records a loss of the signal at `at`. Returns false if the header had not ended, so that no frame is detected.
     pub(crate) fn stops(&mut self, at: u64) -> bool {
         let air = bits_in(at.saturating_sub(self.start), self.frame.bit_as);
         if !self.locked && air < u64::from(self.frame.header_bits) {
@@ -116,8 +111,8 @@ impl Incoming {
         }
     }
 
-    /// Returns fifo_lb: the number of bits in an incomplete last byte, or else 0. The data sheet specifies it for every
-    /// technology, and ST's driver (RFAL) reads it for all.
+    /// Returns fifo_lb: the number of bits in an incomplete last byte, or 0. ST's driver (RFAL) reads it for every
+    /// technology.
     pub(crate) fn last_bits(&self) -> u8 {
         match self.ended {
             // Bits after the bytes that LEN announces are ignored.
@@ -136,8 +131,8 @@ impl Incoming {
         Some(end.saturating_add(self.latency))
     }
 
-    /// Returns the instant at which this frame fills the FIFO from now `level` bytes to `full` bytes; `None` if the
-    /// frame, as far as it is known, is too short.
+    /// Returns the instant at which this frame fills the FIFO from `level` to `full` bytes, ns; `None` if it is too
+    /// short.
     pub(crate) fn reaches(&self, full: usize, level: usize) -> Option<u64> {
         let byte = self.deposited + full.checked_sub(level)?;
         (self.locked && byte <= self.available()).then(|| self.instant(byte).saturating_add(self.latency))
@@ -165,8 +160,7 @@ impl Incoming {
         &self.frame.chunk.data[from..from + due]
     }
 
-    /// Returns the remaining bytes at the end of reception. The last byte may not be due by then, because instants are
-    /// rounded to nanoseconds.
+    /// Returns the bytes that remain at the end of reception. Rounding to nanoseconds may make the last byte late.
     pub(crate) fn take_rest(&mut self) -> &[u8] {
         let from = self.deposited;
         self.deposited = self.available().max(from);

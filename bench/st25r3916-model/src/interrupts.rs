@@ -74,14 +74,12 @@ pub struct IrqEdge {
     pub level: bool,
 }
 
-/// The pending interrupt bits, and the IRQ pin with its recent changes. The parameter `enabled` of the methods is the
-/// mask of the interrupt bits that may drive the pin.
+/// The pending interrupt bits and the IRQ pin. The parameter `enabled` masks the bits that may drive the pin.
 #[derive(Clone, Debug)]
 pub(crate) struct Interrupts {
     pending: u32,
     level: bool,
     since: u64,
-    /// The instant at which each interrupt bit was last set, ns.
     raised: [u64; 32],
     edges: VecDeque<IrqEdge>,
     /// The level that [`Interrupts::take_change`] last returned.
@@ -113,14 +111,12 @@ impl Interrupts {
         self.pending = 0;
     }
 
-    /// Flips `bits` at `at`, as a fault.
     pub(crate) fn flip(&mut self, bits: u32, enabled: u32, at: u64) {
         let cleared = bits & self.pending;
         self.pending &= !cleared;
         self.raise(bits & !cleared, enabled, at);
     }
 
-    /// Updates the IRQ pin at `at` for the pending interrupt bits.
     pub(crate) fn follows(&mut self, enabled: u32, at: u64) {
         self.becomes(self.pending & enabled != 0, at);
     }

@@ -31,10 +31,8 @@ const ACT_AMSINK: u8 = 0x01;
 const DIS_REG_AM: u8 = 0x80;
 const VDDRF_CONT: u8 = 0x08;
 const AAT_EN: u8 = 0x20;
-/// The permitted modulation depths of NFC-F, percent.
 const DEPTHS: core::ops::RangeInclusive<u8> = 8..=30;
-/// The modulation depth, percent, for each value of am_mod (28, bits 7:4) on the ST25R3916. `DEPTH_B` is that of the
-/// ST25R3916B.
+/// The modulation depth, percent, for each value of am_mod (28, bits 7:4) on the ST25R3916.
 const DEPTH_A: [u8; 16] = [5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 17, 19, 22, 26, 40];
 const DEPTH_B: [u8; 16] = [0, 8, 10, 11, 12, 13, 14, 15, 20, 25, 30, 40, 50, 60, 70, 82];
 
@@ -50,8 +48,7 @@ pub(crate) fn suits(core: &mut Core) -> bool {
     all(core, looks) & supply_suits(core)
 }
 
-/// Whether an ST25R3916B's settings for the supply of its driver suit the board and each other. An ST25R3916 has no
-/// such settings, so the result is true.
+/// Whether an ST25R3916B's settings for the supply of its driver suit each other. The ST25R3916 has none.
 pub(crate) fn supply_suits(core: &mut Core) -> bool {
     let is_a = core.config().variant == Variant::St25r3916;
     let (auxiliary, shaping) = (core.registers().b(reg::B_AUX_MOD), core.registers().b(reg::B_AWS1));
@@ -64,8 +61,8 @@ pub(crate) fn supply_suits(core: &mut Core) -> bool {
     all(core, looks)
 }
 
-/// Whether every register in `looks` has a suitable value. Each entry has the suitability, the space, the address and
-/// the value of a register; an unsuitable one is a finding.
+/// Whether every register in `looks` (suitability, space, address, value) is suitable; each unsuitable one is a
+/// finding.
 pub(crate) fn all<const N: usize>(core: &mut Core, looks: [(bool, Space, usize, u8); N]) -> bool {
     for (_, space, address, value) in looks.iter().filter(|(right, ..)| !right) {
         core.note(Kind::Modulation { space: *space, address: *address as u8, value: *value });

@@ -9,8 +9,7 @@ use crate::report::Kind;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Outgoing {
-    /// The start of the frame on the air. Its chunk grows: first come the bytes that the chip itself adds, then all
-    /// bytes given to the air so far, without the CRC.
+    /// The frame on the air. Its chunk has the bytes that the chip adds, then those given to the air, without the CRC.
     frame: FrameStart,
     trailer_bits: u32,
     /// The number of bytes that the chip puts before those of the FIFO.
@@ -20,21 +19,17 @@ pub(crate) struct Outgoing {
     /// The number of bits in an incomplete last byte from the FIFO, or 0.
     last_bits: u32,
     with_crc: bool,
-    /// Whether the frame does not reach the air, because an answer has no load modulator or the settings cannot
-    /// modulate the frame.
+    /// Whether the frame does not reach the air, for lack of a load modulator or because of unsuitable settings.
     pub(crate) silent: bool,
 
-    /// The instant of the frame's first bit, ns.
     start: u64,
     started: bool,
     /// The number of bytes from the FIFO that were given to the air. Some of them are still in the FIFO.
     announced: usize,
     /// The number of announced bytes that have left the FIFO.
     consumed: usize,
-    /// The instant at which the next announced byte leaves the FIFO, ns.
     next_byte: u64,
-    /// Whether the controller cleared or read the FIFO during the frame. Announced bytes that are still in the FIFO are
-    /// then not sent, and the frame underflows.
+    /// Whether the controller cleared or read the FIFO during the frame, so that the frame underflows.
     cut: bool,
 }
 
@@ -69,8 +64,7 @@ impl Outgoing {
         frame
     }
 
-    /// Returns the frame that the registers describe, for the commands C4 and C5. `None` with a finding if a setting is
-    /// not modelled.
+    /// Returns the frame that the registers describe, for C4 and C5; `None` with a finding for a setting not modelled.
     pub(crate) fn described(core: &mut Core, with_crc: bool) -> Option<Self> {
         let length = core.registers().a16(reg::TRANSMIT_LENGTH);
         let (whole, last_bits) = (usize::from(length >> 3), u32::from(length & 0x07));
@@ -116,8 +110,7 @@ impl Outgoing {
         Some(frame)
     }
 
-    /// Returns a short frame of seven bits, for the commands C6 and C7. `None` with a finding if the mode is not that
-    /// of NFC-A.
+    /// Returns a short frame of seven bits, for C6 and C7; `None` with a finding in another mode than NFC-A's.
     pub(crate) fn short(core: &mut Core, byte: u8) -> Option<Self> {
         if core.target() || core.operation_mode() != 1 {
             core.note(Kind::UnmodelledMode(core.a(reg::MODE)));
@@ -142,8 +135,7 @@ impl Outgoing {
         answer
     }
 
-    /// Adds NFC-A's start of communication and its end of communication, which is a logic 0 and a bit without
-    /// modulation.
+    /// Adds NFC-A's start of communication and end of communication (a logic 0 and a bit without modulation).
     fn nfc_a(mut self, byte_bits: u32) -> Self {
         self.frame.header_bits = 1;
         self.frame.byte_bits = byte_bits;
@@ -155,7 +147,6 @@ impl Outgoing {
         self.frame.technology
     }
 
-    /// Whether the frame is an answer by load modulation.
     pub(crate) fn is_answer(&self) -> bool {
         self.frame.load_modulation
     }
@@ -164,12 +155,10 @@ impl Outgoing {
         self.start = at;
     }
 
-    /// Whether the frame's first bit has left the antenna.
     pub(crate) fn started(&self) -> bool {
         self.started
     }
 
-    /// Returns the number of bytes that the frame takes from the FIFO, with an incomplete last byte.
     fn total(&self) -> usize {
         self.whole + usize::from(self.last_bits != 0)
     }
@@ -199,8 +188,8 @@ impl Outgoing {
         self.byte_start(self.consumed)
     }
 
-    /// Returns the instant at which fewer than `below` of the `level` bytes now in the FIFO are left, ns; `None` if the
-    /// frame takes too few bytes.
+    /// Returns the instant at which less than `below` of the FIFO's present `level` bytes are left, ns, if there is
+    /// one.
     pub(crate) fn falls_below(&self, below: usize, level: usize) -> Option<u64> {
         let last = self.consumed + level.checked_sub(below)?;
         (self.started && last < self.total()).then(|| self.byte_start(last))
@@ -211,17 +200,14 @@ impl Outgoing {
         (self.missing() != 0).then(|| self.byte_start(self.announced))
     }
 
-    /// Returns the instant at which the frame's last bit has left the antenna, ns.
     pub(crate) fn ends_at(&self) -> u64 {
         self.start.saturating_add(bits_ns(self.lengths().1, self.frame.bit_as))
     }
 
-    /// Returns the number of data bits in the whole frame.
     pub(crate) fn data_bits(&self) -> u32 {
         self.lengths().0
     }
 
-    /// Returns the number of data bits that have left the antenna by `now`.
     pub(crate) fn bits_by(&self, now: u64) -> u32 {
         let bits = self.frame.data_bits_in(now.saturating_sub(self.start));
         u32::try_from(bits).unwrap_or(u32::MAX).min(self.data_bits())
@@ -260,7 +246,6 @@ impl Outgoing {
         due
     }
 
-    /// Starts the frame with its first bytes from the FIFO, `data`.
     pub(crate) fn start(&mut self, data: &[u8]) -> FrameStart {
         self.started = true;
         self.next_byte = self.byte_start(0);

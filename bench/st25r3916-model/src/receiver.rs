@@ -55,7 +55,6 @@ impl Receiver {
         Self { frame: None, unmasked_since: Some(0), asked: None }
     }
 
-    /// Drops the frame being received and unmasks the receiver, as Set default does.
     pub(crate) fn set_default(&mut self, now: u64) {
         *self = Self { frame: None, unmasked_since: Some(now), asked: None };
     }
@@ -74,8 +73,7 @@ impl Receiver {
         self.unmasked_since = None;
     }
 
-    /// Unmasks the receiver by D1. A frame that is already past its sync is not received; a frame being received
-    /// continues.
+    /// Unmasks the receiver by D1. A frame that is already past its sync is not received.
     pub(crate) fn unmask(&mut self, now: u64) {
         self.unmasked_since.get_or_insert(now);
     }
@@ -85,20 +83,17 @@ impl Receiver {
         self.unmasked_since = self.unmasked_since.map(|_| now);
     }
 
-    /// Sets the mask after a change of mode, a stop or a received frame. A target that must be re-armed stays masked
-    /// until D1; any other receiver is unmasked.
+    /// Unmasks the receiver, or masks a target that must be re-armed by D1, after a change of mode, a stop or a frame.
     pub(crate) fn mask_idle(&mut self, core: &Core) {
         let waits = core.target() && core.config().target_rearms_by_command;
         self.unmasked_since = (!waits).then_some(core.now());
     }
 
-    /// Returns the number of received bytes that have become due for the FIFO since the last call of
-    /// [`Receiver::settle`].
+    /// Returns the number of received bytes that have become due since the last call of [`Receiver::settle`].
     pub(crate) fn arriving(&self, core: &Core) -> usize {
         self.frame.as_ref().map_or(0, |frame| frame.due(core.now()))
     }
 
-    /// Puts the received bytes that are due into the FIFO.
     pub(crate) fn settle(&mut self, core: &mut Core, fifo: &mut Fifo) {
         let Some(frame) = &mut self.frame else { return };
         let mut lost = false;
@@ -235,8 +230,7 @@ impl Receiver {
         }
     }
 
-    /// Accepts or misses a frame at the end of its sync (NFC-F) or start of communication (NFC-A). `sending` is true if
-    /// the transmitter has a frame.
+    /// Accepts or misses a frame at the end of its header. `sending` is true if the transmitter has a frame.
     pub(crate) fn starts(&mut self, core: &mut Core, fifo: &mut Fifo, field: &Field, sending: bool) {
         let Some(mut rx) = self.frame.take() else { return };
         self.is_modelled(core, sending, &rx);
@@ -329,8 +323,7 @@ impl Receiver {
         }
     }
 
-    /// Reports an answer, whose first bit leaves at `start`, if it has no unanswered frame before it or comes within
-    /// the guard time.
+    /// Reports an answer that begins at `start` within the guard time or without an unanswered frame before it.
     pub(crate) fn answers(&mut self, core: &mut Core, start: u64) {
         let Some(end) = self.asked.take() else { return core.note(Kind::AnswerUnasked) };
         let after = start.saturating_sub(end);
@@ -339,7 +332,6 @@ impl Receiver {
         }
     }
 
-    /// Drops the frame being received without an interrupt.
     pub(crate) fn abort(&mut self, core: &mut Core, fifo: &mut Fifo) {
         if self.busy() {
             self.settle(core, fifo);

@@ -84,7 +84,6 @@ pub(crate) enum Class {
     Absent,
 }
 
-/// The reset values of space A.
 pub(crate) const RESET_A: [u8; 64] = {
     let mut r = [0u8; 64];
     r[0x03] = 0x08;
@@ -102,7 +101,6 @@ pub(crate) const RESET_A: [u8; 64] = {
     r
 };
 
-/// The reset values of space B.
 pub(crate) const RESET_B: [u8; 64] = {
     let mut r = [0u8; 64];
     r[0x0B] = 0x0C;
@@ -114,7 +112,6 @@ pub(crate) const RESET_B: [u8; 64] = {
     r
 };
 
-/// Returns the reset value of a register.
 pub(crate) fn reset(space: Space, address: u8) -> u8 {
     let i = usize::from(address & 0x3F);
     match space {

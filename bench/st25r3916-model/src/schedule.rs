@@ -1,6 +1,5 @@
 //! The deadlines of the chip's own actions, one for each kind.
 
-/// The value of a deadline that is not set.
 const NEVER: u64 = u64::MAX;
 
 /// The kinds of deadlines. Of deadlines at the same instant, those listed first are carried out first.
@@ -85,7 +84,6 @@ impl Schedule {
         self.plan(what, NEVER);
     }
 
-    /// Whether a deadline of kind `what` is set.
     pub(crate) fn running(&self, what: Due) -> bool {
         self.due[what as usize] != NEVER
     }

@@ -6,7 +6,6 @@
 
 use crate::report::Space;
 
-/// The chip's highest SPI clock, Hz.
 pub(crate) const MAX_HZ: u32 = 10_000_000;
 /// The clock periods from a byte's first rising edge to its end.
 const PERIODS: u64 = 8;
@@ -35,7 +34,6 @@ pub(crate) enum State {
 pub(crate) struct Spi {
     pub(crate) selected: bool,
     pub(crate) state: State,
-    /// The byte that is shifted out next.
     pub(crate) out: u8,
     /// Whether a transmit command (C4 to C7) came in this transfer.
     pub(crate) commanded: bool,
@@ -43,8 +41,7 @@ pub(crate) struct Spi {
     pub(crate) last_byte: u64,
     /// The rate of the controller's clock, Hz; 0 if it is unknown.
     hz: u32,
-    /// The number of bits and the duration (ns) of the frame from which the clock rate was last derived. An equal frame
-    /// needs no new calculation.
+    /// The bits and the duration (ns) of the frame that gave the clock rate. An equal frame needs no new calculation.
     span: (u8, u64),
 }
 

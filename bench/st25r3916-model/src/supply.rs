@@ -20,18 +20,15 @@ use crate::field::Field;
 use crate::registers::{self, RX_EN, reg};
 use crate::report::{Kind, Space};
 
-/// The chip's range of supply voltages, mV.
 const RANGE_MV: core::ops::RangeInclusive<u16> = 2_400..=5_500;
 /// The bit sup3V must be set below this supply voltage, mV, and clear above it.
 const SUP3V_MV: u16 = 3_600;
-/// A step of the A/D converter in a supply measurement, rounded up, mV. Within one step of the threshold either setting
-/// of sup3V is accepted, because a measurement may be on either side.
+/// A step of the A/D converter in a supply measurement, rounded up, mV: the tolerance of [`SUP3V_MV`].
 const STEP_MV: u16 = 24;
 const SUP3V: u8 = 0x80;
 const AAT_EN: u8 = 0x20;
 
-/// Reports a supply voltage outside the chip's range, and an unsuitable sup3V. Called when the receiver or the field is
-/// switched on, and at Adjust regulators (D6).
+/// Reports a supply voltage outside the chip's range and an unsuitable sup3V, when receiver or field is switched on.
 pub(crate) fn suits(core: &mut Core) {
     let mv = core.config().vdd_mv;
     if !RANGE_MV.contains(&mv) {
@@ -56,8 +53,7 @@ pub(crate) fn tuning_suits(core: &mut Core, field: &Field) {
     }
 }
 
-/// Returns the result of Measure power supply (DF), in steps of 23.4 mV, at most 255, for the supply that mpsv (2C,
-/// bits 2:0) selects.
+/// Returns the result of Measure power supply (DF), steps of 23.4 mV, for the supply that mpsv (2C, bits 2:0) selects.
 pub(crate) fn measured(core: &Core) -> u8 {
     let mv = match core.a(reg::REGULATOR) & 0x07 {
         0 => core.config().vdd_mv,

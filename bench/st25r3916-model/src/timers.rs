@@ -65,8 +65,7 @@ pub(crate) fn start_wake_up(core: &mut Core) {
     core.plan_in(Due::WakeUp, step * (1 + u64::from((w >> 4) & 0x07)));
 }
 
-/// Ends the wake-up timer. wto (32, bit 3) selects an interrupt at each time-out; without it the timer only measures,
-/// which is not modelled.
+/// Ends the wake-up timer, which raises an interrupt if wto (32, bit 3) is set. A measurement is not modelled.
 pub(crate) fn wake_up(core: &mut Core) {
     if core.a(reg::WAKE_UP) & 0x08 != 0 {
         core.raise(irq::WT);

@@ -43,12 +43,10 @@ pub(crate) struct Transmitter {
 }
 
 impl Transmitter {
-    /// Whether the transmitter has a frame that is or will be on the air.
     pub(crate) fn busy(&self) -> bool {
         self.frame.is_some()
     }
 
-    /// Whether the transmitter has a frame on the air.
     pub(crate) fn on_air(&self) -> bool {
         self.frame.as_ref().is_some_and(Outgoing::started)
     }
@@ -58,7 +56,6 @@ impl Transmitter {
         self.frame.as_ref().map_or(0, |frame| frame.due(core.now()))
     }
 
-    /// Removes from the FIFO the bytes that have left for the air.
     pub(crate) fn settle(&mut self, core: &Core, fifo: &mut Fifo) {
         if let Some(frame) = &mut self.frame {
             fifo.drop_front(frame.take_due(core.now()));
@@ -91,7 +88,7 @@ impl Transmitter {
         true
     }
 
-    /// Starts the transmission of a frame that [`Transmitter::admits`] accepted. Returns the instant of its first bit,
+    /// Starts the transmission of a frame that [`Transmitter::admits`] accepted; returns the instant of its first bit,
     /// ns.
     pub(crate) fn send(&mut self, core: &mut Core, fifo: &mut Fifo, mut frame: Outgoing) -> u64 {
         core.cancel(Due::NoResponse);
@@ -105,7 +102,6 @@ impl Transmitter {
         start
     }
 
-    /// Puts the frame's first bit, and the bytes in the FIFO, on the air.
     pub(crate) fn starts(&mut self, core: &mut Core, fifo: &mut Fifo) {
         let Some(frame) = &mut self.frame else { return };
         let start = frame.start(&fifo.front(frame.missing()));
@@ -124,8 +120,7 @@ impl Transmitter {
         }
     }
 
-    /// Puts bytes on the air that the controller loaded after the last chunk. Without such bytes the frame breaks off
-    /// by an underflow.
+    /// Puts bytes on the air that the controller loaded since. If there are none, the frame breaks off by an underflow.
     pub(crate) fn goes_on(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         let Some(frame) = &mut self.frame else { return };
@@ -146,8 +141,7 @@ impl Transmitter {
         self.plan(core);
     }
 
-    /// Handles a clear or a read of the FIFO by the controller. A transmission that still needs bytes from the FIFO
-    /// breaks off at its next byte.
+    /// Breaks off a transmission at its next byte, if it still needs bytes of the FIFO that was cleared or read.
     pub(crate) fn disturb(&mut self, core: &mut Core) {
         let Some(frame) = self.frame.as_mut().filter(|frame| !frame.all_taken()) else { return };
         if frame.disturb() {
@@ -157,7 +151,6 @@ impl Transmitter {
         core.note(Kind::FifoDisturbed);
     }
 
-    /// Ends the transmission after the last bit of its frame.
     pub(crate) fn ends(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         let Some(frame) = self.frame.take() else { return };
@@ -168,7 +161,6 @@ impl Transmitter {
         over(core);
     }
 
-    /// Breaks off the frame being sent without an interrupt.
     pub(crate) fn break_off(&mut self, core: &mut Core, fifo: &mut Fifo) {
         if self.frame.is_none() {
             return;

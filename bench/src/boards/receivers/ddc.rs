@@ -41,9 +41,7 @@ enum State {
 struct Failing {
     fault: BusFault,
     rng: Rng,
-    /// The number of clocks that the controller has made since the fault began.
     clocks: u32,
-    /// The instant at which the next glitch begins, ns.
     glitch_at: u64,
 }
 
@@ -66,11 +64,9 @@ pub(super) struct Ddc {
     failing: Option<Failing>,
     /// The levels that the microcontroller drives on SCL and SDA; high if it releases the line.
     made: [bool; 2],
-    /// Whether the receiver holds SCL and SDA low: the present values, and the values that the microcontroller received
-    /// last.
+    /// Whether the receiver holds SCL and SDA low: now, and as last passed on.
     low: [bool; 2],
     told: [bool; 2],
-    /// The instant at which the present glitch ends, ns.
     glitch_over: u64,
 }
 
@@ -94,7 +90,6 @@ impl Ddc {
         }
     }
 
-    /// Begins `fault` of the I2C bus at `now` (ns).
     pub(super) fn begin_fault(&mut self, now: u64, fault: BusFault, mut rng: Rng) {
         self.crossings.spoil_open();
         let glitch_at = if fault == BusFault::Glitches { now + rng.between(GLITCHES.0, GLITCHES.1) } else { u64::MAX };
@@ -104,7 +99,6 @@ impl Ddc {
             _ => {}
         }
         if self.low != [false; 2] {
-            // The fault aborts the transfer under way.
             self.state = State::Idle;
             self.crossings.end();
         }
@@ -134,7 +128,7 @@ impl Ddc {
         }
     }
 
-    /// Applies `event` of the controller, which ended at `at` (ns), and calls `heard` with each data byte for the
+    /// Applies an event of the controller that ended at `at` (ns), and calls `heard` with each data byte for the
     /// receiver.
     pub(super) fn act(
         &mut self,
@@ -154,7 +148,6 @@ impl Ddc {
                     self.outbox.read_at = at;
                     self.state = if address & 1 == 0 { State::Written(vec![]) } else { State::Read };
                     if self.fails(BusFault::Stretches) {
-                        // The next byte begins later, because the receiver stretches the clock.
                         self.last = Some(at + STRETCHED);
                         I2cAnswer { stretched_ns: STRETCHED, ..yes }
                     } else {
@@ -190,8 +183,7 @@ impl Ddc {
         (answer, misuse)
     }
 
-    /// Returns the next byte of the register that the controller reads. The byte ends at `at`, and the byte before it
-    /// ended at `before` (ns).
+    /// Returns the next byte of the register that is read, whose transfer lasts from `before` to `at` (ns).
     fn next(&mut self, at: u64, before: u64, flips: u8) -> u8 {
         let register = self.register;
         self.register = register.saturating_add(1);
@@ -209,7 +201,6 @@ impl Ddc {
         }
     }
 
-    /// Ends a transfer, at a stop or a repeated start.
     fn finish(&mut self, heard: &mut impl FnMut(u8)) {
         match std::mem::replace(&mut self.state, State::Idle) {
             State::Written(bytes) => match bytes[..] {
@@ -243,7 +234,6 @@ impl Ddc {
         }
     }
 
-    /// The instant at which the receiver next changes SCL or SDA, ns.
     pub(super) fn next_at(&self) -> u64 {
         let glitch = self.failing.as_ref().map_or(u64::MAX, |failing| failing.glitch_at);
         let changed = if self.low == self.told { u64::MAX } else { 0 };
@@ -260,7 +250,6 @@ impl Ddc {
         }
         if let Some(failing) = self.failing.as_mut().filter(|failing| at >= failing.glitch_at) {
             failing.glitch_at = at + failing.rng.between(GLITCHES.0, GLITCHES.1);
-            // A glitch also occurs while the bus is idle.
             self.glitch_over = at + GLITCH;
             self.low[1] = true;
             moved = true;

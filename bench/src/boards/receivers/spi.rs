@@ -20,12 +20,10 @@ use emulator_part::{Pin, SpiFrame, SpiMode};
 use super::{Crossings, Outbox};
 use crate::faults::{BusFault, Rng};
 
-/// The duration of a bit at 5.5 MHz, ps.
 const SHORTEST_BIT_PS: u64 = 181_818;
 /// The duration of a byte at 125 kB/s, ns.
 pub const SHORTEST_BYTE: u64 = 8_000;
-/// The number of successive 0xFF bytes from the controller after which the receiver ignores its input: the factory
-/// default of CFG-SPI-MAXFF.
+/// The factory default of CFG-SPI-MAXFF: after so many successive 0xFF bytes the receiver ignores its input.
 const MOST_FILLER: u32 = 50;
 
 const WRONG_MODE: &str = "SPI: not mode 0, or not whole bytes (ZED-F9R data sheet 5.2)";
@@ -46,10 +44,9 @@ pub(super) struct Spi {
     pub(super) outbox: Outbox,
     pub(super) crossings: Crossings,
     selected: bool,
-    /// The instant at which the last byte began that the receiver loaded in time, ns; `None` if the receiver has loaded
-    /// no byte since it was selected.
+    /// The instant at which the last byte began that was loaded in time, ns; `None` if there is none since the
+    /// selection.
     last: Option<u64>,
-    /// The number of successive 0xFF bytes that the controller has sent.
     filler: u32,
     /// The last bit that the receiver sent, and the last byte that it sent.
     last_bit: bool,
@@ -100,8 +97,7 @@ impl Spi {
         frame.sck.contains(&Some(self.wires.sck))
     }
 
-    /// Transfers a frame of the microcontroller from `begins` to `ends` (ns). `heard` is called with each byte that the
-    /// receiver accepts and with the instant at which that byte had arrived.
+    /// Transfers a frame from `begins` to `ends` (ns), and calls `heard` with each accepted byte and its instant.
     pub(super) fn clock(
         &mut self,
         begins: u64,
@@ -163,8 +159,7 @@ impl Spi {
         ((frame.miso == Some(self.wires.miso)).then_some(answer), misuse)
     }
 
-    /// Returns `byte` shifted by one bit, with the last bit of the previous byte first. The controller reads this value
-    /// if the receiver's output is one bit late.
+    /// Returns `byte` as it is read while the receiver's output is one bit late.
     fn late(&mut self, byte: u8) -> u8 {
         let shifted = byte >> 1 | u8::from(self.last_bit) << 7;
         self.last_bit = byte & 1 != 0;

@@ -101,7 +101,6 @@ fn over_i2c_the_number_of_bytes_and_then_the_bytes_are_read() {
     script.receivers.offer(script.now, 1, &message());
     assert_eq!(script.read(Some(0xFD), 2), [0, 100]);
     let begins = script.now + 9 * BIT;
-    // The register address has reached 0xFF and stays there.
     assert_eq!(script.read(None, 60), message()[..60]);
     assert_eq!(script.read(Some(0xFD), 2), [0, 40]);
     assert_eq!(script.read(Some(0xFF), 42), [&message()[60..], &[0xFF, 0xFF]].concat());
@@ -339,8 +338,6 @@ fn a_byte_at_another_rate_is_nothing_that_the_receiver_can_read() {
     script.now += 1_000 * MS;
     assert_eq!(send(&mut script, 38_400), [Some(0xB5)]);
 }
-
-// ---- faults
 
 fn levels(script: &mut Script) -> Vec<(Pin, bool)> {
     let mut inputs = vec![];

@@ -13,26 +13,21 @@ use emulator_node::Input;
 
 /// The bit's duration divided by this number is its greatest permitted deviation: 2.5 %.
 const TOLERANCE: u64 = 40;
-/// The number of unreadable frames in [`ERROR_WINDOW`] above which the receiver ignores its input until the end of that
-/// time.
+/// The number of unreadable frames in [`ERROR_WINDOW`] above which the receiver ignores its input for the rest of it.
 const MOST_ERRORS: u32 = 100;
 /// The time over which unreadable frames are counted, ns.
 const ERROR_WINDOW: u64 = 1_000_000_000;
 
 #[derive(Clone, Debug)]
 pub(super) struct Uart {
-    /// The microcontroller's pins: first the one that receives from the receiver, then the one that sends to the
-    /// receiver.
     pub(super) to_part: Pin,
     pub(super) from_part: Pin,
     /// UART frames that wait for the line and are sent back to back.
     waiting: VecDeque<UartFrame>,
-    /// The instant at which the receiver's line is free again, ns.
     free_at: u64,
     /// The duration of a bit at the rate to which the receiver's input is set, ps.
     bit_ps: u64,
-    /// The beginning of the present second of counting unreadable frames, ns, and the number of unreadable frames in
-    /// it.
+    /// The beginning of the present [`ERROR_WINDOW`], ns, and its number of unreadable frames.
     errors: (u64, u32),
 }
 
@@ -42,8 +37,7 @@ impl Uart {
         Self { to_part, from_part, waiting: VecDeque::new(), free_at: 0, bit_ps, errors: (0, 0) }
     }
 
-    /// Queues `frames` at `at` (ns) behind those that still wait. Returns the instant, ns, at which the first new frame
-    /// begins.
+    /// Queues `frames` at `at` (ns) and returns the instant, ns, at which the first of them begins.
     pub(super) fn send(&mut self, at: u64, frames: impl IntoIterator<Item = UartFrame>) -> u64 {
         if self.waiting.is_empty() {
             self.free_at = self.free_at.max(at);
@@ -57,8 +51,8 @@ impl Uart {
         self.bit_ps = UartFrame::eight_n_one(0, baud.max(1)).bit_ps;
     }
 
-    /// Passes a frame of the microcontroller, which ended at `at` (ns), to the receiver. Returns the byte that the
-    /// receiver read, `Some(None)` for an unreadable byte, or `None` while the receiver ignores its input.
+    /// Returns the byte that the receiver reads from a frame that ended at `at` (ns): `Some(None)` for an unreadable
+    /// byte, `None` while the receiver ignores its input.
     pub(super) fn hears(&mut self, at: u64, frame: &UartFrame) -> Option<Option<u8>> {
         if at >= self.errors.0 + ERROR_WINDOW {
             self.errors = (at, 0);

@@ -75,8 +75,7 @@ const MOVW: u16 = 0xF240;
 const MOVT: u16 = 0xF2C0;
 const MOV: u16 = 0xF04F;
 
-/// Whether the instruction is ORR or ADD in encoding T3 (A7.7.91, A7.7.3). MOV, an ORR without a source register, and
-/// CMN, an ADD without a destination, are excluded.
+/// Whether the instruction is ORR or ADD in encoding T3 (A7.7.91, A7.7.3), and not MOV or CMN, which share their codes.
 const fn is_field((one, two): (u16, u16)) -> bool {
     let without = one & 0xF == 0xF || two >> 8 & 0xF == 0xF;
     matches!(one & 0xFBE0, 0xF040 | 0xF100) && two & 0x8000 == 0 && !without
@@ -86,7 +85,6 @@ fn is_half((one, two): (u16, u16), opcode: u16, register: u16) -> bool {
     one & 0xFBF0 == opcode && two & 0x8000 == 0 && two >> 8 & 0xF == register
 }
 
-/// The 16-bit immediate of a MOVW or MOVT.
 fn immediate((one, two): (u16, u16)) -> u16 {
     (one & 0xF) << 12 | (one >> 10 & 1) << 11 | (two >> 12 & 7) << 8 | two & 0xFF
 }
@@ -101,7 +99,6 @@ fn modified(value: u32) -> Option<(u16, u16)> {
     (0..0x1000).map(bits).find(|bits| expanded(*bits) == value)
 }
 
-/// The modified immediate of an instruction, ARMv7-M ARM A5.3.2.
 fn expanded((one, two): (u16, u16)) -> u32 {
     let (rotation, byte) = ((one >> 10 & 1) << 4 | two >> 11 & 0xE | two >> 7 & 1, u32::from(two & 0xFF));
     match rotation {

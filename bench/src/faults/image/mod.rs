@@ -73,9 +73,7 @@ pub enum ImageFault {
 
 /// `BX LR`: the handler returns without any effect and without acknowledging its interrupt.
 const RETURN: u16 = 0x4770;
-/// `B .`
 const BRANCH_TO_ITSELF: u16 = 0xE7FE;
-/// `UDF #0`
 const UNDEFINED: u16 = 0xDE00;
 
 impl ImageFault {
@@ -163,8 +161,7 @@ impl Repair {
     }
 }
 
-/// The other address of code that the firmware copies from flash to RAM: that in flash for an `address` in RAM, and
-/// that in RAM for an `address` in flash.
+/// The address in RAM of code that is copied from `address` in flash, or the address in flash for one in RAM.
 fn twin<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> Option<u64> {
     let [start, end, load] = ["__shot", "__ehot", "__sihot"].map(|symbol| node.address_of(symbol).ok());
     let (start, end, load) = (start?, end?, load?);
@@ -172,14 +169,13 @@ fn twin<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> Option<u64> {
     from(start).map(|offset| load + offset).or_else(|| from(load).map(|offset| start + offset))
 }
 
-/// The flash address of the byte that the firmware has at `address`, which may be in RAM for copied code.
+/// The address in flash of the byte at `address`, which may be in RAM for copied code.
 fn stored<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> u64 {
     let runs = node.address_of("__shot").is_ok_and(|start| address >= start);
     twin(node, address).filter(|_| runs).unwrap_or(address)
 }
 
-/// The address of the first instruction of the handler or function called `name`, which is a symbol or the end of a
-/// function's path.
+/// The address of the first instruction of the handler or function `name`, a symbol or the end of a function's path.
 fn entry<B: Board, C: Cost>(node: &Node<B, C>, name: &str) -> Result<u64, Error> {
     let called = node.firmware().functions_called(name).next();
     node.address_of(name).or_else(|error| called.ok_or(error)).map(|address| address & !1)

@@ -6,13 +6,10 @@ use cortex_m4::Cost;
 
 use emulator_node::{Board, Node};
 
-/// The first address of the peripherals.
 const PERIPHERALS: u32 = 0x4000_0000;
 
-/// An instruction that stores a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Store {
-    /// The register stored.
     pub(super) rt: u8,
     pub(super) rn: u8,
     pub(super) offset: Offset,
@@ -31,8 +28,7 @@ pub(super) enum Offset {
 }
 
 impl Store {
-    /// Decodes a store instruction, if `first` and `second` are one: ARMv7-M ARM A7.7.161 (STR), A7.7.163 (STRB),
-    /// A7.7.170 (STRH).
+    /// Decodes a store instruction: STR, STRB or STRH (ARMv7-M ARM A7.7.161, A7.7.163, A7.7.170).
     pub(super) fn decode(first: u16, second: u16) -> Option<Self> {
         let low = |at: u16| (first >> at & 7) as u8;
         let narrow = |size: u8, offset| Some(Self { rt: low(0), rn: low(3), offset, size, wide: false });
@@ -113,7 +109,6 @@ pub struct Recording {
     pub(super) conditional: BTreeSet<u32>,
     /// For the address of each store, the address of the instruction executed before it.
     pub(super) before: BTreeMap<u32, u32>,
-    /// The address of the instruction executed last.
     last: u32,
 }
 
@@ -150,8 +145,7 @@ impl Recording {
                 .filter(|(address, ..)| *address >= PERIPHERALS);
             while node.instructions() == retired && node.now() < until && !node.is_asleep() {
                 node.advance(node.now() + 1);
-                // A node that has stopped between two instructions continues only after its outgoing signals have been
-                // taken.
+                // The node continues only after its outgoing signals have been taken.
                 drain(node);
             }
             let next = node.register(15);
@@ -175,7 +169,6 @@ impl Recording {
     }
 }
 
-/// The two halfwords at `address`.
 pub(super) fn halves<B: Board, C: Cost>(node: &Node<B, C>, address: u32) -> (u16, u16) {
     let mut bytes = [0; 4];
     let address = super::stored(node, u64::from(address));

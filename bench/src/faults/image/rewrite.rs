@@ -125,7 +125,6 @@ impl Code {
         self.raw(&bl_imm(distance, 0xF000, false));
     }
 
-    /// Makes the branch at `hole`, which [`Code::hole`] left room for, lead to the present end of the code.
     fn close(&mut self, hole: usize) {
         let from = self.base + 2 * u32::try_from(hole).expect("a stub is short");
         let distance = self.here().wrapping_sub(from + 4).cast_signed();
@@ -139,14 +138,12 @@ impl Code {
         node.write(super::stored(node, u64::from(self.base)), &bytes)
     }
 
-    /// Leaves room for a branch and returns the position.
     fn hole(&mut self) -> usize {
         self.raw(&[0xBF00, 0xBF00]);
         self.halves.len() - 2
     }
 
-    /// Assembles `store`, whose encoding is `encoding`, so that its effect is changed if it stores to a register in
-    /// `changes`.
+    /// Assembles `store` so that its effect is changed if it stores to a register in `changes`.
     fn store(&mut self, store: Store, encoding: &[u16], changes: &[Change]) {
         let scratch: Vec<u8> = (0..8).filter(|register| !store.uses(*register)).take(3).collect();
         let [a, b, c] = scratch[..] else { unreachable!("a store uses three registers of eight at most") };
@@ -211,8 +208,7 @@ impl Code {
         }
     }
 
-    /// Assembles the instruction `encoding`, whose original address is `pc`, so that it has the same effect at its new
-    /// address.
+    /// Assembles the instruction `encoding` from `pc` so that it has the same effect at its new address.
     fn moved(
         &mut self,
         pc: u32,
@@ -233,12 +229,10 @@ impl Code {
                     (0x9000, _) => self.branch(pc.wrapping_add(4).wrapping_add_signed(bl_distance(first, second))),
                     (0x8000, condition @ 0..0xE) => {
                         let target = pc.wrapping_add(4).wrapping_add_signed(conditional_distance(first, second));
-                        // A 32-bit branch replaces the conditional branch, and a branch with the inverse condition
-                        // skips it.
+                        // A 32-bit branch replaces this one, and a branch with the inverse condition skips it.
                         self.raw(&[0xD000 | (condition ^ 1) << 8 | 1]);
                         self.branch(target);
                     }
-                    // Barriers, hints and accesses to special registers are position-independent.
                     (0x8000, _) => self.raw(encoding),
                     _ => return refuse("a branch to another instruction set cannot be moved"),
                 }
@@ -254,7 +248,7 @@ impl Code {
             // B<cond>
             0xD if first >> 8 & 0xF < 0xE => {
                 let target = pc.wrapping_add(4).wrapping_add_signed(2 * signed(first & 0xFF, 8));
-                // A 32-bit branch replaces the conditional branch, and a branch with the inverse condition skips it.
+                // A 32-bit branch replaces this one, and a branch with the inverse condition skips it.
                 self.raw(&[(first & 0xFF00) ^ 0x0100 | 1]);
                 self.branch(target);
             }
@@ -287,8 +281,7 @@ impl Code {
     }
 }
 
-/// Whether a 32-bit instruction that begins with `first` depends on its own address: TBB, TBH, ADR, and the literal
-/// forms of LDR, LDRB, LDRH, LDRSB, LDRSH, LDRD and VLDR.
+/// Whether a 32-bit instruction that begins with `first` depends on its own address: TBB, TBH, and literal loads.
 const fn is_relative(first: u16) -> bool {
     let table = first & 0xFFF0 == 0xE8D0;
     let load = first & 0xFE1F == 0xF81F || first & 0xFE5F == 0xE85F || first & 0xFF3F == 0xED1F;
@@ -302,7 +295,6 @@ fn can_move<B: Board, C: Cost>(node: &Node<B, C>, pc: u32) -> bool {
     Code { base: 0, halves: vec![] }.moved(pc, encoding, |_| Ok(0)).is_ok()
 }
 
-/// The low `bits` bits of `value` as a signed number.
 fn signed(value: u16, bits: u32) -> i32 {
     i32::from(value) << (32 - bits) >> (32 - bits)
 }
@@ -380,8 +372,7 @@ pub fn rewrite<B: Board, C: Cost>(
         let narrow = !is_wide(halves(node, site).0);
         let mut skip = None;
         let start = if recording.conditional.contains(&site) {
-            // The IT block contains only the store. The stub returns to the instruction after it if the condition is
-            // false.
+            // The IT block contains only the store, and the stub returns after it if the condition is false.
             let it = halves(node, site - 2).0;
             if !narrow || it & 0xFF0F != 0xBF08 {
                 return refuse(site, "a store in an IT block of more than one instruction cannot be replaced");
@@ -390,8 +381,7 @@ pub fn rewrite<B: Board, C: Cost>(
             skip = Some(stubs.hole());
             site - 2
         } else if narrow && (targets.contains(&(site + 2)) || !can_move(node, site + 2)) {
-            // If the instruction after a 16-bit store is a branch target or cannot move, the one before the store moves
-            // instead.
+            // The instruction before the store moves if the one after it is a branch target or cannot move.
             recording.before[&site]
         } else {
             site
@@ -438,8 +428,7 @@ pub fn rewrite<B: Board, C: Cost>(
     Ok(())
 }
 
-/// Whether a firmware's memory protection lets it execute flash at `address`. One table serves both boards, whose flash
-/// addresses do not overlap.
+/// Whether the memory protection lets either firmware execute flash at `address`. The boards' flash does not overlap.
 fn may_execute(address: u32) -> bool {
     let (horus, dpr) = (horus_tx_fw::protection::TASKS, dpr_fw::protection::TASKS);
     horus.allows(address, Access::Execute) || dpr.allows(address, Access::Execute)
@@ -511,8 +500,8 @@ mod tests {
 
     #[test]
     fn an_instruction_that_cannot_be_moved_is_refused_with_its_address() {
-        // The tested instructions are IT EQ; LDR.W r0, [pc, #4]; TBB [pc, r1]; LDRH.W r0, [pc, #4]; LDRD r0, r1, [pc,
-        // #4]; VLDR s0, [pc, #4]; ADR.W r0, forwards and backwards.
+        // IT EQ; LDR.W r0, [pc, #4]; TBB [pc, r1]; LDRH.W r0, [pc, #4]; LDRD r0, r1, [pc, #4]; VLDR s0, [pc, #4]; ADR.W
+        // r0, forwards and backwards.
         let [table, load] = [[0xE8DF_u16, 0xF001], [0xF8DF, 0x0004]];
         let [half, two, float] = [[0xF8BF, 0x0004], [0xE9DF, 0x0101], [0xED9F, 0x0A01]];
         let [forwards, backwards] = [[0xF20F, 0x0004], [0xF2AF, 0x0004]];

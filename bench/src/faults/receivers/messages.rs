@@ -7,12 +7,10 @@ const LATITUDE_1E7_PER_100_M: i64 = 8_993;
 /// A hundred metres in longitude at 47.5 degrees of latitude, where the simulated flights are, in 10⁻⁷ degrees.
 const LONGITUDE_1E7_PER_100_M: i64 = 13_310;
 
-/// The offset of the longitude in a NAV-PVT message. Latitude and height follow (UBX-NAV-PVT in the receiver
-/// description, UBX-13003221).
+/// The offset of the longitude in a NAV-PVT message (receiver description, UBX-13003221).
 pub(super) const LONGITUDE: usize = 24;
 pub(super) const LATITUDE: usize = 28;
 pub(super) const HEIGHT: usize = 32;
-/// The offsets of the horizontal and the vertical accuracy in a NAV-PVT message.
 pub(super) const ACCURACIES: [usize; 2] = [40, 44];
 pub(super) const VELOCITY_NORTH: usize = 48;
 
@@ -23,8 +21,7 @@ pub(super) fn last_itow(bytes: &[u8]) -> Option<u32> {
     last
 }
 
-/// Returns `bytes` after a call of `change` for every whole UBX message with the message's class, identifier and
-/// payload.
+/// Returns `bytes` after a call of `change` for each whole UBX message with class, identifier and payload.
 pub(super) fn each_message(bytes: &[u8], mut change: impl FnMut(u8, u8, &mut Vec<u8>)) -> Vec<u8> {
     let mut changed = Vec::with_capacity(bytes.len());
     let mut rest = bytes;
@@ -42,7 +39,6 @@ pub(super) fn each_message(bytes: &[u8], mut change: impl FnMut(u8, u8, &mut Vec
     changed
 }
 
-/// Returns `bytes` with the second checksum byte of every whole UBX message inverted.
 pub(super) fn with_bad_checksums(bytes: &[u8]) -> Vec<u8> {
     let mut changed = bytes.to_vec();
     let mut at = 0;
@@ -59,7 +55,6 @@ pub(super) fn with_bad_checksums(bytes: &[u8]) -> Vec<u8> {
     changed
 }
 
-/// The offset of the time of week in a message's payload.
 fn itow_at(class: u8, id: u8, payload: &[u8]) -> Option<usize> {
     if (class, id) == (ubx::CLASS_ESF, EsfIns::ID) {
         return Some(8);
@@ -99,7 +94,6 @@ pub(super) fn flattened(class: u8, id: u8, payload: &mut [u8]) {
     }
 }
 
-/// Turns the heading of a NAV-ATT message clockwise by `degrees`.
 pub(super) fn turned(class: u8, id: u8, payload: &mut [u8], degrees: u16) {
     const HEADING: usize = 16;
     const TURN_1E5: i32 = 36_000_000;
@@ -148,7 +142,6 @@ pub(super) fn last_position(bytes: &[u8]) -> Option<[i32; 3]> {
     last
 }
 
-/// Sets fields of a NAV-PVT message, each given by its offset and its new value.
 pub(super) fn set_fields(class: u8, id: u8, payload: &mut [u8], fields: &[(usize, u32)]) {
     if is_position(class, id, payload) {
         fields.iter().for_each(|(at, value)| set(payload, *at, *value));

@@ -7,7 +7,6 @@ use super::Config;
 use crate::faults::{Conduct, Rng};
 use crate::world::ssi::{Filler, Order, Pace};
 
-/// The rule by which the transactions of a misuse of the SSI begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rhythm {
     /// A transaction begins in each control cycle, unless the transaction before is still under way.
@@ -30,8 +29,7 @@ const TAKEN_IN: usize = 72;
 /// The time from one fall of chip select to the next with [`Conduct::TogglesCsn`], ns.
 const TOGGLE: u64 = 2_000;
 
-/// The shortest time for which [`Conduct::Every`] keeps chip select high, ns: the minimum of the DPR's peripheral
-/// (nRF52840 PS v1.7, 6.26.7, t<sub>SPIS,CSNH</sub>).
+/// The shortest time of chip select high, ns, of [`Conduct::Every`] (nRF52840 PS v1.7, 6.26.7, t<sub>SPIS,CSNH</sub>).
 const CSN_HIGH: u64 = 300;
 
 /// How long [`Conduct::Hammers`] leaves chip select high between two transactions, ns.
@@ -45,13 +43,11 @@ pub(super) struct Misconduct {
 }
 
 impl Misconduct {
-    /// Begins the misuse `conduct` of a flight controller with these settings; `seed` determines all random values.
     #[must_use]
     pub(super) const fn new(conduct: Conduct, config: Config, seed: u64) -> Self {
         Self { conduct, config, noise: Rng::new(seed) }
     }
 
-    /// The rule by which this misuse's transactions begin.
     #[must_use]
     pub(super) const fn rhythm(&self) -> Rhythm {
         match self.conduct {
@@ -98,7 +94,6 @@ impl Misconduct {
         }
     }
 
-    /// Returns noise for MOSI that differs in each transaction.
     fn noise(&mut self) -> Filler {
         Filler::Noise(Rng::new(self.noise.word()))
     }

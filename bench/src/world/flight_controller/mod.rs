@@ -319,7 +319,6 @@ impl FlightController {
         let own_ns = self.config.first_ns + self.cycle * self.config.cycle_ns;
         let made_up = self.config.writes.then(|| uplinks::written(self.cycle, own_ns)).flatten();
         let of_base_station = |object: &[u8; Uplink::SIZE]| Uplink::verify::<BaseStation>(object).is_ok();
-        // An uplink that came by radio replaces a generated one.
         let is_free = uplinks::is_free(&mosi);
         let made_up = made_up.filter(|object| is_free && !(self.config.relays && of_base_station(object)));
         if let Some(object) = made_up {
@@ -365,7 +364,6 @@ impl FlightController {
             self.ports.extend(read.map(|port| (transaction.deselected_ns, port.to_vec())));
         }
         if reading.outcome == Outcome::Busy {
-            // A busy DPR has not received the request.
             if let Some(unheard) = self.asked.take() {
                 self.requests.push_front(unheard);
             }

@@ -206,8 +206,7 @@ fn its_client_shows_a_position_from_the_fourth_cycle_on() {
         .collect();
     let positions: Vec<_> = shown.iter().map(|report| report.position.map(|position| position.timestamp)).collect();
     assert_eq!(positions, [None, None, None, Some(40), Some(50)]);
-    // The age is 6.1 ms from Link-Status plus at most 25 ms, for which the DPR may hold an image. The DPR's time in the
-    // images never changes in this test.
+    // The age is 6.1 ms from Link-Status plus at most 25 ms, for which the DPR may hold an image.
     assert_eq!(shown[4].age_us, 31_100);
     let ages: Vec<_> = (0..8)
         .map(|_| {
@@ -224,7 +223,6 @@ fn a_busy_dpr_is_told_from_a_damaged_image() {
     let mut rig = rig();
     rig.transact(&[0xff; 276]);
     assert_eq!(rig.outcome(), Outcome::Busy);
-    // This transaction reads zeros, so it has no Link-Status.
     rig.transact(&[]);
     assert_eq!(rig.outcome(), Outcome::BadCrc);
     let image = image_of(&profile(10));
@@ -482,7 +480,6 @@ fn each_conduct_keeps_the_rate_that_it_states() {
         for over in &meanwhile[..meanwhile.len().saturating_sub(1)] {
             assert_eq!(over.bytes, bytes, "{conduct:?}");
         }
-        // The last transaction may be cut short.
         assert!(meanwhile.last().is_none_or(|last| last.bytes.abs_diff(bytes) <= 1 || count > 1), "{conduct:?}");
         let past: usize =
             rig.pins.done.iter().map(|done| if let Done::Bytes(_, _, mosi, _) = done { mosi.len() } else { 0 }).sum();

@@ -5,9 +5,8 @@ use profile::criticality::{BaseStation, FlightController, Writer, WritesUplink};
 use profile::ssi::REQUEST_SIZE;
 use profile::{Command, CommandObject, Uplink, UplinkValues};
 
-/// The number of control cycles from one uplink to the next. The uplinks of the base station and of the flight
-/// controller alternate, so each comes every 80 ms, and images that are read in between show everything that was
-/// written.
+/// The number of control cycles from one uplink to the next. The uplinks of base station and flight controller
+/// alternate.
 const UPLINK_EVERY: u64 = 10;
 
 /// The number of control cycles from one command to the next: one second.

@@ -93,8 +93,7 @@ impl Crystal {
     pub const fn by_the_bench(self, own_ns: u64) -> u64 {
         const BILLION: u64 = 1_000_000_000;
         let rate = BILLION.checked_add_signed(self.ppb).expect("a crystal that swings");
-        // The result is own_ns * BILLION / rate, rounded to nearest. Whole multiples of `rate` are converted apart, so
-        // that the product fits 64 bits.
+        // Whole multiples of `rate` are converted apart, so that the product fits 64 bits.
         own_ns / rate * BILLION + (own_ns % rate * BILLION + rate / 2) / rate
     }
 

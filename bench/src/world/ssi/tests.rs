@@ -106,8 +106,7 @@ fn a_transaction_that_does_not_let_go_ends_when_it_is_cut() {
 
 #[test]
 fn a_transaction_that_is_cut_clocks_its_current_byte_to_the_end() {
-    // A byte takes 1 µs, and the first one ends at 2 µs. At 50 µs exactly 49 bytes are done, and at 50.5 µs the 50th is
-    // under way.
+    // At 50 µs exactly 49 bytes of 1 µs each are done, and at 50.5 µs the 50th is under way.
     for (cut, bytes, rises) in [(50_500, 50, 53_000), (50_000, 49, 52_000), (1_000, 0, 3_000), (400, 0, 2_400)] {
         let mut master = SsiMaster::new(STANDARD);
         let mut pins = Pins::showing(&[]);

@@ -158,7 +158,6 @@ impl Account {
         *count += 1;
     }
 
-    /// Counts the outcome of a frame from `origin` at the listener. Repetitions are not counted.
     pub(super) fn over(&mut self, origin: Origin, outcome: Outcome) {
         if origin == Origin::Repeated {
             return;

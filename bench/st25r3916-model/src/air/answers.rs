@@ -55,12 +55,10 @@ pub struct AnswerPath {
     air: Air,
     foreign: ForeignCard,
     rng: SplitMix,
-    /// The instant at which the foreign card's next answer begins, ns.
     due: Option<u64>,
     /// The end of the foreign card's present answer, ns, and its number of data bits.
     foreign_ends: Option<(u64, u32)>,
-    /// Whether the listener's present answer is on the air, or was lost in a collision (`false`); `None` if the
-    /// listener does not answer.
+    /// Whether the listener's answer is on the air (`true`) or was lost in a collision; `None` without an answer.
     answering: Option<bool>,
     collisions: u64,
     foreign_answers: u64,
@@ -205,7 +203,6 @@ impl AnswerPath {
         self.air.take_injected()
     }
 
-    /// Breaks off the answer that is on the air at `at`, because another one begins.
     fn collide(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
         self.collisions += 1;
         self.air.sending_breaks_off(at, &mut frames(hears));

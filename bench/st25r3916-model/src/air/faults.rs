@@ -5,7 +5,6 @@ use crate::rng::SplitMix;
 
 /// The number of sync bits in NFC-F. The receiver does not detect a frame if one of them is inverted.
 const SYNC_BITS: u32 = 16;
-/// The length of the shortest burst of errors, bits.
 const SHORTEST_BURST: u32 = 2;
 
 /// The faults of the air on the poller's frames. The default has none.
@@ -59,8 +58,7 @@ pub(super) fn sync_errors(rng: &mut SplitMix, faults: &AirFaults, frame: &FrameS
     (0..SYNC_BITS).map(|_| u64::from(rng.hit(faults.bit_error))).sum()
 }
 
-/// Returns the positions, in the order of the air, of the data bits that a burst inverts. `bits` is the number of data
-/// bits in the frame.
+/// Returns the positions, in the order of the air, of those of the frame's `bits` data bits that a burst inverts.
 pub(super) fn burst(rng: &mut SplitMix, faults: &AirFaults, bits: u64) -> Vec<u64> {
     if bits < u64::from(SHORTEST_BURST) || !rng.hit(faults.burst) {
         return vec![];
@@ -73,8 +71,7 @@ pub(super) fn burst(rng: &mut SplitMix, faults: &AirFaults, bits: u64) -> Vec<u6
     (first..=last).filter(|&bit| bit == first || bit == last || rng.hit(0.5)).collect()
 }
 
-/// Returns the mask of data bit `bit`, counted in the order of the air, in its byte. NFC-F sends the most significant
-/// bit of a byte first, NFC-A the least significant.
+/// Returns the mask of data bit `bit` in its byte. NFC-F sends the most significant bit first, NFC-A the least.
 fn mask(technology: Technology, bit: u64) -> u8 {
     match technology {
         Technology::NfcF => 0x80 >> (bit % 8),
@@ -82,8 +79,8 @@ fn mask(technology: Technology, bit: u64) -> u8 {
     }
 }
 
-/// Inverts the bits of `chunk` at the positions in `burst`, and others by bit errors. The chunk's first byte is byte
-/// `first` of the frame. Returns the positions of the bit errors.
+/// Inverts the bits of `chunk`, which begins with the frame's byte `first`, at the positions in `burst`, and others by
+/// bit errors. Returns the positions of the bit errors.
 pub(super) fn invert(
     rng: &mut SplitMix,
     faults: &AirFaults,

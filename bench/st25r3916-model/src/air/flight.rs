@@ -6,7 +6,6 @@ use super::account::{Fault, Heard, Origin, SentFrame};
 use super::faults::AirFaults;
 use crate::event::{Chunk, FrameStart, Technology};
 
-/// The number of bits in NFC-A's end of communication.
 const NFC_A_TRAILER_BITS: u32 = 2;
 /// The number of CRC bytes, which LEN of an NFC-F frame does not count.
 const CRC_BYTES: usize = 2;
@@ -82,26 +81,21 @@ pub(super) enum Later {
     End { bits: u32, whole: bool },
 }
 
-/// A frame on its way to the listener. The times of later events count from the frame's first bit, which may be
-/// delayed.
+/// A frame on its way to the listener. Later events count from its first bit, which may be delayed.
 #[derive(Clone, Debug)]
 pub(super) struct Flight {
     pub(super) id: u64,
     pub(super) origin: Origin,
     pub(super) faults: AirFaults,
-    /// The instant at which the frame's first bit reaches the listener, ns; `None` while the frame waits for another
-    /// one to end.
+    /// The instant at which the frame's first bit reaches the listener, ns; `None` while another frame is in the way.
     pub(super) due: Option<u64>,
     /// The frame as the listener receives it, with the bytes that are known so far.
     pub(super) start: FrameStart,
-    /// The positions of the data bits that a burst inverts.
     pub(super) burst: Vec<u64>,
-    /// The frame's events after its start, each with the time from its first bit, ns. Events after the frame's end are
-    /// ignored.
+    /// The frame's events after its start, each with the time from its first bit, ns; those after its end are ignored.
     pub(super) later: VecDeque<(u64, Later)>,
     /// Whether the frame carries the bytes of an earlier frame, so that the poller's further bytes are ignored.
     pub(super) frozen: bool,
-    /// Whether the air has changed a bit of the frame.
     pub(super) changed: bool,
     /// The faults in the frame, each with the time from the frame's first bit to the first faulty bit, ns.
     pub(super) marks: VecDeque<(u64, Fault)>,
@@ -140,7 +134,6 @@ impl Flight {
         self.marks.insert(place, (after, fault));
     }
 
-    /// Cuts the frame after its first `bytes` bytes.
     pub(super) fn cut(&mut self, bytes: usize) {
         self.start.chunk.data.truncate(bytes);
         let end = self.start.until_byte(bytes);

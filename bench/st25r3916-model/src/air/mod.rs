@@ -45,8 +45,7 @@ use account::{Account, Fault, Outcome};
 use faults::{burst, invert, sync_errors, within};
 use flight::{Flight, Later, Sending, expected_bits};
 
-/// The time from the end of a frame to the start of a frame that waited for that end, ns: the shortest gap between two
-/// frames of the link.
+/// The shortest gap between two frames of the link, ns, which a frame that waits for the end of another one keeps.
 const GAP_NS: u64 = 300_000;
 
 /// The air between one poller and one listener.
@@ -278,8 +277,7 @@ impl Air {
         self.account.sent.push(sent);
     }
 
-    /// Ends the poller's present frame at `at` without an end event, because the poller's next frame begins or its
-    /// carrier goes off.
+    /// Ends the poller's present frame at `at`, because its next frame begins or its carrier goes off.
     fn sending_breaks_off(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
         if let Some(sending) = &self.sending {
             let bits = sending.bits_by(at);
@@ -351,7 +349,6 @@ impl Air {
         self.over(at, bits, false);
     }
 
-    /// Ends the frame on the air at `at`: its outcome is counted, and its repetition, if any, is planned.
     fn over(&mut self, at: u64, bits: u32, whole: bool) {
         self.publish_marks(at);
         let Some((began, flight)) = self.on_air.take() else { return };

@@ -45,12 +45,10 @@ pub struct Chip {
     transmitter: Transmitter,
     receiver: Receiver,
     spi: Spi,
-    /// Events of the air that have not taken effect yet: the instant of the effect, the instant of the event, and the
-    /// event.
+    /// Events of the air that are still to take effect: the instant of the effect, the instant of the event, the event.
     inbox: VecDeque<(u64, u64, AirEvent)>,
     /// The register that the command in progress will set, and its new value.
     measuring: Option<(Space, u8, u8)>,
-    /// The instants at which chip select rose after a transmit command.
     transmits: Vec<u64>,
     /// The last bits on MOSI and on MISO. In a wrong SPI mode, chip or controller samples the previous bit.
     last_bits: (bool, bool),
@@ -331,8 +329,7 @@ impl Chip {
         self.field.look(&mut self.core);
     }
 
-    /// Sends a frame. Because the chip is half duplex, a frame that is being received is lost, and a frame that arrives
-    /// meanwhile is not received.
+    /// Sends a frame. A frame that is received or arrives meanwhile is lost, because the chip is half duplex.
     fn send(&mut self, mut frame: Outgoing) {
         if self.transmitter.admits(&mut self.core, &self.field, &mut frame) {
             self.let_go();
@@ -344,7 +341,6 @@ impl Chip {
         }
     }
 
-    /// Breaks off the frame that the chip is sending, without an interrupt.
     fn break_off(&mut self) {
         self.transmitter.break_off(&mut self.core, &mut self.fifo);
     }
