@@ -71,7 +71,6 @@ impl PowerFault {
 /// One to four changes lead to other voltages, and a last change leads back to the original voltage. The voltages are
 /// zero, between the thresholds of the microcontrollers' supply supervisors, or anywhere. Each change takes 1, 10 or
 /// 100 ms, as a ramp in steps of at most 20 mV or as one step.
-/// steps of at most 20 mV or as one step.
 #[must_use]
 pub fn shape(seed: u64) -> Vec<(u64, u32)> {
     const STEP_UV: u32 = 20_000;

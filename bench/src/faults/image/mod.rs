@@ -98,8 +98,6 @@ impl ImageFault {
     ///
     /// [`Error::NoSymbol`] if the program has no such handler, function, variable or constant, [`Error::NotMemory`] if
     /// an address is outside the memory, [`Error::NoPlace`] if the bytes to replace do not occur exactly once.
-    /// [`Error::NotMemory`] where an address is outside the part's memory, [`Error::NoPlace`] where the bytes to be
-    /// replaced do not occur exactly once.
     pub fn apply<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<Repair, Error> {
         let code = |node: &mut Node<B, C>, address, instruction: u16| {
             Repair::after_writing(node, address, &instruction.to_le_bytes())
