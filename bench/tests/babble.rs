@@ -34,7 +34,6 @@ impl Noise {
     }
 }
 
-/// A source of bytes that fills a receiver's line without a pause.
 #[derive(Clone, Copy, Debug)]
 enum Babble {
     Noise,
@@ -88,8 +87,7 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
         for line_number in 0..3 {
             let line = std::mem::offset_of!(HorusTelemetry, lines) + line_number * size_of::<LineTelemetry>();
             let bytes = count(line + std::mem::offset_of!(LineTelemetry, bytes));
-            // HORUS takes all bytes of a UART, except those that are still in half a ring. It drops the bytes that it
-            // reads over a bus, 256 a cycle, because more always follow and old data are useless (decision 16).
+            // HORUS takes all bytes of a UART but the last ones in the ring. It drops old bytes of a bus (decision 16).
             let taken = [20_000..=23_500, 0..=0, 0..=0][line_number].clone();
             assert!(taken.contains(&bytes), "{babble:?}, receiver {line_number}: {bytes} bytes taken");
             assert_eq!(count(line + std::mem::offset_of!(LineTelemetry, overruns)), 0, "{babble:?}");
@@ -99,7 +97,6 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
     }
 }
 
-/// The interval in which the flight controller misuses the SSI, ns.
 const EPISODE: std::ops::Range<u64> = RAM_TEST + 30 * MS..RAM_TEST + 330 * MS;
 
 struct Controller {
@@ -108,7 +105,6 @@ struct Controller {
     turns: Timeline,
     /// The bytes that the flight controller read in its last whole transaction.
     read: Vec<u8>,
-    /// The number of transactions that began and ended while the flight controller misused the SSI.
     wrong: usize,
     air: Air,
 }
@@ -185,7 +181,6 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
     for conduct in Conduct::ALL {
         let (Some(a), Some(b)) = (boards::horus(), boards::dpr()) else { return };
         let mut relay = Relay { a, b, upstream: Antenna, downstream: Controller::new(conduct) };
-        // The load of the start does not count.
         relay.run(EPISODE.start - 5 * MS, 400 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
         let started = relay.b.usage();
         relay.run(EPISODE.end + 70 * MS, 400 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
@@ -196,8 +191,7 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
         let wrong = downstream.wrong;
         let violations = count(&dpr, std::mem::offset_of!(DprTelemetry, access_violations));
         println!("{}: {wrong} transactions, load {load:.4}, {violations} access violations", conduct.name());
-        // HORUS's first frame is that of its tick at 31 ms, and its last one, that of the tick at 411 ms, ends at 416
-        // ms.
+        // The frame of HORUS's tick at 31 ms is the first, and that of the tick at 411 ms the last.
         assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, frames_received)), 39, "{conduct:?}");
         // The DPR does not show the cycles with which it finds the sequence.
         let shown = 39 - u32::from(SEARCH_CYCLES);
@@ -215,8 +209,7 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
             // Noise contains no request and no object, so each such transaction counts one violation of each kind.
             Conduct::RunsAway => 3..=3,
             Conduct::RandomBytes => 225..=225,
-            // The requests have a valid CRC but ask for windows that do not exist, and the bytes in place of an object
-            // are none.
+            // The windows in the requests do not exist, and the bytes in place of an object are none.
             Conduct::Lies => 75..=90,
             // The first of the repeated uplink objects is new; each of the others counts as a violation.
             Conduct::ReplaysUplink => 74..=74,
@@ -231,7 +224,6 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
         let findings = dpr.take_findings();
         assert_eq!(!findings.is_empty(), matches!(conduct, Conduct::OtherMode(_)), "{conduct:?}: {findings:?}");
         assert!(load < 0.1, "{conduct:?}: load {load}");
-        // After the misuse the flight controller reads the DPR's present image again.
         let read = &downstream.read;
         assert_eq!(read.len(), Image::<3>::LEN, "{conduct:?}");
         let link = LinkStatus::verify(&read[..LinkStatus::SIZE]).unwrap().values();

@@ -17,12 +17,10 @@ use dpr_fw::triple::RECEIVE_BUFFERS;
 
 const MS: u64 = 1_000_000;
 
-/// The outcome of a run with these faults; `None` if the firmwares were not built.
 fn outcome(faults: Faults, duration: u64) -> Option<Outcome> {
     outcome_of(faults, duration, None)
 }
 
-/// The outcome of a run with these faults and an event log at `log`; `None` if the firmwares were not built.
 fn outcome_of(faults: Faults, duration: u64, log: Option<PathBuf>) -> Option<Outcome> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
     let setup = Setup { faults, log, ..Setup::new(images, 3, duration) };

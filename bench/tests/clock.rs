@@ -16,12 +16,10 @@ use reader::{Antenna, MS, Reader, US};
 use st25r3916_model::AirEvent;
 use stm32f429::Oscillators;
 
-/// The longest time from the failure of the external clock until the field is off, ns: an exception, and a write to one
-/// register of the front end with the processor at 16 MHz.
+/// The longest time from the failure of the external clock until the field is off, ns.
 const FIELD_OFF: u64 = 100 * US;
 
-/// The longest time from the end of the field to the watchdog's reset, ns: 100 ms at 32 kHz, of an oscillator that may
-/// run at 17 kHz (DS9405 table 42).
+/// The longest time from the end of the field to the watchdog's reset, ns: its 32 kHz may be 17 kHz (DS9405 table 42).
 const BITE: u64 = 200 * MS;
 
 #[test]
@@ -90,8 +88,7 @@ fn a_pll_that_never_locks_is_named_after_the_watchdogs_restart() {
     assert!((2..=5).contains(&restarts), "{restarts}");
 }
 
-/// Whether the DPR shows the objects of a HORUS whose internal oscillator has this error, and whether it reports
-/// HORUS's clock as implausible.
+/// Whether the DPR shows HORUS's objects, and whether it reports HORUS's clock as implausible.
 fn verdict(hsi_ppb: i64) -> Option<(bool, bool)> {
     let oscillators = Oscillators { hse_hz: None, hsi_ppb, ..Oscillators::default() };
     let (a, b) = (boards::horus_on(oscillators)?, boards::dpr()?);
@@ -109,8 +106,7 @@ fn verdict(hsi_ppb: i64) -> Option<(bool, bool)> {
     Some((all(|(_, shown)| *shown), all(|(status, _)| status.horus_clock_implausible())))
 }
 
-/// While the DPR searches for the sequence, it accepts cycles of 10 ms ± 0.5 ms. An error of 2 % or more makes a clock
-/// implausible (docs/hardware.md has the table).
+/// The DPR accepts cycles of 10 ms ± 0.5 ms in its search for the sequence. An error of 2 % makes a clock implausible.
 #[test]
 fn the_dpr_judges_horus_without_a_crystal_by_its_error() {
     for (percent, expected) in [
@@ -129,7 +125,6 @@ fn the_dpr_judges_horus_without_a_crystal_by_its_error() {
     }
 }
 
-/// HORUS's board alone, with the events of its antenna.
 struct Transmitter {
     node: Node<Horus>,
     air: Vec<(u64, AirEvent)>,
@@ -176,8 +171,7 @@ impl Transmitter {
     }
 }
 
-/// The external clock fails while a profile is sealed, while it is loaded, while it is on the air, and in the silence
-/// after it.
+/// The clock fails while a profile is sealed, while it is loaded, while it is on the air, and in the silence after it.
 #[test]
 fn a_clock_that_fails_switches_the_field_off_at_once() {
     let mut worst = 0;

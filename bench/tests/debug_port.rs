@@ -232,7 +232,6 @@ fn flash_keeps_what_was_programmed_over_a_power_cycle() {
     later.connect();
     assert_eq!(later.read(0x0800_4000), 0x1234_0000);
     assert!(switch_on(Desk::Dpr, Some(&kept)).is_none(), "that is another board's");
-    // Erases sector 1 and programs words.
     later.halt();
     later.write(KEYR, 0x4567_0123);
     later.write(KEYR, 0xCDEF_89AB);

@@ -47,7 +47,6 @@ impl Reset {
             Self::BrownOut => node.restart(FromOutside::BrownOut),
             Self::Lockup => node.lock_up(),
             Self::Watchdog => {
-                // The task that monitors the deadline never ends.
                 let task = node.address_of("TIMER1").unwrap() & !1;
                 let mut was = [0; 2];
                 node.read(task, &mut was).unwrap();
@@ -125,14 +124,12 @@ fn an_undriven_mosi_reads_the_image_and_violates_nothing() {
     pass(&mut node, 50 * MS);
     let (mut read, mut silent) = (0, 0);
     while node.now() < 1_000 * MS {
-        // The bytes of a whole image, and fewer: some are fewer than a request, or than all that a transaction can
-        // write.
+        // The bytes of a whole image, of less than a request, and of less than all that can be written.
         let bytes = [layout().image_len(), 96, 7, 32, 8, 1][read as usize % 6];
         let miso = transact(&mut node, bytes, 0xFF);
         if bytes >= 32 {
             let shown = View::of(node.now(), &miso);
-            // A transaction that begins while the DPR puts in a new image reads only ones. Their number is checked
-            // below.
+            // A transaction reads only ones if it begins while the DPR puts in a new image.
             let is_busy = miso.iter().all(|byte| *byte == 0xFF);
             assert!(shown.link.is_some() || is_busy, "transaction {read} of {bytes} bytes: {miso:02x?}");
             silent += usize::from(is_busy);

@@ -9,18 +9,14 @@ use emulator_node::Clock;
 
 const MS: u64 = 1_000_000;
 
-/// The report of a run of six seconds with these kinds of faults; `None` if the firmwares were not built.
 fn report(gps: usize, kinds: &[Kind], seed: u64) -> Option<bench::report::Report> {
     report_of(6_000 * MS, gps, kinds, seed)
 }
 
-/// The report of a run of `duration` (ns) with these kinds of faults; `None` if the firmwares were not built.
 fn report_of(duration: u64, gps: usize, kinds: &[Kind], seed: u64) -> Option<bench::report::Report> {
     report_of_setup(duration, gps, kinds, seed, |_| {})
 }
 
-/// The report of a run with these kinds of faults and a setup changed by `change`; `None` if the firmwares were not
-/// built.
 fn report_of_setup(
     duration: u64,
     gps: usize,
@@ -78,8 +74,7 @@ fn a_kind_of_fault_alone_is_injected_alone() {
     }
 }
 
-/// A short form of `cargo xtask sim --seconds 1000 --faults air,fc,power,buffers --seed 7`, with every fault of these
-/// kinds.
+/// A short form of `cargo xtask sim --seconds 1000 --faults air,fc,power,buffers --seed 7`, with every fault.
 #[test]
 fn thirty_seconds_of_all_that_disturbs_the_dpr_violate_nothing() {
     let kinds = [Kind::Air, Kind::FlightController, Kind::Power, Kind::Buffers];
@@ -116,7 +111,6 @@ fn the_link_recovers_from_drawn_hangs_without_a_violation() {
     }
 }
 
-/// Bits of the front ends' registers flip, alone and together with every other disturbance of the link.
 #[test]
 fn bits_that_flip_in_either_front_end_violate_nothing() {
     let among = [Kind::Air, Kind::Power, Kind::Hang, Kind::Chips];

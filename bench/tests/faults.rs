@@ -20,25 +20,21 @@ const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
 
 /// The longest time from a task's last check-in to the watchdog's reset, ns. HORUS's watchdog takes 100 ms at 32 kHz,
-/// but its oscillator may run at 17 kHz (DS9405 table 42); the nRF52840's takes 100 ms.
+/// but its oscillator may run at 17 kHz (DS9405 table 42).
 const BITE: u64 = 200 * MS;
 
 /// The time that HORUS needs to start and to send four frames, ns.
 const STARTS: u64 = boards::RAM_TEST + 55 * MS;
 
-/// The kinds of damage after which a task no longer works.
 const DAMAGES: [(Damage, &str); 2] = [(ImageFault::Dead, "dead"), (ImageFault::Hung, "hung")];
 
-/// Returns the damage to the task with a vector.
 type Damage = fn(String) -> ImageFault;
 
-/// Damages the beginning of the task with this vector.
 fn break_task<B: Board>(node: &mut Node<B>, vector: &str, damage: Damage) -> Repair {
     damage(vector.to_owned()).apply(node).unwrap()
 }
 
-/// Runs to the board's next restart, within `within` ns, and returns its instant. `look` is called whenever a signal
-/// has left the board.
+/// Runs to the board's next restart and returns its instant. `look` is called whenever a signal has left the board.
 fn until_restart<B: Board>(node: &mut Node<B>, within: u64, mut look: impl FnMut(&mut Node<B>)) -> u64 {
     let end = node.now() + within;
     while node.now() < end {
@@ -64,7 +60,6 @@ struct Transmitter {
     air: Vec<(u64, AirEvent)>,
 }
 
-/// HORUS's board, whose receivers send nothing.
 fn transmitter() -> Option<Transmitter> {
     Some(Transmitter { node: boards::horus()?, air: vec![] })
 }
@@ -78,7 +73,6 @@ impl Transmitter {
         }
     }
 
-    /// The number of frames that began at `from` or later.
     fn frames(&self, from: u64) -> usize {
         self.air.iter().filter(|(at, event)| *at >= from && matches!(event, AirEvent::FrameStart(_))).count()
     }
@@ -190,31 +184,26 @@ fn a_fault_in_a_dpr_task_leaves_nothing_readable_until_the_restart() {
     }
 }
 
-/// The longest time after the last bit of its frame for which an object may be read as valid, ns. The image expires 25
-/// ms after its publication, which follows the frame's end by less than 5 ms.
+/// The longest time after its frame for which an object may be read as valid, ns: the image expires within 30 ms.
 const STALE: u64 = 30 * MS;
 
 /// A flight controller that reads the whole image again and again, and the air to the DPR's front end.
 struct Reader {
     master: SsiMaster,
     transactions: usize,
-    /// For every image that was read, the instant at which its transaction began, and the timestamps of its valid
-    /// objects.
+    /// The instant of each transaction, and the timestamps of the valid objects that it read.
     read: Vec<(u64, Vec<u32>)>,
     air: Air,
-    /// The bytes of the frame on the air, LEN first.
     frame: Vec<u8>,
     /// The instant at which each frame's last bit ended, by the frame's timestamp.
     sent: std::collections::BTreeMap<u32, u64>,
     /// Whether the air loses all frames while the task is damaged, because that task runs only without frames.
     loses: bool,
     lost: bool,
-    /// The instant of the damage, and its repair.
     broken: Option<(u64, Repair)>,
     repaired: bool,
 }
 
-/// The instant at which the reader's first transaction begins, ns.
 const FIRST_READ: u64 = 20 * MS;
 
 /// The pauses between two transactions, ns, in turn.
@@ -242,7 +231,6 @@ impl Reader {
         self.master.begin(Start { bench_ns: at, own_ns: 0 }, Order::read(Image::<3>::LEN));
     }
 
-    /// The timestamps of the valid objects in `image` that HORUS wrote.
     fn valid(image: &[u8]) -> Vec<u32> {
         let objects = &image[LinkStatus::SIZE..];
         let (reported, gps) = objects.split_at(ReportedPosition::SIZE);
@@ -350,8 +338,8 @@ fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<Repair> {
     Some(ImageFault::Stopped(u32::try_from(address).unwrap()).apply(node).unwrap())
 }
 
-/// Hangs a task of the DPR at `breaks_at` while the flight controller reads. The watchdog restarts the DPR, and the
-/// damage is then repaired. A firmware that finds the damage in its flash before the repair restarts once more.
+/// Hangs a task of the DPR at `breaks_at` while the flight controller reads. The damage is repaired after the restart,
+/// and a firmware that finds it in its flash before that restarts once more.
 fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
     let (Some(a), Some(b)) = (boards::horus(), boards::dpr()) else { return None };
     let mut relay = Relay { a, b, upstream: Antenna, downstream: Reader::new(ON_LOSS.contains(&task)) };

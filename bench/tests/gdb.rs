@@ -27,7 +27,6 @@ fn setup(clock: Clock) -> Option<Setup> {
     Some(Setup { clock, writes: true, ..Setup::new(images, 3, END) })
 }
 
-/// The complete results of a run as text.
 fn all_of(outcome: &Outcome) -> String {
     format!("{:#?}\n{:#?}\n{:#?}\n{}", outcome.report, outcome.verdict, outcome.logs, outcome.base)
 }
@@ -155,7 +154,6 @@ impl Client {
     }
 }
 
-/// Runs `serve` with a debugger that follows `script`.
 fn attended<R>(script: impl FnOnce(&Client) + Send, serve: impl FnOnce(InMemory, &mut dyn FnMut(String)) -> R) -> R {
     let (to_stub, from_client) = mpsc::channel();
     let (to_client, from_stub) = mpsc::channel();
@@ -329,7 +327,6 @@ fn dpr_alone(clock: Clock, run: impl FnOnce(Alone<'_>, &Path)) {
     run(Alone { target: Target::Dpr, clock, firmware: &firmware, connected, limits, runs_on: true }, &path);
 }
 
-/// Collects the output of a run in `to`.
 fn shown(to: &mut Vec<String>) -> impl FnMut(Event<'_>) + '_ {
     |event| {
         if let Event::Line(_) | Event::Pin(_) = event {
@@ -400,7 +397,6 @@ fn a_board_alone_halts_where_its_firmware_ends() {
     });
 }
 
-/// Runs a real gdb with this script at the DPR. Returns the end of the run and gdb's output.
 fn real_gdb(setup: &Setup, script: &[String]) -> (Ended, String) {
     let folder = std::env::temp_dir().join(format!("bench-gdb-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();

@@ -71,7 +71,6 @@ fn a_core_that_hangs_executes_nothing_until_the_watchdog_bites() {
     let mut csr = [0; 4];
     assert_eq!(node.peek(RCC_CSR, &mut csr), 4);
     assert_ne!(u32::from_le_bytes(csr) & IWDGRSTF, 0);
-    // The program runs as after any reset, and feeds its watchdog.
     assert!(!node.is_hung());
     run_to(&mut node, at + 300 * MS);
     assert_eq!((node.word(u64::from(COUNTER)), node.resets().len()), (Some(19 + 29), 1));
@@ -121,7 +120,6 @@ fn a_hang_ends_with_any_reset_or_loss_of_supply() {
 #[test]
 fn an_nrf52840_reports_the_watchdog_as_its_reset_reason_after_a_hang() {
     let mut main = Thumb::at(0x400);
-    // 100 ms at 32768 Hz.
     main.store(WDT + 0x504, 3_276).store(WDT, 1);
     let again = main.here();
     main.store(WDT + 0x600, 0x6E52_4635).branch(again);
@@ -138,7 +136,6 @@ fn an_nrf52840_reports_the_watchdog_as_its_reset_reason_after_a_hang() {
     assert_eq!(node.resets().len(), 1, "it is fed again");
 }
 
-/// Runs `node` to `to` (ns) and discards every signal that leaves the board.
 fn pass<B: Powered, C: Cost>(node: &mut Node<B, C>, to: u64) {
     while node.now() < to {
         node.advance(to);
@@ -146,8 +143,8 @@ fn pass<B: Powered, C: Cost>(node: &mut Node<B, C>, to: u64) {
     }
 }
 
-/// Makes a copy of `node`, which has just been reset, hang after `after` ns, and runs it to the watchdog's reset;
-/// `None` if that does not come within 0.6 s. HORUS's watchdog takes 512 ms before its first feed.
+/// Makes a copy of `node`, which has just been reset, hang after `after` ns. Returns the copy after the watchdog's
+/// reset; `None` if that does not come within 0.6 s.
 fn hung_after<B: Powered, C: Cost>(node: &Node<B, C>, after: u64) -> Option<Node<B, C>>
 where
     Node<B, C>: Clone,
@@ -185,7 +182,6 @@ where
     from
 }
 
-/// The results of [`watched_from`] for both boards.
 fn watched_from_on<C: Cost + Clone>() -> Option<[u64; 2]> {
     let horus = boards::horus_with::<C>(Oscillators::default())?;
     Some([watched_from(horus), watched_from(boards::dpr_with::<C>(Settings::default())?)])
@@ -258,8 +254,7 @@ fn the_link_recovers_from_any_hang_within_15_cycles() {
     }
 }
 
-/// The longest time from the death of a task to the board's restart, ns, if the flight controller ends its
-/// transactions.
+/// The longest time from the death of a task to the board's restart, ns, while transactions end regularly.
 const fn bitten_within(board: Board) -> u64 {
     bounds::CHECKED_IN[Board::Horus as usize]
         + match board {
@@ -291,7 +286,6 @@ fn a_dead_task_makes_the_watchdog_bite_and_the_link_recovers() {
     let mut wrong = vec![];
     for board in BOARDS {
         for (task, (name, _)) in (0_u8..).zip(tasks_of(board)) {
-            // Each task is switched off at another phase of the cycle.
             let at = BEGINS + 430 * US * u64::from(task);
             let faults = Faults::none().with(at, at, Fault::DeadTask(board, task));
             let Some(setup) = setup(faults, at + AFTER) else { return };
@@ -404,8 +398,7 @@ fn after_its_supply_was_off_horus_excludes_nobody_until_it_votes() {
     assert!(sent.last().is_some_and(|(_, excluded, _)| *excluded), "it is outvoted again");
 }
 
-/// The seed of a sag to between 1.4 V and 1.6 V. RAM keeps its contents above 1.4 V, but a microcontroller below 1.6 V
-/// reports power-on.
+/// The seed of a sag to between 1.4 V, above which RAM keeps its contents, and 1.6 V, below which power-on is reported.
 fn forgetful_sag() -> u64 {
     let forgets = |shape: &u64| {
         let volts: Vec<u32> = power::shape(*shape).into_iter().map(|(_, volts)| volts).collect();

@@ -53,7 +53,6 @@ impl Counts {
 struct Fed {
     node: Node<Horus>,
     faults: LineFaults,
-    /// The instant of the receivers' next positions, ns.
     at: u64,
 }
 
@@ -98,7 +97,6 @@ impl Fed {
         [0, 1, 2].map(|receiver| Counts::of(&self.node, receiver))
     }
 
-    /// The increase of each receiver's counters from now to `end`.
     fn counts_to(&mut self, end: u64) -> [Counts; 3] {
         let before = self.counts();
         self.run_to(end);
@@ -113,7 +111,6 @@ const WITHOUT_A_PAUSE: std::ops::RangeInclusive<u32> = 8_900..=9_500;
 /// A check of HORUS's counters during a fault in which a healthy receiver sends ten positions of 100 bytes.
 type Arrived = fn(Counts) -> bool;
 
-/// Every fault of a line, with its check.
 const LINES: [(ReceiverFault, Arrived); 14] = [
     (ReceiverFault::Silent, |seen| seen == Counts::default()),
     (ReceiverFault::Babbles, |seen| WITHOUT_A_PAUSE.contains(&seen.bytes) && seen.errors == 0 && seen.messages == 0),
@@ -156,7 +153,6 @@ fn every_receiver_fault_affects_its_own_receiver_alone_and_ends() {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-/// Runs `node` for `ns` and returns the events of its front end.
 fn emitted<B: Powered>(node: &mut Node<B>, ns: u64) -> Vec<AirEvent> {
     let end = node.now() + ns;
     let mut events = vec![];
@@ -337,7 +333,6 @@ fn targets_of<B: Powered>(mut node: Node<B>, flash: u32) {
     assert!(targets.ram.iter().any(|range| range.start == node.register(13)), "the stack in use: {targets:x?}");
     let [image] = &targets.flash[..] else { panic!("{targets:x?}") };
     assert!(image.start == flash && image.end > flash + 20_000, "{targets:x?}");
-    // Every drawn upset can be applied, and is undone by the same upset.
     let mut rng = Rng::new(1);
     for kind in [Kind::Ram, Kind::Flash, Kind::Registers] {
         for _ in 0..50 {

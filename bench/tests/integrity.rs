@@ -55,7 +55,6 @@ fn link(node: &mut Node<Dpr>) -> profile::LinkStatusBits {
     read.expect("Link-Status is readable")
 }
 
-/// The log line with the reason of the stop before this start.
 fn last_stop<B: Board>(node: &mut Node<B>) -> String {
     node.take_log().iter().map(ToString::to_string).find(|line| line.contains("the last stop: ")).unwrap_or_default()
 }
@@ -150,8 +149,7 @@ fn a_flipped_bit_of_code_or_a_guard_word_stops_the_dpr() {
         let Some(mut node) = boards::dpr() else { return };
         run(&mut node, 40 * MS);
         let (cause, within, at) = match symbol {
-            // The word before `__ehot` is the last one of a CRC's table. The firmware runs even if that word is
-            // damaged.
+            // The word before `__ehot` belongs to a CRC's table. The firmware runs even if it is damaged.
             "__ehot" => (Cause::CodeInRam, dpr::CODE_DETECT_US, address(&node, symbol) - 4),
             _ => (Cause::GuardWord, 2 * firmware_common::patrol::SLICE_US + 12_500, address(&node, symbol)),
         };
@@ -170,7 +168,6 @@ fn a_flipped_bit_of_code_or_a_guard_word_stops_the_dpr() {
     }
 }
 
-/// Makes a bit of unused stack stick at the opposite of its present value.
 fn stick<B: Board>(node: &mut Node<B>) {
     let address = address(node, "_stack_end") + 0x101;
     let mut byte = [0];
@@ -225,7 +222,6 @@ fn the_memory_test_at_the_start_takes_at_most_its_stated_time() {
     assert!(took <= u64::from(start_test::longest_us(32 * KIB, start_test::HORUS_CYCLES, 16)));
 }
 
-/// Runs HORUS for `ns` and returns the events of its antenna, each with its instant.
 fn run_horus(node: &mut Node<Horus>, ns: u64) -> Vec<(u64, AirEvent)> {
     let end = node.now() + ns;
     let mut air = vec![];
@@ -236,7 +232,6 @@ fn run_horus(node: &mut Node<Horus>, ns: u64) -> Vec<(u64, AirEvent)> {
     air
 }
 
-/// The status of the last Reported-Position in the events `air`.
 fn said(air: &[(u64, AirEvent)]) -> ReportedStatus {
     let mut frames: Vec<Vec<u8>> = vec![];
     for (_, event) in air {
@@ -250,7 +245,6 @@ fn said(air: &[(u64, AirEvent)]) -> ReportedStatus {
     frames.iter().rev().find_map(status).expect("HORUS has sent a frame")
 }
 
-/// The time until the field goes off, ns; `None` if it is on after `within`.
 fn field_off(node: &mut Node<Horus>, within: u64) -> Option<u64> {
     let from = node.now();
     while node.now() < from + within {

@@ -20,7 +20,6 @@ const MS: u64 = 1_000_000;
 /// The number of cycles at the start with which the DPR finds the sequence. It rejects their objects.
 const SEARCHED: u64 = SEARCH_CYCLES as u64;
 
-/// The setup of a short run with `gps` receivers; `None` if the firmwares were not built.
 fn setup(gps: usize, milliseconds: u64) -> Option<Setup> {
     let images = Images { horus: image(gps, "horus-tx-fw.elf")?, dpr: image(gps, "dpr-fw.elf")? };
     Some(Setup::new(images, gps, milliseconds * MS))
@@ -38,9 +37,8 @@ fn with_any_number_of_receivers_every_object_arrives_in_time() {
         assert_eq!(report.violations, [""; 0], "{gps} receivers");
         let frames_per_cycle = if gps == 5 { 2 } else { 1 };
         let cycles = report.air.frames_delivered / frames_per_cycle;
-        // The first tick comes after the test of the RAM (12 ms), the check of the flash and the set-up of the board (8
-        // to 9 ms), and 10 ms more. The 79th tick is therefore at 810 to 811 ms, and the last frame of its cycle ends
-        // before 821 ms.
+        // The first tick comes 10 ms after the RAM's test (12 ms) and the board's start (8 to 9 ms), and the 79th at
+        // 810 to 811 ms.
         assert_eq!(cycles, 79, "{gps} receivers");
         assert_eq!(report.horus.frames_sent, report.air.frames_delivered);
         // Only the objects of the cycles with which the DPR finds the sequence are rejected.
@@ -106,8 +104,7 @@ fn every_wire_of_the_trace_moves_and_no_instant_comes_before_another() {
     let last = instants.last().unwrap();
     assert!((59 * MS..=60 * MS).contains(last), "{last}");
 
-    // The interrupt pin falls 31 ns after the first rising clock edge of the byte that clears the interrupt, as on
-    // silicon. The bench's clocks are exact to 1 ns.
+    // On silicon too, the interrupt pin falls 31 ns after the first clock edge of the byte that clears the interrupt.
     for board in ["horus", "dpr"] {
         let edges = |wire: &str, level: &str| -> Vec<u64> {
             let changes = waves[&format!("{board}.{board}_{wire}")].iter();
@@ -137,8 +134,7 @@ fn crystals_at_their_worst_against_each_other_change_nothing() {
     }
 }
 
-/// The flight controller's crystal error makes its 4 ms cycle pass through every phase of HORUS's 10 ms cycle within 2
-/// s, so its transactions meet all work of the DPR. With exact crystals there would be only five phases.
+/// The crystal's error makes the 4 ms cycle of transactions pass through every phase of HORUS's cycle within 2 s.
 #[test]
 fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
     let Some(mut setup) = setup(3, 2_200) else { return };
@@ -149,8 +145,7 @@ fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
         assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4);
         assert_eq!(report.dpr.objects_rejected, SEARCHED * 4);
         assert_eq!(report.ssi.fresh, report.base.profiles);
-        // The DPR is busy during its memory test in the first four control cycles, and once more while it puts in an
-        // image.
+        // The DPR is busy in its memory test, and once more while it puts in an image.
         assert!(report.ssi.busy <= 5, "{:?}", report.ssi);
         assert!(report.ssi.ready_ns.unwrap().max <= 10_000, "{:?}", report.ssi);
         assert!(report.latency_ns.last_bit_to_readable.unwrap().max <= 100_000, "{:?}", report.latency_ns);
@@ -196,8 +191,7 @@ fn frames_that_break_off_leave_the_link_working() {
     let report = outcome(&setup).report;
     assert_eq!(report.violations, [""; 0]);
     assert!(report.air.frames_damaged >= 3, "{:?}", report.air);
-    // A frame that broke off has a wrong length and is rejected at once. With this seed none of the first frames breaks
-    // off.
+    // A frame that broke off has a wrong length and is rejected at once.
     assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4, "{report:?}");
     assert_eq!(report.dpr.objects_rejected, SEARCHED * 4, "{report:?}");
     assert_eq!((report.ssi.bad_crc, report.base.bad_crc), (0, 0));
@@ -212,7 +206,6 @@ fn an_image_for_another_profile_is_noticed() {
     assert!(verdict.kinds().any(|violation| violation == Violation::FreshUnreadable), "{:?}", report.violations);
 }
 
-/// The path of the recording `name`; `None` (reported by [`not_run`]) if it is not available.
 fn recording(name: &str) -> Option<PathBuf> {
     let log = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/ubx").join(name);
     if log.exists() {
@@ -248,7 +241,6 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
         ]
         .map(f64::to_bits)
     });
-    // All shown values are from the log and in its order.
     for bits in &shown {
         assert!(
             held.any(|position| position == *bits),
@@ -274,9 +266,8 @@ fn one_hertz(epochs: u32) -> Vec<u8> {
     (0..epochs).flat_map(|epoch| fix(epoch).encode()).collect()
 }
 
-/// A position is valid for one period of its receiver and 150 ms, which is 1.15 s at 1 Hz. HORUS takes a message in its
-/// next cycle (10 ms). The flight controller reads the invalid state after another cycle, the air time and its control
-/// cycle (4 ms).
+/// A position is valid for one period of its receiver and 150 ms (1.15 s at 1 Hz). HORUS takes a message in its next
+/// cycle, and the flight controller reads the state after another cycle, the air time and its control cycle.
 #[test]
 fn reported_position_turns_invalid_in_time_if_all_receivers_fall_silent() {
     for gps in [1, 3] {
@@ -374,7 +365,6 @@ fn a_bit_that_flips_in_a_front_end_costs_under_1500_ms() {
     ];
     let takes = |_, bit: bench::faults::RegisterBit| BITS.contains(&(bit.in_space_b, bit.address, bit.bit));
     let flips = flips(&setup, takes, |_| ()).unwrap_or_else(|error| panic!("{error}"));
-    // The ST25R3916 has no register 2E in space B.
     assert_eq!(flips.0.len(), 4 * BITS.len() - 2);
     for flip in &flips.0 {
         assert!(flip.holds() && !flip.unsaid(), "{flip}");

@@ -30,7 +30,6 @@ fn load_r0(value: u32) -> Vec<u16> {
     [mov(0xF240, 0, value as u16), mov(0xF2C0, 0, (value >> 16) as u16)].concat()
 }
 
-/// A forbidden action of a task.
 #[derive(Clone, Copy, Debug)]
 enum Misdeed {
     Read(u32),
@@ -59,7 +58,6 @@ impl Misdeed {
     }
 }
 
-/// The forbidden action, the log's text about it, and the address in that text.
 type Row = (Misdeed, &'static str, &'static str);
 
 const DATA: &str = "memory protection, data access at ";
@@ -97,7 +95,6 @@ fn run_horus(node: &mut Node<Horus>, ns: u64) {
     }
 }
 
-/// The log line with the reason of the stop before this start.
 fn last_stop<B: Board>(node: &mut Node<B>) -> String {
     let lines: Vec<String> = node.take_log().iter().map(ToString::to_string).collect();
     let found = lines.iter().find(|line| line.contains("the last stop: "));
@@ -114,7 +111,6 @@ fn check<B: Board>(node: &mut Node<B>, row: Row, task: &str, code: u32) {
     assert!(line.contains(&format!("code {code:#010x}")), "{misdeed:x?}: {line:?}");
 }
 
-/// The DPR's counter `name`.
 fn dpr_counter(node: &Node<Dpr>, name: &str) -> u32 {
     let place = dpr_fw::telemetry::Telemetry::NAMES.iter().position(|it| *it == name).unwrap();
     boards::counter(node, "DPR_TELEMETRY", 4 * place)
@@ -156,7 +152,6 @@ fn the_dpr_stops_at_each_forbidden_access_and_reports_it_later() {
     }
 }
 
-/// The offset of the code of the last stop in HORUS's telemetry.
 const HORUS_LAST_STOP: usize = core::mem::offset_of!(horus_tx_fw::telemetry::Telemetry, last_stop);
 
 #[test]

@@ -16,14 +16,12 @@ use profile::ssi::timing;
 
 const US: i64 = 1_000;
 
-/// The first phase, ns from a frame's last bit. The publication comes 60 to 100 µs after that bit, and the scrub of
-/// three buffers ends 240 µs after it.
+/// The first phase, ns from a frame's last bit. The publication comes 60 to 100 µs and the scrub 240 µs after that bit.
 const FIRST: i64 = -60 * US;
 const LAST: i64 = 240 * US;
 
 /// The last phase with one or five receivers, ns from a frame's last bit. It covers only the publication, because the
-/// scrub after it is the same code for any number of receivers. One more transaction in each cycle, 100 or 110 µs
-/// later, extends the phases to 230 µs for ends and 131 µs for beginnings.
+/// scrub after it is the same code for any number of receivers.
 const LAST_OF_PUBLICATION: i64 = 120 * US;
 
 /// The time between two transactions, ns: 1 µs more than the DPR needs to be ready.
@@ -54,7 +52,6 @@ fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64
     println!("  last bit to FRESH  {:?}", worst(|phase| phase.fresh_ns().unwrap_or(0)));
     println!("  SSI ready          {:?}", worst(Phase::ready_ns));
     println!("  SSI held           {:?}", worst(Phase::hold_ns));
-    // The first violation of each kind is printed with the events around it.
     for broken in &outcome.verdict.violations {
         let phase = outcome.phases.iter().rev().find(|phase| phase.frame_ended <= broken.first_at + 1_000_000);
         if let Some(phase) = phase {
@@ -67,8 +64,7 @@ fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64
     assert_eq!((outcome.report.ssi.bad_crc, outcome.report.dpr.objects_rejected), (0, searched), "{gps} receivers");
 }
 
-/// Sweeps transactions around the publication of frame `frame` of the cycle (from 0), in every phase from [`FIRST`] to
-/// `last`.
+/// Sweeps transactions around the publication of frame `frame` of the cycle (from 0), up to the phase `last`.
 fn around_a_publication(gps: usize, frame: usize, last: i64, clock: Clock, crystals: (i64, i64)) {
     let whole = Placement { edge: Edge::Rises, after_ns: 0, bytes: None };
     // This transaction comes 0.7 ms later, so it reads the published image.

@@ -24,7 +24,7 @@ fn pass(node: &mut Node<Dpr>, ns: u64) {
     }
 }
 
-/// Writes `parts` in one transaction, which reads as many bytes, and lets 10 ms pass, in which an image is published.
+/// Writes `parts` in one transaction, and lets 10 ms pass, in which an image is published.
 fn write(node: &mut Node<Dpr>, parts: &[&[u8]]) {
     let mosi = parts.concat();
     let bytes = mosi.len();

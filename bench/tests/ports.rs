@@ -15,21 +15,18 @@ const MS: u64 = 1_000_000;
 /// The interval in which the flight controller misuses the SSI and the figures are measured, ns.
 const EPISODE: std::ops::Range<u64> = 300 * MS..900 * MS;
 
-/// The longest time by which the SSI's tasks delay a frame, ns: the end of a pause and the end of a transaction
-/// (`sums.rs`: 9.3 µs), and the end of a transaction that the publishing call serves.
+/// The longest time by which the SSI's tasks delay a frame, ns: a pause's and a transaction's end (`sums.rs`), and a
+/// transaction's end that the publishing call serves.
 const FAST_SHARE: u64 = 14_000;
 /// The longest time by which the SSI's tasks delay a frame on the pessimistic clock, ns (`sums.rs`: 17.2 µs).
 const PESSIMISTIC_SHARE: u64 = 22_500;
 
-/// The RFID side's figures in [`EPISODE`].
 #[derive(Debug)]
 struct Figures {
     frames: u64,
     accepted: u64,
     rejected: u64,
-    /// The time from HORUS's tick to the rise of FRESH, ns.
     announced: Quantiles,
-    /// The longest time from a frame's last bit to the rise of FRESH, ns.
     last_bit: u64,
 }
 
@@ -50,7 +47,6 @@ fn announced(log: &Log) -> impl Iterator<Item = (u64, u64)> {
     })
 }
 
-/// The setup, and the bench just before [`EPISODE`]; `None` if the firmwares were not built.
 fn warm<C: Cost>() -> Option<(Setup, Bench<C>)> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
     let setup = Setup::new(images, 3, EPISODE.end);
@@ -59,7 +55,6 @@ fn warm<C: Cost>() -> Option<(Setup, Bench<C>)> {
     Some((setup, bench))
 }
 
-/// The figures in [`EPISODE`] with the misuse `conduct`, or with an ordinary flight controller.
 fn figures<C: Cost>((setup, bench): &(Setup, Bench<C>), conduct: Option<Conduct>) -> Figures {
     let mut bench = bench.clone();
     if let Some(conduct) = conduct {
@@ -81,8 +76,7 @@ fn figures<C: Cost>((setup, bench): &(Setup, Bench<C>), conduct: Option<Conduct>
     Figures { frames, accepted, rejected, announced, last_bit }
 }
 
-/// Compares the figures under each of `conducts` with those under a silent flight controller. The SSI's tasks may delay
-/// a frame by at most `share_ns`.
+/// The figures under `conducts` must be those of a silent flight controller, but for delays of at most `share_ns`.
 fn changes_nothing<C: Cost>(conducts: impl IntoIterator<Item = Conduct>, share_ns: u64) {
     let Some(warm) = warm::<C>() else { return };
     let quiet = figures(&warm, Some(Conduct::Silent));
@@ -105,9 +99,8 @@ fn changes_nothing<C: Cost>(conducts: impl IntoIterator<Item = Conduct>, share_n
     }
 }
 
-/// Edges of chip select without a clock, from 1 kHz to 4 MHz, and transactions of none, one, eight and 96 bytes and of
-/// the whole image, from 1 kHz to the highest rate. No period divides the frames' cycle, so each meets frames in many
-/// phases.
+/// Edges of chip select without a clock, from 1 kHz to 4 MHz, and transactions of different lengths at all rates. No
+/// period divides the frames' cycle, so each meets frames in many phases.
 fn rates() -> impl Iterator<Item = Conduct> {
     let edges = [997_000, 293_000, 117_000, 97_000, 53_000, 11_300, 2_000, 1_000, 250].map(Conduct::Edges);
     let each =

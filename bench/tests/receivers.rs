@@ -18,13 +18,11 @@ use gnss_sim::{Log, ubx};
 
 const MS: u64 = 1_000_000;
 
-/// The setup of a run with three receivers; `None` if the firmwares were not built.
 fn setup(milliseconds: u64) -> Option<Setup> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
     Some(Setup::new(images, 3, milliseconds * MS))
 }
 
-/// Runs the setup. Nothing may be violated and no cycle lost.
 fn sound(setup: &Setup) -> Outcome {
     let outcome = run(setup, &mut ()).unwrap_or_else(|error| panic!("{error}"));
     let what = || setup.faults.episodes().iter().map(|episode| episode.fault.name()).collect::<Vec<_>>();
@@ -94,8 +92,8 @@ fn a_recorded_log_gives_bit_exact_gps_objects_on_each_interface() {
             .map(|position| [position.latitude, position.longitude, position.altitude].map(f64::to_bits))
             .collect();
         shown.dedup();
-        // On SPI the first message may have waited behind a stuck line, so HORUS drops it. It drops the second too if
-        // the first burst is longer than one transfer, because then no filler has shown that the receiver is empty.
+        // On SPI the first message may have waited behind a stuck line, so HORUS drops it, and the second too if no
+        // filler after the first shows that the receiver is empty.
         let first = if receiver == 2 { 1..=2 } else { 0..=0 };
         assert!(first.into_iter().any(|first| shown == held[first..]), "GPS{}: {shown:?} of {held:?}", receiver + 1);
     }
@@ -179,11 +177,9 @@ fn an_attitude_that_two_receivers_contradict_each_other_in_is_not_shown() {
     assert!(oriented(770, 900) < 1e-9);
 }
 
-/// The interval in which a receiver's bus fails, ns.
 const FAILS: std::ops::Range<u64> = 500 * MS..900 * MS;
-/// The longest time from the end of a bus's fault to a valid position of its receiver, ns. HORUS tries a stuck bus
-/// again after at most 110 ms (decision 16). The receiver's next solution comes within 200 ms. A cycle, the air and the
-/// way to the base station take 50 ms.
+/// The longest time from the end of a bus's fault to a valid position, ns. HORUS tries the bus again after at most 110
+/// ms (decision 16), the next solution comes within 200 ms, and the way to the base station takes 50 ms.
 const BACK: u64 = 360 * MS;
 
 fn of_bus(clock: Clock) {
@@ -248,31 +244,25 @@ fn endless_bus_errors_take_at_most_two_percent_of_the_processor() {
     assert_eq!(disturbed.resets().len(), 0);
 }
 
-/// The consequences of one kind of bus fault.
 #[derive(Clone, Copy, Debug, Default)]
 struct Table {
     failures: u64,
-    /// The number of faults that made the receiver's position invalid for a while.
     silenced: u64,
-    /// The longest time for which a receiver's position was not valid, and the longest time from a fault's end to a
-    /// valid position, ns.
+    /// The longest time without a valid position, and the longest from a fault's end to a valid position, ns.
     longest: u64,
     latest: u64,
-    /// The number of profiles in which the other two receivers may have disagreed.
     apart: u64,
 }
 
-/// Whether two correct receivers may disagree, because their distance exceeds the least limits of decision 15, less
-/// their possible motion during a message.
+/// Whether the distance of two correct receivers exceeds the least limits of decision 15, less their motion.
 fn may_disagree(one: Position, other: Position) -> bool {
     let north = (one.latitude - other.latitude).to_radians() * 6_371_000.0;
     let east = (one.longitude - other.longitude).to_radians() * 6_371_000.0 * one.latitude.to_radians().cos();
     north.hypot(east) > 5.0 - 1.0 || (one.altitude - other.altitude).abs() > 8.0 - 0.5
 }
 
-/// Injects `failures` faults of buses, one a second, each of a drawn kind, instant and duration. Nothing may be
-/// violated, no cycle lost, every other receiver must stay valid, and Reported-Position too if those agree. Returns its
-/// greatest error, m; `None` if the firmwares were not built.
+/// Injects `failures` faults of buses, one a second. Nothing may be violated, no cycle lost, every other receiver must
+/// stay valid, and Reported-Position too if those agree. Returns its greatest error, m.
 fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; BusFault::ALL.len()]) -> Option<f64> {
     const SECOND: u64 = 1_000 * MS;
     const SETTLED: u64 = SECOND;
@@ -335,8 +325,7 @@ fn tell(table: &[Table; BusFault::ALL.len()]) {
     }
 }
 
-/// The greatest error of Reported-Position, m: the receivers' own errors, and the possible difference between two of
-/// them while a third is silent (`horus-tx-fw/tests/voted.rs`).
+/// The greatest error of Reported-Position, m (`horus-tx-fw/tests/voted.rs`).
 const RIGHT_M: f64 = 9.0;
 
 #[test]
@@ -368,18 +357,15 @@ fn a_thousand_failures_of_buses() {
     assert!(worst <= RIGHT_M, "{worst} m");
 }
 
-/// The longest time from a receiver's loss of its settings on a UART to its recovery, ns: the receiver starts (0.3 s);
-/// HORUS tries the usual rate, waits half a second, sets the rate from 38 400 baud, waits at least 100 ms, and
-/// configures the receiver (decision 16).
+/// The longest time from a receiver's loss of its settings on a UART to its recovery, ns. HORUS tries the usual rate,
+/// then sets the rate from 38 400 baud and configures the receiver (decision 16).
 const CONFIGURED: u64 = 2_500 * MS;
 
-/// The longest time from the end of a stuck MISO to a valid position, ns, if reads of the stuck line have removed all
-/// stored messages. The first message, within 200 ms, proves that the receiver is empty and is dropped (decision 16).
-/// The next one comes 200 ms later, and a cycle, the air and the way to the base station take 50 ms.
+/// The longest time from the end of a stuck MISO to a valid position, ns, if no stored message is left. The first
+/// message (within 200 ms) only proves that the receiver is empty (decision 16), and the next comes 200 ms later.
 const PROVED: u64 = 450 * MS;
 
-/// A MISO that is stuck high when HORUS starts reads like that of an empty receiver. The bytes that come at the fault's
-/// end have waited in the receiver for more than a second.
+/// The bytes that come when MISO is no longer stuck have waited in the receiver for more than a second.
 #[test]
 fn bytes_that_waited_behind_a_stuck_line_are_not_taken_for_new() {
     for reads in 0..6 {

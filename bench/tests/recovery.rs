@@ -18,16 +18,12 @@ const AFTER: u64 = 450 * MS;
 const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
 const RESTARTS: [PowerFault; 3] = [PowerFault::Pin, PowerFault::BrownOut, PowerFault::Watchdog];
 
-/// The outcome of a run with these faults, the last of which ends `length` after [`BEGINS`]; `None` if the firmwares
-/// were not built.
 fn outcome(faults: Faults, length: u64) -> Option<Outcome> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
     let setup = Setup { faults, ..Setup::new(images, 3, BEGINS + length + AFTER) };
     Some(run(&setup, &mut ()).unwrap_or_else(|error| panic!("{error}")))
 }
 
-/// Checks that nothing is violated and the link recovers within `cycles` cycles; `false` if the firmwares were not
-/// built.
 fn recovers(faults: Faults, length: u64, cycles: u64) -> bool {
     let words = format!("{faults:?}");
     let Some(outcome) = outcome(faults, length) else { return false };
@@ -71,8 +67,8 @@ fn the_link_recovers_from_misuse_of_the_ssi_within_5_cycles() {
 fn the_link_recovers_from_each_front_end_fault_within_15_cycles() {
     for board in BOARDS {
         for fault in ChipFault::ALL {
-            // The fault is shorter than a cycle; or the firmware has just doubled its wait before it sets the front end
-            // up again; or that wait is at its longest.
+            // The fault is shorter than a cycle, or ends just after the firmware doubled its wait before the next
+            // set-up, or during the longest wait.
             for length in [4 * MS, 140 * MS, 390 * MS] {
                 if !recovers(one(Fault::Chip(board, fault), length), length, 15) {
                     return;
@@ -141,7 +137,7 @@ fn the_link_recovers_from_a_front_end_fault_during_a_restart() {
 #[test]
 fn a_field_that_goes_while_the_listener_re_arms_is_told() {
     // For 12 µs, about 120 µs after a frame's last bit, the interrupt of a lost field is discarded with the FIFO's
-    // content. These instants cover that time.
+    // content.
     for after in (1_000..1_200).step_by(4) {
         let at = BEGINS + after * 1_000;
         let faults = Faults::none().with(at, at + 90 * MS, Fault::Power(Board::Horus, PowerFault::FrontEndOff));
@@ -152,8 +148,7 @@ fn a_field_that_goes_while_the_listener_re_arms_is_told() {
 
 #[test]
 fn a_message_that_is_served_late_leaves_no_interrupt_on() {
-    // HORUS sends the last byte of a message to GPS1 38 ms after its restart. The stuck interrupt line keeps HORUS from
-    // serving the UART for longer than two bytes take.
+    // HORUS's message to GPS1 ends 38 ms after its restart. The stuck line delays the UART by more than two bytes.
     for after in (36_000..40_000).step_by(60) {
         let stuck = BEGINS + after * 1_000;
         let faults = one(Fault::Power(Board::Horus, PowerFault::Pin), 0).with(

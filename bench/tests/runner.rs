@@ -203,7 +203,6 @@ fn a_fault_is_reported_only_if_it_shares_the_hard_fault_handler() {
     main.store(SHCSR, 7 << 16).raw(&[0xDE00]);
     let mut handler = Thumb::at(thumb::HANDLER);
     handler.branch(thumb::HANDLER);
-    // UsageFault is exception 6.
     let own = with_exception(&main, 6, (thumb::HANDLER, &handler));
     let outcome = on_horus(&own);
     assert_eq!((kinds(&outcome), outcome.stopped_itself), (vec![], true), "{outcome:?}");
@@ -309,8 +308,7 @@ fn a_finding_in_a_release_image_names_the_firmwares_function_and_line() {
     let Some(path) = boards::image(3, "dpr-fw.elf") else { return };
     // The other board's program copies code to RAM that does not exist at its link address.
     let outcome = on_horus(&Firmware::read(&path).unwrap());
-    // The first instructions store to registers of the nRF52840. They are in assembler, which has a name but no line
-    // numbers.
+    // The first instructions, which store to registers of the nRF52840, have a symbol but no line numbers.
     let place_of = |finding: &Finding| finding.symbol.clone().unwrap_or_default();
     let (assembler, rust): (Vec<_>, Vec<_>) =
         outcome.findings.iter().partition(|finding| place_of(finding).starts_with("__pre_init+"));
@@ -433,7 +431,6 @@ fn the_test_images_stack_is_where_the_vector_table_says() {
     assert_eq!(on_horus(&image).status(), 124);
 }
 
-/// The STM32F429's USART2, on the pins PA2 and PA3.
 const USART2: u32 = 0x4000_4400;
 
 #[test]

@@ -16,7 +16,6 @@ use stm32f429::Oscillators;
 /// The instant at which the test's first frame begins, ns; the DPR has started long before.
 const FIRST: u64 = 60 * MS;
 
-/// The number of valid objects of a cycle.
 const OBJECTS: u32 = 4;
 
 /// The longest time after the last bit of its frame for which an object may be readable, ns.
@@ -35,8 +34,7 @@ fn count(node: &Node<Dpr>, offset: usize) -> u32 {
     counter(node, "DPR_TELEMETRY", offset)
 }
 
-/// The longest time, ns, from the last bit of the last frame with certain data to a valid read of these data. `sent`
-/// has the instants of last bits with their timestamps.
+/// The longest time, ns, from the last bit of the last frame with certain data (in `sent`) to a valid read of them.
 fn oldest(views: &[View], sent: &[(u64, u32)]) -> u64 {
     let shown = views.iter().flat_map(|view| view.valid.iter().map(|timestamp| (view.at, *timestamp)));
     let ages = shown.map(|(at, timestamp)| {
@@ -116,8 +114,8 @@ fn inserted(back: u32) -> Option<()> {
     }
     let views = views(&mut node, FIRST + 400 * MS);
     let inserted_end = insert.0 + frame_ns();
-    // Frame 21 comes 5 ms after the inserted frame, which is too early. The search for the sequence takes frames 22, 23
-    // and 24, the last of which is shown.
+    // Frame 21 comes too early, 5 ms after the inserted one. The search takes frames 22, 23 and 24, the last of which
+    // is shown.
     let found = ends(&sent)[25].0;
     let during: Vec<_> = views.iter().filter(|view| (inserted_end + 150 * US..found).contains(&view.at)).collect();
     assert!(during.len() >= 10, "{back} back: {}", during.len());
@@ -167,8 +165,8 @@ fn a_repeated_frame_in_its_successors_place_is_not_shown() {
     assert!(frozen.count() >= 8);
     let age = oldest(&views, &ends(&sent));
     assert!(age <= STALE, "{age} ns");
-    // From frame 14 to 18 the timestamp advances by four cycles in 10 ms, which is too early. The search for the
-    // sequence takes frames 19, 20 and 21.
+    // Frame 18 comes 10 ms after frame 14 with a step of four cycles, which is too early. The search takes frames 19 to
+    // 21.
     let newest: Vec<u32> = views.iter().filter_map(|view| view.valid.first().copied()).collect();
     assert_eq!(newest.iter().find(|timestamp| **timestamp > 640), Some(&(500 + 210)));
 }
@@ -209,8 +207,8 @@ fn link_status_has_the_age_of_the_sample_at_publication() {
     }
 }
 
-/// The number, from 1, of the first frame after the restart at `restarted` that was read as valid. Valid reads within
-/// [`STALE`] of the end of the last frame before the restart do not count. The front end sends that frame to its end.
+/// The number, from 1, of the first frame after the restart at `restarted` that was read as valid. The front end sends
+/// the last frame before the restart to its end, so reads within [`STALE`] of it do not count.
 fn first_shown(reader: &Reader, restarted: u64) -> usize {
     let (before, since): (Vec<&Sent>, Vec<&Sent>) = reader.sent.iter().partition(|frame| frame.started < restarted);
     let last = before.last().expect("it sent before");

@@ -19,7 +19,6 @@ fn setup() -> Option<Setup> {
     Some(Setup { seed: 5, faults, ..Setup::new(images, 3, END) })
 }
 
-/// The complete results of a run: its figures, what the base station shows, and both boards' registers and memory.
 fn outcome<C: Cost>(bench: Bench<C>) -> (String, [u64; 2]) {
     let digests = [bench.horus().digest(), bench.dpr().digest()];
     let finished = bench.finish(END);
@@ -39,8 +38,7 @@ fn on_one_thread_and_on_two_a_run_leaves_the_same_bytes() {
     assert_eq!(whole::<Pessimistic>(&setup, Threads::One), whole::<Pessimistic>(&setup, Threads::Two));
 }
 
-/// Instants at which copies are made, ns: while front ends are set up, between two frames, while a frame is on the air
-/// and being read, at its last bit, and during a publication.
+/// Instants, ns: in the start, between two frames, in a frame, at its last bit, and in a publication.
 const INSTANTS: [u64; 7] =
     [0, 6 * MS + 300 * US, 101 * MS, 147 * MS + 777, 149 * MS + 419 * US, 149 * MS + 503 * US, 213 * MS];
 

@@ -51,8 +51,7 @@ struct Watched<C: Cost> {
     clock: PhantomData<C>,
 }
 
-/// Runs the link with `gps` receivers up to [`WARM`], then examines the DPR's processor. The flight controller writes
-/// and reads in its control cycle, or follows `conduct`.
+/// Runs the link up to [`WARM`], then examines the DPR's processor. `conduct` replaces the ordinary transactions.
 fn watch<C: Cost>(gps: usize, conduct: Option<Conduct>) -> Option<Watched<C>> {
     let images = Images { horus: image(gps, "horus-tx-fw.elf")?, dpr: image(gps, "dpr-fw.elf")? };
     let mut setup = Setup { writes: true, ..Setup::new(images, gps, END) };
@@ -93,8 +92,7 @@ fn is_of_the_rfid_side(exception: u32) -> bool {
 }
 
 impl<C: Cost> Watched<C> {
-    /// The longest run of an exception, ns, from its entry to another entry or the return. A run in which FRESH rises
-    /// is left out, because it counts as the last piece of a frame's way.
+    /// The longest run of an exception, ns. A run in which FRESH rises counts as a part of a frame's way instead.
     fn longest(&self, exception: u32) -> u64 {
         let rises: Vec<u64> = self.frames().into_iter().map(|(_, rose)| rose).collect();
         let runs = self.runs.windows(2).filter(|pair| pair[0].1 == exception).map(|pair| pair[0].0..pair[1].0);
@@ -102,13 +100,11 @@ impl<C: Cost> Watched<C> {
         served.map(|run| run.end - run.start).max().unwrap_or(0)
     }
 
-    /// How long one service of the SSI preempts another task, ns: the sum of the longest runs of both SSI tasks.
     fn share(&self) -> u64 {
         let around = (C::EXCEPTION_ENTRY + C::EXCEPTION_RETURN) * 1_000 / 64;
         SSI.iter().map(|&exception| self.longest(exception) + around).sum()
     }
 
-    /// For each frame, the instants of its last bit and of the rise of FRESH after it, ns.
     fn frames(&self) -> Vec<(u64, u64)> {
         let mut heard = None;
         let frames = self.log.events.iter().filter_map(|event| match event.what {
@@ -122,8 +118,7 @@ impl<C: Cost> Watched<C> {
         frames.collect()
     }
 
-    /// The pieces of the time from a frame's last bit to FRESH, divided where the running task changes: the exception,
-    /// and the longest time of each piece (ns).
+    /// The exceptions between a frame's last bit and FRESH, each with its longest time, ns.
     fn pieces(&self) -> Vec<(u32, u64)> {
         let mut pieces: BTreeMap<usize, (u32, u64)> = BTreeMap::new();
         let frames = self.frames();
@@ -142,7 +137,6 @@ impl<C: Cost> Watched<C> {
         pieces.into_values().collect()
     }
 
-    /// The longest time from the end of a transaction to the release of the buffers to the SPIS, ns.
     fn served(&self) -> u64 {
         let mut ended = None;
         let served = self.log.events.iter().filter_map(|event| match event.what {

@@ -15,7 +15,6 @@ use reader::{MS, US, field_on, transact};
 use st25r3916_model::AirEvent;
 use stm32f429::{Oscillators, Stm32f429};
 
-/// Runs HORUS to `to` and returns the events of its antenna, each with its instant.
 fn run_horus(node: &mut Node<bench::boards::Horus>, to: u64) -> Vec<(u64, AirEvent)> {
     let mut air = vec![];
     while node.now() < to {
@@ -112,8 +111,7 @@ fn a_supply_that_fails_while_the_dpr_logs_causes_no_panic() {
     field_on(&mut warm);
     run_dpr(&mut warm, 1_000 * MS);
     let mut interrupted = 0;
-    // The DPR writes its log line once a second, 20.04 ms after the second: its start follows 17 ms after the supply,
-    // and includes the check of its program.
+    // The DPR writes its log line once a second, 20.04 ms after the second, because its start takes that long.
     for after in (1_020_000..1_020_100).step_by(2) {
         let mut node = warm.clone();
         run_dpr(&mut node, after * US);
@@ -153,8 +151,7 @@ fn ram_is_kept_above_1_4_v_and_lost_without_a_supply() {
     assert!(lost(0) > 80 << 10);
 }
 
-/// Runs the link with `count` courses of voltage one after the other, of either supply and of both together. Returns
-/// their number; `None` if the firmwares were not built.
+/// Runs the link with `count` courses of voltage of either supply or both. Returns their number.
 fn sagging(seed: u64, count: u64) -> Option<u64> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
     let mut rng = Rng::stream(seed, 0x5A6);

@@ -17,12 +17,11 @@ const MS: u64 = 1_000_000;
 /// The period of the 16 MHz oscillator, rounded up, ns.
 const CYCLE: u64 = 63;
 
-/// The exception numbers of the test firmware's two tasks.
 const TICK: u16 = 16 + TIM2_INTERRUPT;
 const HIT: u16 = 16 + EXTI3_INTERRUPT;
 
-/// A firmware whose task `tick` runs at every update of TIM2, every 10 ms, for about 1 ms. It is less urgent than
-/// `hit`, which runs at each rising edge of PA3. Otherwise the core sleeps.
+/// A firmware whose task `tick` runs every 10 ms for about 1 ms, and whose more urgent task `hit` runs at each rising
+/// edge of PA3.
 fn two_tasks() -> Node<Player> {
     two_tasks_with(0)
 }

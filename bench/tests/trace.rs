@@ -6,7 +6,6 @@ use std::path::PathBuf;
 
 use bench::trace::{Board, DPR, Error, HORUS, Mark, SSI, Task, TaskSignal, Trace, Wire, Word};
 
-/// The paths of the trace `name` in both formats.
 fn files(name: &str) -> [PathBuf; 2] {
     ["vcd", "fst"].map(|ending| PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.{ending}")))
 }

@@ -45,7 +45,6 @@ pub struct FrontEnd {
     wires: Wires,
     emission: Emission,
     faults: ChipFaults,
-    /// The level that the chip drives on its interrupt output, and the level that the board received last.
     irq: (bool, Option<bool>),
     /// The recorded bus traffic, each crossing with its instant, ns. `None` if the traffic is not recorded.
     crossings: Option<Vec<(u64, Crossing)>>,

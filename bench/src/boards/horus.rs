@@ -15,8 +15,7 @@ const HORUS_FRONT_END: Wires =
 /// The pin on which HORUS's 10 ms timer shows its ticks: the pin falls at each tick.
 const TICK: Pin = pin('B', 10);
 
-/// HORUS's state inputs in order: relay, motor cut, emergency measure. Each has two pins: the first is high while the
-/// input is active, the second while it is inactive.
+/// The two pins of each input: one is high while the input is active, the other while it is inactive.
 const INPUT_PINS: [[Pin; 2]; INPUTS] =
     [[pin('E', 2), pin('E', 4)], [pin('E', 5), pin('E', 6)], [pin('D', 3), pin('D', 4)]];
 
@@ -24,8 +23,7 @@ const INPUT_PINS: [[Pin; 2]; INPUTS] =
 struct StateInput {
     /// The levels of the input's two pins: first the pin that is high while the input is active.
     levels: (bool, bool),
-    /// The next instant at which a chattering contact inverts both pins of the input, and the interval between two such
-    /// instants, ns.
+    /// The next change of a chattering contact, and the interval between two changes, ns.
     chatters: Option<(u64, u64)>,
 }
 

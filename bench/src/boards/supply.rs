@@ -27,7 +27,6 @@ pub trait Powered: Board {
     fn cannot_start(part: &Self::Part) -> bool;
 }
 
-/// The start-up time of the DPR's crystal, ns.
 const CRYSTAL_STARTS: u64 = 360_000;
 
 impl Powered for Horus {

@@ -62,8 +62,7 @@ where
     Some(DebugPort::new(Node::programmed(part, board)))
 }
 
-/// Restores the memory that a microcontroller keeps without supply from `kept`; `None` if the length of `kept` is
-/// wrong.
+/// Restores the memory that a microcontroller keeps without supply; `None` if the length of `kept` is wrong.
 pub(crate) fn restore<P: Debugged + Part>(part: &mut P, kept: &[u8]) -> Option<()> {
     let mut rest = kept;
     for &(address, size) in P::KEPT {

@@ -89,8 +89,7 @@ pub trait Wire: Send + std::fmt::Debug {
     /// Every restart of the microcontroller since the board was switched on.
     fn resets(&self) -> &[ResetAt];
 
-    /// The memory that the microcontroller keeps without supply, one range after the other in the order of
-    /// [`Debugged::KEPT`].
+    /// The memory that the microcontroller keeps without supply, in the order of [`Debugged::KEPT`].
     fn kept(&self) -> Vec<u8>;
 
     /// Makes a bit of flash read `value` regardless of what is programmed there. Returns whether `address` is in flash.
@@ -138,7 +137,6 @@ const DLCR: u32 = 0x40;
 pub struct DebugPort<B: Board, C: Cost> {
     node: Node<B, C>,
     line: Line,
-    /// The number of successive ones on SWDIO up to now.
     ones: u32,
     since_reset: u32,
     latest: u16,
@@ -343,8 +341,7 @@ where
         self.reset_debug();
     }
 
-    /// Gives the debug registers their power-on values, if the last reset resets them. The core must not have run
-    /// since.
+    /// Gives the debug registers their power-on values, if the last reset resets them.
     fn reset_debug(&mut self) {
         /// Writes that reset DHCSR, FP_CTRL (both with their keys) and DEMCR (ARMv7-M C1.6.2, C1.11.3, C1.6.5).
         const RESET: [(u32, u32); 3] = [(0xE000_EDF0, 0xA05F_0000), (0xE000_2000, 2), (0xE000_EDFC, 0)];
@@ -355,8 +352,7 @@ where
         }
     }
 
-    /// Whether a debugger can access `address`. While the microcontroller is held in reset, only the private peripheral
-    /// space with the debug registers can be accessed.
+    /// Whether a debugger can access `address`. A reset that is held leaves only the private peripheral space.
     fn reachable(&self, address: u32) -> bool {
         !self.held || address >> 20 == 0xE00
     }

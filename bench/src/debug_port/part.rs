@@ -33,8 +33,7 @@ pub trait Debugged: Part {
         true
     }
 
-    /// Whether a reset for this cause also resets the core's debug registers. ARMv7-M C1.6.5 promises this for a
-    /// power-on reset only.
+    /// Whether a reset for this cause also resets the debug registers. ARMv7-M C1.6.5 promises it for power-on only.
     fn resets_debug(cause: Reset) -> bool {
         matches!(cause, Reset::PowerOn | Reset::BrownOut)
     }
@@ -70,8 +69,7 @@ impl Debugged for Nrf52840 {
         words.len() == 8 && words[..4] == words[4..] && words[3] & 0x80 == 0
     }
 
-    /// Every reset of the nRF52840 resets the debug registers, except a soft reset and the reset by a lock-up (PS
-    /// 5.3.7.8, *Reset behavior*: "Debug").
+    /// Only a soft reset and the reset by a lock-up keep the nRF52840's debug registers (PS 5.3.7.8, "Debug").
     fn resets_debug(cause: Reset) -> bool {
         !matches!(cause, Reset::Software | Reset::Lockup)
     }

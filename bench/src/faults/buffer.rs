@@ -93,7 +93,6 @@ impl BufferFault {
     }
 }
 
-/// The address of the byte, and the number of the bit in it, that `word` picks from all of `buffers`.
 fn place<B: Board, C: Cost>(node: &Node<B, C>, buffers: Buffers, word: u64) -> Result<(u32, u8), Error> {
     let symbol = buffers.variable();
     let missing = || Error::NoSymbol { firmware: node.firmware().name().to_owned(), symbol: symbol.to_owned() };

@@ -262,8 +262,7 @@ mod tests {
     const HORUS_RAM: std::ops::Range<u32> = 0x2000_0000..0x2000_0100;
     const DPR_RAM: std::ops::Range<u32> = 0x2000_8000..0x2000_8100;
 
-    /// A test double of a bench with at most one upset. The lowest bits of the upset's address choose the effect: none,
-    /// other bytes read, or an old object shown.
+    /// A test double with at most one upset, whose address chooses its effect: none, other bytes, or an old object.
     #[derive(Clone, Debug, Default)]
     struct Bench<'a> {
         now: u64,

@@ -76,7 +76,6 @@ pub struct Emission {
     noise: Rng,
     faults: Vec<FrontEndFault>,
     sending: Option<Sending>,
-    /// Events that are to leave the antenna, with their instants (ns), in order of time.
     leaving: VecDeque<(u64, AirEvent)>,
     /// The instants, ns, of transmit commands that the firmware did not give.
     commands: Vec<u64>,
@@ -264,8 +263,7 @@ mod tests {
     const BITS: u32 = 8 * 13;
     const AIR_NS: u64 = (64 + BITS as u64) * BIT_NS;
 
-    /// Sends one frame at 1 ms through a front end with `faults`. Returns the events that leave the antenna until
-    /// `until`, and the repeated commands.
+    /// Sends a frame at 1 ms through a front end with `faults`; returns what leaves the antenna until `until`.
     fn leaves(faults: &[FrontEndFault], until: u64) -> (Vec<(u64, AirEvent)>, Vec<u64>) {
         let mut emission = Emission::new(1);
         faults.iter().for_each(|fault| emission.begin(0, *fault, false));

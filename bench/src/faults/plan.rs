@@ -216,7 +216,6 @@ impl Faults {
     }
 }
 
-/// Whether `board` restarts when an episode of `fault` ends.
 fn starts(fault: &Fault, board: Board) -> bool {
     match fault {
         Fault::Power(_, PowerFault::FrontEndOff | PowerFault::CrystalDead) => false,
@@ -379,8 +378,7 @@ fn buffers(rng: &mut Rng) -> Vec<Draw> {
 /// The faults that restart a board at once.
 const RESTARTS: [PowerFault; 3] = [PowerFault::Pin, PowerFault::BrownOut, PowerFault::Watchdog];
 
-/// Every fault of either board's supply and reset, sags, and faults of both boards together in either order. The last
-/// fault restarts the DPR while its crystal is dead.
+/// Every fault of either board's supply and reset, sags, and faults of both boards together in either order.
 fn power(rng: &mut Rng) -> Vec<Draw> {
     let restart = Fault::Power(Board::Dpr, RESTARTS[rng.below(RESTARTS.len() as u64) as usize]);
     let dead = Fault::Power(Board::Dpr, PowerFault::CrystalDead);
@@ -514,7 +512,6 @@ mod tests {
         }
     }
 
-    /// Whether two receivers are wrong together.
     fn are_receivers_together(pair: &[Episode]) -> bool {
         let both = |fault: fn(&Episode) -> u64| fault(&pair[0]) == fault(&pair[1]);
         let of = |episode: &Episode| match episode.fault {

@@ -175,7 +175,6 @@ impl WireFault {
     }
 }
 
-/// The bytes that the DPR sent in a transaction, and the instant at which that transaction ended, ns.
 #[derive(Clone, Debug)]
 struct Sent {
     ended: u64,
@@ -191,7 +190,6 @@ pub struct Wires {
     flown: Option<ReportedValues>,
     fresh: bool,
     sent: VecDeque<Sent>,
-    /// The transaction that a frozen MISO repeats.
     frozen: Option<Sent>,
     radio: Vec<u8>,
 }
@@ -371,7 +369,6 @@ impl Wires {
     }
 }
 
-/// Replaces the bytes of `miso` from `from` on by those of the transaction `old`, as far as both reach.
 fn overwrite(miso: &mut [u8], from: usize, old: Option<&Sent>) {
     let old = old.map_or(&[][..], |old| &old.miso);
     miso.iter_mut().zip(old).skip(from).for_each(|(byte, old)| *byte = *old);

@@ -26,7 +26,6 @@ use emulator_node::{Halt, Resume};
 /// The error number EFAULT of gdb's remote protocol ("Debugging with GDB", appendix E.13.9, Errno Values).
 const BAD_ADDRESS: u8 = 14;
 
-/// One board of a run as gdb's target, with the run that the board belongs to.
 pub(super) struct Debuggee<W> {
     pub(super) world: W,
     /// The addresses of gdb's software (`Z0`) and hardware (`Z1`) breakpoints; the emulated core implements both.
@@ -62,7 +61,6 @@ impl<W: World> Debuggee<W> {
         self.reason(why)
     }
 
-    /// Removes all breakpoints and lets the board run without the debugger.
     pub(super) fn release(&mut self) {
         self.node().halt_at_end(false);
         for address in std::mem::take(&mut self.software).into_iter().chain(std::mem::take(&mut self.hardware)) {

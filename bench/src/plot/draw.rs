@@ -19,13 +19,11 @@ const TRACK_HEIGHT: u32 = 720;
 const PANEL_HEIGHT: u32 = 280;
 /// The greatest number of points of a line in the picture. A line is narrower than that in pixels.
 const MOST_POINTS: usize = 2_000;
-/// The least length of an axis that shows metres, m.
 const LEAST_M: f64 = 20.0;
 
 pub(super) struct Drawn {
     pub(super) seconds: f64,
     pub(super) truth: Option<Place>,
-    /// The positions in the cycle's objects, Reported-Position first; `None` for a position that is not valid.
     pub(super) said: [Option<Place>; 1 + profile::MAX_RECEIVERS],
     pub(super) excluded: u8,
     pub(super) latency_ms: Option<f64>,
@@ -67,7 +65,6 @@ fn along(one: Place, other: Place) -> f64 {
     (one[0] - other[0]).hypot(one[1] - other[1])
 }
 
-/// A range that contains `values` with a margin and is at least `least` wide.
 fn range(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
     let (low, high) = values
         .filter(|value| value.is_finite())
@@ -93,7 +90,6 @@ fn pieces(points: impl Iterator<Item = Option<(f64, f64)>>) -> Vec<Vec<(f64, f64
     pieces
 }
 
-/// Returns all cycles, or every n-th of them if there are more than [`MOST_POINTS`].
 fn thinned(cycles: &[Drawn]) -> impl Iterator<Item = &Drawn> {
     cycles.iter().step_by(cycles.len().div_ceil(MOST_POINTS).max(1))
 }

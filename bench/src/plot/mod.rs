@@ -14,17 +14,13 @@ const READABLE_WITHIN: u64 = 5_000_000;
 /// A position relative to the picture's origin: metres north, east and up.
 type Place = [f64; 3];
 
-/// The values that HORUS sent in the cycle of a tick.
 #[derive(Clone, Debug, Default)]
 struct Cycle {
     tick: u64,
-    /// The instant at which the last frame of the cycle ended, ns.
     ended: u64,
     /// The positions of the cycle's objects, Reported-Position first; `None` for a position that is not valid.
     positions: [Option<Geodetic>; 1 + MAX_RECEIVERS],
-    /// The receivers that the voter excluded: bit 0 is GPS1.
     excluded: u8,
-    /// The time from the tick to the rise of FRESH, ns.
     latency: Option<u64>,
 }
 

@@ -28,7 +28,6 @@ const fn cause(reset: Reset) -> Cause {
     }
 }
 
-/// The finding that a fault of `task` could not be injected, because there is no such task.
 fn no_task(board: Side, task: u8) -> What {
     What::Finding { board, fault: false, text: format!("a fault could not be injected: there is no task {task}") }
 }
@@ -64,7 +63,6 @@ impl BoardEvents {
         std::mem::take(&mut self.events)
     }
 
-    /// Records restarts that no fault caused, and findings, since the last call.
     pub(super) fn watch<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>) {
         self.note_restarts(node, false);
         self.note_warning(node);

@@ -64,7 +64,6 @@ pub(super) struct Link {
     restarts: usize,
     selected: bool,
     deselected: u64,
-    /// The signal changes for the trace; `None` if there is no trace.
     trace: Option<Vec<Mark>>,
     tasks: Option<TaskWatch>,
     sweeping: Option<Sweeping>,
@@ -126,7 +125,6 @@ impl Link {
         self.recorder.header()
     }
 
-    /// The violations up to the instant that has been judged.
     pub(super) fn findings(&self) -> &Findings {
         self.recorder.findings()
     }
@@ -139,7 +137,6 @@ impl Link {
         self.flight_controller.stats()
     }
 
-    /// Passes events before `reached` (ns), which both boards have passed, to the judge.
     pub(super) fn come_to<C: Cost>(&mut self, reached: u64, dpr: &mut Node<Dpr, C>) {
         self.watch_dpr(dpr);
         self.advance_air(reached, dpr);
@@ -175,7 +172,6 @@ impl Link {
         self.recorder.take_kept()
     }
 
-    /// Takes the images that the flight controller has read since the last call, each with its instant (ns).
     pub(super) fn take_images(&mut self) -> Vec<(u64, Vec<u8>)> {
         self.flight_controller.take_images()
     }
@@ -272,7 +268,6 @@ impl Link {
         self.note_air();
     }
 
-    /// Records the frames and faults that the air has reported since the last call.
     fn note_air(&mut self) {
         for frame in self.air.take_sent() {
             if let Some(sweeping) = &mut self.sweeping
@@ -393,7 +388,6 @@ impl Link {
         }
     }
 
-    /// Records the bytes of a finished transaction, and forwards the profile in them to the base station.
     fn transaction_over(&mut self, Transaction { selected_ns, deselected_ns, mosi, miso, .. }: Transaction) {
         let what = What::Transaction { selected: selected_ns, mosi: Bytes(mosi), miso: Bytes(miso) };
         self.recorder.note(deselected_ns, what);
@@ -421,7 +415,6 @@ impl Link {
         }
     }
 
-    /// Begins, changes or ends an episode of a fault on the DPR's side.
     fn turn<C: Cost>(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
         let now = node.now();
         let (Turn::Begins(episode) | Turn::Ends(episode)) = turn else {

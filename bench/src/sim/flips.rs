@@ -168,8 +168,8 @@ fn of_part<C: Cost>(
     }
 }
 
-/// Evaluates the events from `at` to `end` (ns). Returns the time until valid and new data were read again for good,
-/// and the numbers of readings before that, by what Link-Status reported: link down, faulty front end, neither.
+/// Returns the time after `at` until valid and new data were read for good, ns, and the readings before that by what
+/// Link-Status reported: link down, faulty front end, neither.
 fn read(events: &[Event], at: u64, end: u64) -> (Option<u64>, [u32; 3]) {
     let mut status: Vec<(u64, LinkStatusBits)> = vec![];
     // `last` is the instant of the latest new data, and `back` the time from the flip to the end of the last gap.

@@ -119,7 +119,6 @@ impl Phase {
         self.longest(PhaseEvent::Spis(SpisEvent::Held), PhaseEvent::Spis(SpisEvent::Released))
     }
 
-    /// The longest time from an event `begin` to the next event `end`, ns.
     fn longest(&self, begin: PhaseEvent, end: PhaseEvent) -> i64 {
         let (mut since, mut longest) = (None, 0);
         for &(at, event) in &self.events {
@@ -141,7 +140,6 @@ pub(super) struct Sweeping {
     cycle: u64,
     /// LEN of the frames around whose ends the transactions are placed.
     target: u8,
-    /// The time on the air of a frame, ns, by the frame's LEN.
     durations: BTreeMap<u8, u64>,
     phases: Vec<Phase>,
 }
@@ -163,8 +161,7 @@ impl Sweeping {
         self.durations.insert(len, took);
     }
 
-    /// Returns the transactions to place around the end of a frame with this LEN that began at `at`. Each has an edge
-    /// of chip select, the edge's instant (ns), and the number of bytes.
+    /// Returns the transactions around the end of a frame that began at `at`: edge, its instant (ns), number of bytes.
     pub(super) fn frame_started(&mut self, at: u64, len: u8) -> Vec<(Edge, u64, Option<usize>)> {
         let Some(&took) = self.durations.get(&len).filter(|_| len == self.target) else { return vec![] };
         let Some((phase_ns, pattern)) = self.sweep.at(self.cycle) else { return vec![] };

@@ -74,7 +74,6 @@ impl Recorder {
         self.kept.get_or_insert_default();
     }
 
-    /// Takes the events that were released since the last call; none if the log is not kept.
     pub(super) fn take_kept(&mut self) -> Vec<Event> {
         self.kept.as_mut().map(std::mem::take).unwrap_or_default()
     }

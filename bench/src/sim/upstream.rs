@@ -23,8 +23,7 @@ use gnss_sim::Port;
 /// How long the pin TICK is high before each tick, ns.
 const TICK_PULSE_NS: u64 = TICK_PULSE_TICKS as u64 * 1_000 / TICKS_PER_US as u64;
 
-/// The time from the end of a message to a receiver's answer, ns. Interface descriptions promise less than one second;
-/// real receivers take some tens of milliseconds.
+/// The time from the end of a message to a receiver's answer, ns; real receivers take some tens of milliseconds.
 const ANSWERS_AFTER: u64 = 20_000_000;
 /// How long a receiver ignores its input after a change of its bit rate, ns: u-blox integration manuals, "UART
 /// interfaces", "a short time delay of typically 100 ms".
@@ -35,7 +34,6 @@ const STARTS: u64 = 300_000_000;
 #[derive(Clone, Debug)]
 struct Feed {
     receiver: Receiver,
-    /// The instant at which the receiver's next burst of messages begins, ns; `u64::MAX` if there is none.
     burst_at: u64,
     /// The receiver's answers to messages from HORUS, each with its instant (ns).
     answers: VecDeque<(u64, Vec<u8>)>,
@@ -53,7 +51,6 @@ impl Feed {
         self.burst_at.min(self.answers.front().map_or(u64::MAX, |(at, _)| *at))
     }
 
-    /// Takes the receiver's next message, if it is due at `at` (ns) or earlier.
     fn take(&mut self, at: u64) -> Option<Burst> {
         if self.next_at() > at {
             return None;

@@ -7,7 +7,6 @@ pub(crate) const CYCLES_106: u64 = 128;
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Clock {
-    /// The duration of a thousand carrier cycles, attoseconds.
     millicycle_as: u64,
 }
 
@@ -39,7 +38,6 @@ pub(crate) fn bit_cycles(rate: u8) -> u64 {
     CYCLES_106 >> rate
 }
 
-/// Returns the nominal bit rate, bit/s, of bits that take `cycles` carrier cycles.
 pub(crate) fn rate_of(cycles: u64) -> u32 {
     match cycles {
         64 => 212_000,

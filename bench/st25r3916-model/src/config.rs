@@ -39,14 +39,11 @@ pub struct Config {
 
     /// Whether DB (clear FIFO) also clears the interrupt registers. The data sheet contradicts itself about this.
     pub db_clears_irqs: bool,
-    /// Whether C2 (stop) clears the interrupt registers. In a recording of silicon, an I_gpe that was due before a C2
-    /// was no longer set after it.
+    /// Whether C2 (stop) clears the interrupt registers, as a recording of silicon suggests.
     pub stop_clears_irqs: bool,
-    /// Whether a transmission that ends with the receiver off (`rx_en` = 0) raises I_txe. The data sheet implies it; no
-    /// recording shows it.
+    /// Whether the end of a transmission raises I_txe with the receiver off. The data sheet implies it.
     pub txe_with_rx_off: bool,
-    /// Whether a target must be unmasked (D1) before its first frame and after each frame. `true` is the cautious
-    /// choice.
+    /// Whether a target must be unmasked (D1) before each frame, which is the cautious choice.
     pub target_rearms_by_command: bool,
     /// The effect of a received frame that breaks off.
     pub broken_frame: BrokenFrame,
@@ -58,14 +55,11 @@ pub struct Config {
     /// tune. The unsuitable setting is a finding in either case. If false, only the carrier leaves the antenna, and an
     /// antenna out of tune receives nothing.
     pub unsuited_modulation_reaches: bool,
-    /// The suitable values of the antenna tuning registers (26, 27) for the board's matching network: in a poller, and
-    /// in a listener.
+    /// The suitable antenna tuning (26, 27) for the board's matching network, in a poller and in a listener.
     pub tuning: [[u8; 2]; 2],
-    /// The largest deviation from the suitable tuning, in steps, with which the antenna is in tune. Assumed; it depends
-    /// on the antenna's quality.
+    /// The largest deviation from the suitable tuning, in steps, with which the antenna is in tune. Assumed.
     pub tuning_tolerance: u8,
-    /// The voltage of another chip's field at the field detector's input, mV. Assumed, for a distance of some
-    /// centimetres.
+    /// The voltage of another chip's field at the field detector's input, mV. Assumed for a few centimetres.
     pub field_mv: u16,
 
     /// Whether the chip may answer. If false, each answer is a finding.
@@ -73,8 +67,7 @@ pub struct Config {
     /// Whether the end of a poller's transmission unmasks a receiver that D0 has masked. No document says so, and ST's
     /// library always stops the chip (C2) between D0 and a transmission.
     pub transmit_unmasks: bool,
-    /// Whether D1 also clears the FIFO, as a comment in ST's library says (stm32duino/ST25R3916
-    /// `src/rfal_rfst25r3916.cpp`).
+    /// Whether D1 also clears the FIFO, as ST's library says (stm32duino/ST25R3916 `src/rfal_rfst25r3916.cpp`).
     pub unmask_clears_fifo: bool,
 
     /// Seed of the random scatter of the start of transmission.
@@ -93,15 +86,13 @@ pub struct Config {
     pub irq_fall_ns: u64,
     /// Time from the field's switch-on to I_apon, ns. Measured on one chip: 2.70 to 2.71 µs in three recordings.
     pub field_on_latency_ns: u64,
-    /// Excess of the time until I_cat over the setting of the field-on guard time, ns. Measured on one chip in three
-    /// recordings.
+    /// Excess of the time until I_cat over the field-on guard time, ns. Measured on one chip.
     pub guard_extra_ns: u64,
     /// Excess of the no-response time over its setting, ns. Measured on one chip.
     pub no_response_extra_ns: u64,
     /// Time from the end of an NFC-A answer's start of communication to I_rxs, ns. Measured on one chip.
     pub nfc_a_start_latency_ns: u64,
-    /// Time from the end of a byte of an NFC-A answer until the byte is in the FIFO, and from the end of the answer to
-    /// I_rxe, ns. Measured on one chip.
+    /// Latency of an NFC-A answer's byte until it is in the FIFO, and of its end until I_rxe, ns. Measured on one chip.
     pub nfc_a_latency_ns: u64,
     /// Time from the end of an NFC-F sync to I_rxs, from the end of a byte until the byte is in the FIFO, and from the
     /// end of the frame to I_rxe, ns. Assumed: two bits at 424 kbit/s.
@@ -125,8 +116,7 @@ pub struct Config {
     pub amplitude: u8,
     /// Constant result of Measure phase (D9), A/D steps, whose use is a finding. Measured on one chip.
     pub phase: u8,
-    /// Results of Measure power supply (DF) for the regulated supplies VDD_A, VDD_D, VDD_RF and VDD_AM, mV. Measured on
-    /// one chip.
+    /// Results of Measure power supply (DF) for VDD_A, VDD_D, VDD_RF and VDD_AM, mV. Measured on one chip.
     pub regulated_mv: [u16; 4],
 }
 

@@ -26,7 +26,6 @@ pub struct Statistics {
     pub overwritten: u64,
 }
 
-/// The state that all modules of the chip share.
 #[derive(Clone, Debug)]
 pub(crate) struct Core {
     config: Config,
@@ -80,7 +79,6 @@ impl Core {
         self.now
     }
 
-    /// Advances the chip's time to `now`, unless it is later already.
     pub(crate) fn reach(&mut self, now: u64) {
         self.now = self.now.max(now);
     }
@@ -157,7 +155,6 @@ impl Core {
         self.registers.set(Space::A, i as u8, value);
     }
 
-    /// Whether all of `bits` in the operation control register (02) are set.
     pub(crate) fn operates(&self, bits: u8) -> bool {
         self.a(reg::OPERATION) & bits == bits
     }
@@ -166,7 +163,6 @@ impl Core {
         self.operates(EN)
     }
 
-    /// Whether the mode register (03) makes the chip a target (listener).
     pub(crate) fn target(&self) -> bool {
         self.a(reg::MODE) & TARGET != 0
     }

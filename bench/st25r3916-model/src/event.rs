@@ -23,8 +23,7 @@ pub struct Chunk {
     pub parity_error: bool,
 }
 
-/// The start of a frame. The instant of the event is that of the first preamble bit (NFC-F) or of the start of
-/// communication (NFC-A).
+/// The start of a frame, at its first preamble bit (NFC-F) or its start of communication (NFC-A).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameStart {
     /// The coding and modulation of the frame.
@@ -44,18 +43,15 @@ pub struct FrameStart {
 }
 
 impl FrameStart {
-    /// Returns the time from the frame's first bit to the first bit of its byte `i`, ns.
     pub(crate) fn until_byte(&self, i: usize) -> u64 {
         self.until_bit(8 * i as u64)
     }
 
-    /// Returns the time from the frame's first bit to its data bit `bit`, in the order of the air, ns.
     pub(crate) fn until_bit(&self, bit: u64) -> u64 {
         let air = u64::from(self.header_bits) + bit / 8 * u64::from(self.byte_bits) + bit % 8;
         bits_ns(air, self.bit_as)
     }
 
-    /// Returns the number of data bits that have passed `ns` after the frame's first bit.
     pub(crate) fn data_bits_in(&self, ns: u64) -> u64 {
         let air = bits_in(ns, self.bit_as).saturating_sub(u64::from(self.header_bits));
         let per = u64::from(self.byte_bits.max(1));

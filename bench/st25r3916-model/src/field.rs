@@ -23,8 +23,7 @@ use crate::registers::{EN, EN_FD, TX_EN, reg};
 use crate::report::Kind;
 use crate::schedule::Due;
 
-/// The voltages, mV, at which the field detector detects a field (2A, bits 6:4) and until which the field stays
-/// detected (2B, bits 6:4).
+/// The thresholds of the field detector, mV, to detect a field (2A, bits 6:4) and to keep it detected (2B, bits 6:4).
 const THRESHOLDS_MV: [u16; 8] = [75, 105, 150, 205, 290, 400, 560, 800];
 
 #[derive(Clone, Debug, Default)]
@@ -113,8 +112,7 @@ impl Field {
         }
     }
 
-    /// Carries out NFC initial field on (C8): if the chip detects no foreign field during T_IDT + n T_RFW (4096 + n ·
-    /// 512 carrier cycles), it switches its own field on.
+    /// Carries out NFC initial field on (C8) if no foreign field is detected within 4096 + n · 512 carrier cycles.
     pub(crate) fn initial_on(&self, core: &mut Core) {
         if core.a(reg::OPERATION) & EN_FD == 0 {
             core.note(Kind::CollisionAvoidanceBlind);

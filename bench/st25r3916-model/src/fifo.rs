@@ -36,7 +36,6 @@ impl Fifo {
         self.len
     }
 
-    /// Returns byte `i` from the front of the FIFO, from 0.
     pub(crate) fn peek(&self, i: usize) -> Option<u8> {
         (i < self.len).then(|| self.ring[(self.head + i) % CAPACITY])
     }

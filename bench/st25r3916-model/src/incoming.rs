@@ -20,8 +20,7 @@ pub(crate) struct Incoming {
 }
 
 impl Incoming {
-    /// Returns a frame whose first bit was on the air at `start`, ns. Bytes reach the FIFO `latency` ns after their
-    /// end.
+    /// Returns a frame whose first bit was at `start`, ns. Bytes reach the FIFO `latency` ns after their end.
     pub(crate) fn new(frame: FrameStart, start: u64, latency: u64) -> Self {
         Self { frame, start, locked: false, deposited: 0, next_byte: 0, ended: None, latency }
     }
@@ -36,8 +35,7 @@ impl Incoming {
         self.instant(0)
     }
 
-    /// Returns the instant, ns, from which the decoder must run to receive the frame: the start of sync or
-    /// communication.
+    /// Returns the instant, ns, from which the decoder must run to receive the frame.
     pub(crate) fn sync_start(&self) -> u64 {
         let bits = match self.frame.technology {
             Technology::NfcF => self.frame.header_bits.saturating_sub(16),
@@ -111,8 +109,7 @@ impl Incoming {
         }
     }
 
-    /// Returns fifo_lb: the number of bits in an incomplete last byte, or 0. ST's driver (RFAL) reads it for every
-    /// technology.
+    /// Returns fifo_lb, the bits in an incomplete last byte, or 0. ST's driver (RFAL) reads it for every technology.
     pub(crate) fn last_bits(&self) -> u8 {
         match self.ended {
             // Bits after the bytes that LEN announces are ignored.
@@ -131,8 +128,7 @@ impl Incoming {
         Some(end.saturating_add(self.latency))
     }
 
-    /// Returns the instant at which this frame fills the FIFO from `level` to `full` bytes, ns; `None` if it is too
-    /// short.
+    /// Returns the instant at which this frame fills the FIFO from `level` to `full` bytes, ns, if it does.
     pub(crate) fn reaches(&self, full: usize, level: usize) -> Option<u64> {
         let byte = self.deposited + full.checked_sub(level)?;
         (self.locked && byte <= self.available()).then(|| self.instant(byte).saturating_add(self.latency))
@@ -150,7 +146,6 @@ impl Incoming {
         usize::try_from(bytes).unwrap_or(usize::MAX).clamp(self.deposited, most) - self.deposited
     }
 
-    /// Returns the bytes that have become due for the FIFO since the last call.
     pub(crate) fn take_due(&mut self, now: u64) -> &[u8] {
         let (from, due) = (self.deposited, self.due(now));
         if due != 0 {

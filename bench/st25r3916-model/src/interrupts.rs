@@ -82,7 +82,6 @@ pub(crate) struct Interrupts {
     since: u64,
     raised: [u64; 32],
     edges: VecDeque<IrqEdge>,
-    /// The level that [`Interrupts::take_change`] last returned.
     told: Option<bool>,
 }
 

@@ -61,8 +61,7 @@ pub(crate) fn supply_suits(core: &mut Core) -> bool {
     all(core, looks)
 }
 
-/// Whether every register in `looks` (suitability, space, address, value) is suitable; each unsuitable one is a
-/// finding.
+/// Whether every register in `looks` (suitability, space, address, value) is suitable. An unsuitable one is a finding.
 pub(crate) fn all<const N: usize>(core: &mut Core, looks: [(bool, Space, usize, u8); N]) -> bool {
     for (_, space, address, value) in looks.iter().filter(|(right, ..)| !right) {
         core.note(Kind::Modulation { space: *space, address: *address as u8, value: *value });

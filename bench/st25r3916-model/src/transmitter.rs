@@ -88,8 +88,7 @@ impl Transmitter {
         true
     }
 
-    /// Starts the transmission of a frame that [`Transmitter::admits`] accepted; returns the instant of its first bit,
-    /// ns.
+    /// Starts the transmission of a frame that [`Transmitter::admits`] accepted; returns its first bit's instant, ns.
     pub(crate) fn send(&mut self, core: &mut Core, fifo: &mut Fifo, mut frame: Outgoing) -> u64 {
         core.cancel(Due::NoResponse);
         fifo.clear_flags();

@@ -10,8 +10,7 @@ use nrf52840::{Nrf52840, Settings};
 use st25r3916_model::{Chip, Config};
 use stm32f429::{Oscillators, Stm32f429};
 
-/// The result of a test that lacks `missing`: a failure with `ci`, because no one reads the output there. `how`
-/// explains how to get what is missing.
+/// Returns a failure if `ci` is set, because no one reads the output there. `how` explains how to get what is missing.
 pub(crate) fn verdict(ci: bool, missing: &str, how: &str) -> Result<String, String> {
     let words = format!("not run: {missing} ({how})");
     if ci { Err(words) } else { Ok(words) }
@@ -44,8 +43,7 @@ pub(crate) fn image(receivers: usize, name: &str) -> Option<PathBuf> {
     Some(path)
 }
 
-/// The longest test of a board's RAM at its start, ns: the DPR tests 96 KiB at 64 MHz, which takes longer than HORUS's
-/// 32 KiB at 16 MHz (`firmware_common::start_test`).
+/// The longest test of a board's RAM at its start, ns: the DPR's of 96 KiB at 64 MHz (`firmware_common::start_test`).
 pub(crate) const RAM_TEST: u64 = {
     let horus = start_test::longest_us(32 << 10, start_test::HORUS_CYCLES, 16);
     let dpr = start_test::longest_us(96 << 10, start_test::DPR_CYCLES, 64);
@@ -61,17 +59,14 @@ pub(crate) fn horus() -> Option<Node<Horus>> {
     horus_on(Oscillators::default())
 }
 
-/// HORUS's board with the given oscillators; `None` if the firmware was not built.
 pub(crate) fn horus_on(oscillators: Oscillators) -> Option<Node<Horus>> {
     horus_with(oscillators)
 }
 
-/// HORUS's board on the clock `C` with the given oscillators; `None` if the firmware was not built.
 pub(crate) fn horus_with<C: Cost>(oscillators: Oscillators) -> Option<Node<Horus, C>> {
     horus_part(Stm32f429::new(oscillators).with_brown_out_level_3())
 }
 
-/// HORUS's board on the clock `C` with the given microcontroller; `None` if the firmware was not built.
 pub(crate) fn horus_part<C: Cost>(part: Stm32f429) -> Option<Node<Horus, C>> {
     let image = Firmware::read(&image(3, "horus-tx-fw.elf")?).unwrap();
     Some(Node::new(part, Horus::new(chip(), 3, false), &image).unwrap())
@@ -82,12 +77,10 @@ pub(crate) fn dpr() -> Option<Node<Dpr>> {
     dpr_on(Settings::default())
 }
 
-/// The DPR's board with the given settings; `None` if the firmware was not built.
 pub(crate) fn dpr_on(settings: Settings) -> Option<Node<Dpr>> {
     dpr_with(settings)
 }
 
-/// The DPR's board on the clock `C` with the given settings; `None` if the firmware was not built.
 pub(crate) fn dpr_with<C: Cost>(settings: Settings) -> Option<Node<Dpr, C>> {
     let image = Firmware::read(&image(3, "dpr-fw.elf")?).unwrap();
     let mut node = Node::new(Nrf52840::new(settings), Dpr::new(chip(), false), &image).unwrap();
@@ -95,7 +88,6 @@ pub(crate) fn dpr_with<C: Cost>(settings: Settings) -> Option<Node<Dpr, C>> {
     Some(node)
 }
 
-/// The counter at byte `offset` of the telemetry `symbol`.
 pub(crate) fn counter<B: Board>(node: &Node<B>, symbol: &str, offset: usize) -> u32 {
     let mut word = [0; 4];
     node.read(node.address_of(symbol).unwrap() + offset as u64, &mut word).unwrap();

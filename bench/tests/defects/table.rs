@@ -13,27 +13,22 @@ pub(crate) struct Edit {
     /// The file's path from the workspace's root.
     pub(crate) file: &'static str,
     pub(crate) old: &'static str,
-    /// The text with the defect.
     pub(crate) new: &'static str,
 }
 
-/// The result of a defect's run.
 pub(crate) enum Shows {
     /// The run of a defect shows this violation, perhaps among others.
     By(Violation),
-    /// The run shows no violation. The text gives the reason: a missing rule, or the test that finds the defect
-    /// instead.
+    /// The run shows no violation, because a rule is missing, or only the named test finds the defect.
     Not(&'static str),
 }
 
 pub(crate) struct Defect {
     pub(crate) name: &'static str,
-    /// The defect's effect.
     pub(crate) does: &'static str,
     pub(crate) edit: Edit,
     /// The arguments of `cargo xtask sim` for the run that shows the defect.
     pub(crate) run: &'static str,
-    /// The result of the defect's run.
     pub(crate) shows: Shows,
 }
 
@@ -56,7 +51,6 @@ const CLIENT: &str = "profile/src/ssi/client/mod.rs";
 const DRONE: &str = "base-station/src/drone/mod.rs";
 const ORDER: &str = "base-station/src/drone/order.rs";
 
-/// A run without faults.
 const PLAIN: &str = "--seconds 6";
 /// A run in which the receivers start with their factory settings.
 const FACTORY: &str = "--seconds 8 --factory-settings";

@@ -14,7 +14,6 @@ pub(crate) const MS: u64 = 1_000_000;
 /// The number of receivers for which these tests' firmwares are built.
 pub(crate) const RECEIVERS: usize = 3;
 
-/// The layout of the image.
 pub(crate) fn layout() -> Layout {
     Layout::for_receivers(RECEIVERS).expect("a profile of three receivers")
 }
@@ -22,18 +21,12 @@ pub(crate) fn layout() -> Layout {
 /// The duration of a bit at 424 kbit/s, attoseconds: 32 periods of 13.56 MHz.
 const BIT_AS: u64 = 32 * 1_000_000_000_000_000 / 13_560;
 
-/// The contents of one transaction.
 #[derive(Clone, Debug)]
 pub(crate) struct View {
-    /// The instant at which chip select fell, ns.
     pub(crate) at: u64,
-    /// Whether every byte read 0xFF.
     pub(crate) silent: bool,
-    /// Link-Status, if it is intact.
     pub(crate) link: Option<LinkValues>,
-    /// The timestamps of the objects that are valid.
     pub(crate) valid: Vec<u32>,
-    /// The status of a valid Reported-Position.
     pub(crate) reported: Option<ReportedStatus>,
 }
 
@@ -55,8 +48,7 @@ impl View {
     }
 }
 
-/// Carries out a transaction of `bytes` bytes now, with every byte on MOSI being `mosi`, and the gap after it. Returns
-/// the bytes on MISO.
+/// Carries out a transaction with every byte on MOSI being `mosi`, and its gap. Returns the bytes on MISO.
 pub(crate) fn transact(node: &mut Node<Dpr>, bytes: usize, mosi: u8) -> Vec<u8> {
     carry(node, Order { filler: Filler::Byte(mosi), ..Order::read(bytes) })
 }
@@ -84,7 +76,6 @@ pub(crate) fn carry_by(node: &mut Node<Dpr>, order: Order, mut pass: impl FnMut(
     }
 }
 
-/// Reads a whole image now and returns its contents.
 pub(crate) fn view(node: &mut Node<Dpr>) -> View {
     let at = node.now();
     View::of(at, &transact(node, layout().image_len(), 0))
@@ -126,7 +117,6 @@ fn crc16(bytes: &[u8]) -> [u8; 2] {
     crc.to_be_bytes()
 }
 
-/// Switches the field at the DPR's chip on.
 pub(crate) fn field_on(node: &mut Node<Dpr>) {
     node.board_mut(|board| board.front_end.hear(0, &AirEvent::FieldOn));
 }
@@ -155,26 +145,20 @@ pub(crate) fn send(node: &mut Node<Dpr>, at: u64, payload: &[u8]) {
 
 #[derive(Clone, Debug)]
 pub(crate) struct Sent {
-    /// The instant of the first bit, ns.
     pub(crate) started: u64,
-    /// The instant of the last bit, ns.
     pub(crate) ended: u64,
     pub(crate) payload: Vec<u8>,
 }
 
 impl Sent {
-    /// The timestamp of the frame's first object, ms.
     pub(crate) fn timestamp(&self) -> u32 {
         Object::verify(0, &self.payload[..64]).expect("Reported-Position comes first").timestamp()
     }
 }
 
-/// The antenna of HORUS's front end, with HORUS's transmit commands and ticks.
 #[derive(Default)]
 pub(crate) struct Antenna {
-    /// The instants of HORUS's transmit commands, ns.
     pub(crate) transmits: Vec<u64>,
-    /// The instants of the 10 ms timer's ticks, ns.
     pub(crate) ticks: Vec<u64>,
 }
 
@@ -202,11 +186,9 @@ pub(crate) struct Reader {
     started: u64,
     frame: Vec<u8>,
     pub(crate) sent: Vec<Sent>,
-    /// The instants at which the field went off, ns.
     pub(crate) field_off: Vec<u64>,
 }
 
-/// The instant at which the reader's first transaction begins, ns.
 const FIRST_READ: u64 = 20 * MS;
 
 /// The pause between two transactions, ns. It does not divide HORUS's cycle.

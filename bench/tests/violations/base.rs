@@ -5,7 +5,6 @@ use bench_judge::Violation;
 
 use super::{MS, Row, breaks, table};
 
-/// The faults of a run in which `fault` lasts for 40 ms.
 fn for_a_while(fault: Fault) -> Faults {
     Faults::none().with(breaks(), breaks() + 40 * MS, fault)
 }

@@ -15,12 +15,10 @@ use stm32f429::{Oscillators, Stm32f429};
 use super::MS;
 use super::boards::RAM_TEST;
 
-/// The length of the recording of a board's first stores, ns: its start, with the test of its RAM, and its first
-/// cycles.
+/// How long the stores of a board are recorded from its start, ns.
 const RECORDED: u64 = RAM_TEST + 30 * MS;
 /// The number of bytes of flash that are compared, more than a program and its stubs have.
 const FLASH: usize = 0x4_4000;
-/// From the start to the end of a run, ns.
 pub(super) const ALWAYS: (u64, u64) = (0, u64::MAX);
 const WAIT: [u8; 2] = 0xBF30_u16.to_le_bytes();
 const NOTHING: [u8; 2] = 0xBF00_u16.to_le_bytes();

@@ -62,8 +62,8 @@ fn beat(gps: usize) -> &'static Beat {
     })
 }
 
-/// The instant at which the world of a link with `gps` receivers breaks, ns: [`READABLE`] after a tick of HORUS, and
-/// less than half a control cycle before the flight controller's next read.
+/// The instant at which the world breaks, ns: [`READABLE`] after a tick of HORUS, and less than half a control cycle
+/// before the next read.
 fn breaks_with(gps: usize) -> u64 {
     beat(gps).breaks
 }
@@ -83,26 +83,20 @@ struct Row {
     violation: Violation,
     /// The violation with which a firmware's own fault counter reports the fault.
     also: Option<Violation>,
-    /// The number of receivers in the profile.
     gps: usize,
-    /// The length of the run, ns.
     duration: fn() -> u64,
-    /// Changes the setup of a sound run to that of the row.
     setup: fn(&mut Setup),
-    /// The faults of the row.
     faults: fn() -> Faults,
     /// Faults that the bench gets only when both boards have reached [`breaks_with`].
     added: fn() -> Faults,
 }
 
 impl Row {
-    /// A row with three receivers and a run of 600 ms.
     const fn new(violation: Violation, faults: fn() -> Faults) -> Self {
         Self { violation, also: None, gps: 3, duration: || 600 * MS, setup: |_| {}, faults, added: Faults::none }
     }
 }
 
-/// The setup that all rows with `gps` receivers share; `None` if the firmwares were not built.
 fn setup(gps: usize, duration: u64) -> Option<Setup> {
     let image = |name| boards::image(gps, name);
     let images = Images { horus: image("horus-tx-fw.elf")?, dpr: image("dpr-fw.elf")? };
@@ -115,7 +109,6 @@ fn bench(setup: &Setup) -> Bench {
     bench
 }
 
-/// Runs the link with nothing broken; `None` if the firmwares were not built.
 fn sound(gps: usize, duration: u64) -> Option<Finished> {
     let setup = setup(gps, duration)?;
     let mut bench = bench(&setup);
@@ -123,7 +116,6 @@ fn sound(gps: usize, duration: u64) -> Option<Finished> {
     Some(bench.finish(duration))
 }
 
-/// Runs the link as the row states; `None` if the firmwares were not built.
 fn run(row: &Row) -> Option<Finished> {
     let mut setup = setup(row.gps, 0)?;
     let duration = (row.duration)();

@@ -14,22 +14,18 @@ const GPIOD_MODER: u32 = 0x4002_0C00;
 /// The STM32's clock control register; bit 16 is HSEON (RM0090 6.3.1).
 const RCC_CR: u32 = 0x4002_3800;
 
-/// A fault of a wire from [`breaks`] on for `duration`.
 fn wire(fault: WireFault, duration: u64) -> Faults {
     Faults::none().with(breaks(), breaks() + duration, Fault::Wire(fault))
 }
 
-/// A fault of HORUS's front end from [`breaks`] on for `duration`.
 fn front_end(fault: FrontEndFault, duration: u64) -> Faults {
     front_end_with(3, fault, duration)
 }
 
-/// A fault of HORUS's front end, in a link with `gps` receivers, from [`breaks_with`] on for `duration`.
 fn front_end_with(gps: usize, fault: FrontEndFault, duration: u64) -> Faults {
     Faults::none().with(breaks_with(gps), breaks_with(gps) + duration, Fault::FrontEnd(fault))
 }
 
-/// A fault of HORUS's program from [`breaks`] on for `duration`.
 fn image(fault: ImageFault, duration: u64) -> Faults {
     Faults::none().with(breaks(), breaks() + duration, Fault::Image(Board::Horus, fault))
 }
@@ -53,8 +49,8 @@ const NOT_HEARD: u8 = {
     HEARD_MS as u8 + 1
 };
 
-/// Constants of the voter, as float32, and their replacements: the squares of the horizontal limit (30 m), of the
-/// vertical limits (8 m and 50 m) and of 200 m/s, and the number of 1/256 of 1e-7 degrees in a radian.
+/// Constants of the voter (float32) and their replacements: squares of limits (30 m, 8 m, 50 m, 200 m/s), and the
+/// number of 1/256 of 1e-7 degrees in a radian.
 const CEILING: u32 = 0x4461_0000;
 const CEILING_HEIGHT: u32 = 0x451C_4000;
 const FLOOR_HEIGHT: u32 = 0x4280_0000;

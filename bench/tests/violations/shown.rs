@@ -24,8 +24,7 @@ fn hangs(faults: Faults, at: u64) -> Faults {
     wire(wire(faults, WireFault::FreshStuck), WireFault::MisoFrozen)
 }
 
-/// All frames are lost, and the SSI hangs while the last frame is still in the image. The DPR removes that frame's
-/// objects 12.5 ms after the frame's end.
+/// The SSI hangs while the last frame before a silence is still in the image.
 fn hangs_in_silence() -> Faults {
     hangs(lost(breaks(), u64::MAX), breaks() + 8 * MS)
 }
@@ -67,8 +66,7 @@ table! {
         };
         (0..=3).fold(Faults::none(), vacant)
     });
-    // The DPR's front end fails for a while. After the time that it may take to set the front end up again, no object
-    // is shown, although the antenna receives intact frames.
+    // The front end fails, and no object is shown even after the time that its new set-up may take.
     recovers_late => Row {
         duration: || 780 * MS,
         ..Row::new(Violation::RecoversLate, || {
@@ -117,8 +115,8 @@ table! {
         setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)]),
         ..Row::new(Violation::ShownExpired, hangs_with_an_image)
     };
-    // A transaction repeats the bytes that were read in the cycle before. The flight controller's clock is slow, so
-    // that no transaction is under way when FRESH rises.
+    // A transaction repeats the bytes of the cycle before. The flight controller's clock is slow, so that no
+    // transaction is under way when FRESH rises.
     regression => Row {
         setup: |setup| setup.crystals.flight_controller_ppb = -1_000_000,
         ..Row::new(Violation::Regression, regressed)
@@ -187,7 +185,6 @@ fn a_dpr_that_hangs_with_its_hardware_expiry_shows_no_expired_image() {
     assert!(finished.log.events.iter().any(|event| event.what == What::Hung { board: Board::Dpr }));
 }
 
-/// The figures and the log of a run with three receivers; `None` if the firmwares were not built.
 fn figures(duration: fn() -> u64, faults: fn() -> Faults) -> Option<(bench_judge::Faults, bench_judge::Log)> {
     let finished = run(&Row { duration, ..Row::new(Violation::NotShown, faults) })?;
     Some((finished.verdict.figures.faults, finished.log))
@@ -195,8 +192,7 @@ fn figures(duration: fn() -> u64, faults: fn() -> Faults) -> Option<(bench_judge
 
 #[test]
 fn recovery_lasts_from_a_causes_end_until_a_later_frame_is_read() {
-    // After up to 25 missed cycles the first frame is shown. It begins within a cycle, ends within half a cycle more,
-    // and is read within 4 ms.
+    // After up to 25 missed cycles the first frame is shown, which is read within two cycles.
     let Some((short, _)) = figures(|| 1_000 * MS, || lost(breaks(), breaks() + 10 * CYCLE)) else { return };
     assert!((1..=2).contains(&short.max_recovery_cycles.unwrap()), "{short:?}");
     // After more missed cycles the DPR searches for the sequence, and the fourth frame is shown.

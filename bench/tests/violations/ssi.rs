@@ -8,11 +8,8 @@ use profile::Identifier;
 use super::images::{ALWAYS, instead, stores};
 use super::{CONTROL_CYCLE, MS, Row, US, breaks, reads, table};
 
-/// The interrupt handler that serves the SSI.
 const SSI_END: &str = "SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1";
-/// The interrupt handler that publishes a frame's image.
 const COMMIT: &str = "SWI0_EGU0";
-/// The vector of the DPR's task `deadline`.
 const DEADLINE: &str = "TIMER1";
 
 /// CC[2], a compare register of the DPR's TIMER2 (PS 6.30).
@@ -23,12 +20,10 @@ const TICKS_PER_US: u32 = 72;
 /// The instant at which HORUS sends the second frame of five receivers, µs after its tick.
 const SECOND_SLOT_US: u32 = 4_130;
 
-/// A fault of a wire from `at` on for `ns`.
 fn wire(at: u64, ns: u64, fault: WireFault) -> Faults {
     Faults::none().with(at, at + ns, Fault::Wire(fault))
 }
 
-/// A fault of the DPR's program from `at` on for `ns`.
 fn dpr(at: u64, ns: u64, fault: ImageFault) -> Faults {
     Faults::none().with(at, at + ns, Fault::Image(Board::Dpr, fault))
 }
@@ -102,8 +97,7 @@ table! {
             Faults::none().with(0, u64::MAX, Fault::Image(Board::Horus, late))
         })
     };
-    // At the deadline after a lost frame the DPR itself requests the buffers. No transaction reads that image, because
-    // each cycle's only transaction comes just after its frame.
+    // At the deadline after a lost frame the DPR requests the buffers itself, and no transaction reads that image.
     a_processor_that_keeps_the_buffers_without_a_transaction_holds_the_ssi_back => Row {
         setup: |setup| setup.sweep = Some(after_each_frame(200_000, 60)),
         ..Row::new(Violation::HeldBack, || {

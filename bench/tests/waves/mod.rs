@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The changes of each signal in the trace file at `path`, by the signal's name with its groups. A change has its
-/// instant (ns) and the new value in binary; the value at 0 ns comes first.
+/// The changes of each signal in the trace file, by group and name, each as its instant (ns) and value in binary.
 pub(crate) fn read(path: &Path) -> BTreeMap<String, Vec<(u64, String)>> {
     let mut wave = wellen::simple::read(path).unwrap();
     let variables: Vec<_> = {

@@ -12,16 +12,13 @@ const FIRST: u64 = 60 * MS;
 /// The instant from which the task `commit` hangs, ns, so that the image has to expire in hardware.
 const HANGS: u64 = 135 * MS;
 const DPR_RUN: u64 = 200 * MS;
-/// The interval in which two short transactions follow each read of the image, ns. All three are within one pause, and
-/// one image grants enough transactions for them.
+/// The interval in which two short transactions follow each read of the image within one pause, ns.
 const HASTY: std::ops::Range<u64> = 110 * MS..120 * MS;
-/// The interval between two reads of the flight controller, ns.
 const READ_EVERY: u64 = 2 * MS;
 
 /// What was observed of the DPR from outside during a run.
 #[derive(Clone, Debug, Default)]
 struct Shows {
-    /// The number of transactions in which every byte read 0xFF.
     silent: usize,
     intact: usize,
     valid: usize,
@@ -30,7 +27,6 @@ struct Shows {
     hasty: usize,
     /// How long valid data were read after `commit` hung, ns.
     stale: u64,
-    /// The numbers of rises and of falls of FRESH.
     fresh: (usize, usize),
     received: u32,
     missed: u32,
@@ -235,8 +231,7 @@ const DPR_ROWS: &[Row<Shows>] = &[
         let granted = READ_EVERY * u64::from(BUDGET);
         shows_as_ever(seen) && (granted..granted + 3 * READ_EVERY).contains(&seen.stale) && seen.expired == 0
     }),
-    // The timer's mode and bit mode are not changed here: the mode keeps its reset value, and eight bits suffice for
-    // the pause.
+    // The timer's mode keeps its reset value, and eight bits suffice for the pause, so neither is changed here.
     row("TIMER3: prescaler 2^9", &[bits(TIMER3 + 0x510, 0xF, 9)], Expected::Nothing, |seen| {
         seen.received == 8 && seen.valid < 25 && seen.intact < 60 && seen.restarts.is_empty()
     }),
@@ -299,7 +294,6 @@ fn rarely_shows(seen: &Shows) -> bool {
     seen.received == 8 && seen.silent > 60 && seen.valid < 10
 }
 
-/// Whether the watchdog restarts the DPR because a task does not check in.
 fn is_bitten(seen: &Shows) -> bool {
     seen.restarts.contains(&Reset::Watchdog("WDT"))
 }

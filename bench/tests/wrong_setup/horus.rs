@@ -2,24 +2,19 @@
 
 use super::*;
 
-/// The length of HORUS's run, ns.
 const HORUS_RUN: u64 = RAM_TEST + 250 * MS;
 
 /// What was observed of HORUS from outside during a run.
 #[derive(Clone, Debug, Default)]
 struct Sends {
-    /// The instant at which each frame began, ns.
     frames: Vec<u64>,
-    /// The time on the air of the last frame, ns.
     air_ns: u64,
     /// For each receiver, the number of frames with its valid position.
     valid: [usize; 3],
-    /// The instants of the 10 ms timer's ticks, ns.
     ticks: Vec<u64>,
-    /// Whether the field was switched on.
     field: bool,
-    /// For each receiver, the numbers of UBX messages, bytes and errors on its line. HORUS drops the first message of
-    /// the third receiver, which is on SPI.
+    /// The numbers of UBX messages, bytes and errors on each line. HORUS drops the first message of the receiver on
+    /// SPI.
     messages: [u32; 3],
     bytes: [u32; 3],
     errors: [u32; 3],
@@ -148,7 +143,6 @@ fn first_receiver_alone_is_lost(seen: &Sends) -> bool {
     first == 0 && second >= 20 && third >= 20 && seen.messages == [0, 11, 11] && on_time(seen)
 }
 
-/// Whether a frame is sent in every cycle of 10 ms.
 fn on_time(seen: &Sends) -> bool {
     seen.frames.len() >= 23 && seen.ticks.len() >= 23 && seen.period() == 10 * MS && seen.restarts.is_empty()
 }
@@ -187,8 +181,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("USART2: receiver not enabled", &[bits(USART2 + 0xC, 4, 0)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] == 0
     }),
-    // Without DMAR, EIE reports no errors (RM0090 30.6.6). The counted error is the overrun that the task finds at its
-    // check-in.
+    // Without DMAR no error is reported (RM0090 30.6.6), but the task finds an overrun at its check-in.
     row("USART2: no DMA requests", &[bits(USART2 + 0x14, 0x40, 0)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] >= 12
     }),
@@ -211,8 +204,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("DMA1 stream 5: reads CR3 for DR", &[bits(DMA1_STREAM5 + 8, !0, USART2 + 0x14)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] > 100_000 && seen.errors[0] > 100
     }),
-    // The receiver's first byte causes an error of the DMA transfer. The firmware restarts the ring, by code that is
-    // not changed.
+    // The receiver's first byte causes an error of the DMA transfer, after which the firmware restarts the ring.
     row(
         "DMA1 stream 5: ring in CCM RAM",
         &[bits(DMA1_STREAM5 + 0xC, !0, 0x1000_0000)],
@@ -375,8 +367,7 @@ fn late_on_air(seen: &Sends) -> bool {
     seen.frames.len() + 2 == seen.ticks.len() && seen.skipped == 2 && seen.faults == 0 && seen.messages == [12, 11, 11]
 }
 
-/// Whether frames leave at the tick instead of the slot 100 µs later. The next cycle is then refused, because the rest
-/// of the frame still has to be loaded, so every second cycle sends a frame.
+/// Whether frames leave at the tick instead of the slot 100 µs later, so that every second cycle is refused.
 fn fires_at_every_second_tick(seen: &Sends) -> bool {
     let after = |frame: &u64| seen.ticks.iter().filter(|tick| *tick <= frame).map(|tick| frame - tick).min();
     seen.frames.len() == 12

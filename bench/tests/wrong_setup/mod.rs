@@ -40,8 +40,7 @@ const fn never(address: u32) -> Change {
     Change { address, to: To::Nothing }
 }
 
-/// Omits the store that sets bit `bit` of the STM32's RCC register at `offset` through its bit-band alias (ARMv7-M ARM
-/// B3.1.1).
+/// Omits the store that sets bit `bit` of the RCC register at `offset` by its bit-band alias (ARMv7-M ARM B3.1.1).
 const fn gate(offset: u32, bit: u32) -> Change {
     never(0x4247_0000 + 32 * offset + 4 * bit)
 }

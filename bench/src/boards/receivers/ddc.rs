@@ -23,8 +23,7 @@ use emulator_node::Input;
 
 /// The receiver's I2C address, shifted left by one; the lowest bit is the direction.
 const ADDRESS: u8 = 0x42 << 1;
-/// The shortest permitted duration of a byte, ns: nine bits at 400 kHz take 22.5 µs, less 1 % for a clock whose period
-/// is rounded to whole nanoseconds.
+/// The shortest permitted duration of a byte, ns: nine bits at 400 kHz, less 1 % for rounding.
 const SHORTEST_BYTE: u64 = 22_270;
 
 const TOO_FAST: &str = "I2C: more than 400 kHz (ZED-F9R data sheet 5.3)";
@@ -52,17 +51,14 @@ pub(super) struct Ddc {
     pub(super) outbox: Outbox,
     pub(super) crossings: Crossings,
     state: State,
-    /// The register address that the next read byte comes from.
     register: u8,
     /// The number of bytes that were available when the high byte of that number was read.
     available: u16,
-    /// The instant at which the controller's last byte ended, ns; `None` if the controller has held the clock since
-    /// then.
+    /// The end of the controller's last byte, ns; `None` if the controller has held the clock since then.
     last: Option<u64>,
     /// Whether the controller has not acknowledged the last byte. It must then end the transfer.
     closing: bool,
     failing: Option<Failing>,
-    /// The levels that the microcontroller drives on SCL and SDA; high if it releases the line.
     made: [bool; 2],
     /// Whether the receiver holds SCL and SDA low: now, and as last passed on.
     low: [bool; 2],
@@ -118,7 +114,6 @@ impl Ddc {
         self.failing.as_ref().is_some_and(|failing| failing.fault == fault)
     }
 
-    /// Returns a mask of the bits of one byte that the present bus fault inverts.
     fn flips(&mut self) -> u8 {
         match &mut self.failing {
             Some(Failing { fault: BusFault::Noise, rng, .. }) => {
@@ -128,8 +123,7 @@ impl Ddc {
         }
     }
 
-    /// Applies an event of the controller that ended at `at` (ns), and calls `heard` with each data byte for the
-    /// receiver.
+    /// Applies an event that ended at `at` (ns), and calls `heard` with each data byte for the receiver.
     pub(super) fn act(
         &mut self,
         at: u64,
@@ -220,7 +214,6 @@ impl Ddc {
         self.closing = false;
     }
 
-    /// Applies the level that the firmware drives on `pin` as a general-purpose output.
     pub(super) fn pin(&mut self, pin: Pin, pad: Pad) {
         let Some(line) = [self.scl, self.sda].iter().position(|line| *line == pin) else { return };
         let high = pad != Pad::Driven(false);
@@ -240,7 +233,6 @@ impl Ddc {
         glitch.min(self.glitch_over).min(changed)
     }
 
-    /// Drives SCL and SDA up to `at` (ns) and returns whether either of them changed.
     pub(super) fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) -> bool {
         let mut moved = false;
         if at >= self.glitch_over {

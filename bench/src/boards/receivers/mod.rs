@@ -49,20 +49,16 @@ pub const FORSAKEN: u64 = 2_000_000_000;
 /// The time after its first byte at which an unfinished bus transaction counts as abandoned, ns.
 pub const ABANDONED: u64 = 50_000_000;
 
-/// The output buffer of a receiver: messages that wait to be read over a bus.
 #[derive(Clone, Debug, Default)]
 struct Outbox {
     bytes: VecDeque<u8>,
-    /// The bytes that wait, as groups in order of arrival: the instant at which a group arrived, ns, and its number of
-    /// bytes.
+    /// The groups of bytes that wait, each as the instant of its arrival (ns) and its number of bytes.
     since: VecDeque<(u64, usize)>,
-    /// The instant at which the microcontroller last communicated with the receiver, ns.
     read_at: u64,
 }
 
 impl Outbox {
-    /// Puts those messages into the buffer at `at` (ns) that fit into it whole. None is put there if the
-    /// microcontroller has not used the bus for [`FORSAKEN`].
+    /// Puts those messages into the buffer at `at` (ns) that fit, unless the bus was not used for [`FORSAKEN`].
     fn put(&mut self, at: u64, mut messages: &[u8]) {
         if at.saturating_sub(self.read_at) > FORSAKEN {
             return;
@@ -77,7 +73,6 @@ impl Outbox {
         }
     }
 
-    /// Takes the oldest byte, with the instant (ns) at which it arrived in the buffer.
     fn take(&mut self) -> Option<(u8, u64)> {
         let byte = self.bytes.pop_front()?;
         let (since, left) = self.since.front_mut()?;
@@ -122,14 +117,12 @@ enum Interface {
 #[derive(Clone, Debug)]
 pub struct Receivers {
     interfaces: Vec<Interface>,
-    /// Whether bytes that the microcontroller sends are kept for [`Receivers::take_sent`].
     attended: bool,
     heard: Vec<SentByte>,
     read: Vec<ReadBytes>,
     /// The microcontroller's violations of a receiver's data sheet: the first of each kind, with its instant, ns.
     misuses: Vec<(u64, String)>,
     told: Vec<(usize, &'static str)>,
-    /// The earliest instant at which any receiver's interface changes a line, ns.
     next: u64,
 }
 
@@ -160,8 +153,7 @@ impl Receivers {
         }
     }
 
-    /// Queues `frames` on a receiver's UART at `at` (ns) behind those that still wait. Returns the instant, ns, at
-    /// which the first new frame begins.
+    /// Queues `frames` on a receiver's UART and returns the instant, ns, at which the first of them begins.
     pub fn send(&mut self, at: u64, receiver: usize, frames: impl IntoIterator<Item = UartFrame>) -> u64 {
         let Some(Interface::Uart(uart)) = self.interfaces.get_mut(receiver) else { return at };
         let begins = uart.send(at, frames);
@@ -211,8 +203,7 @@ impl Receivers {
         self.attended = true;
     }
 
-    /// Takes the bytes that the microcontroller has sent to receivers since the last call. There are none before
-    /// [`Receivers::attend`] is called.
+    /// Takes the bytes that the microcontroller has sent to receivers since [`Receivers::attend`] or the last call.
     pub fn take_sent(&mut self) -> Vec<SentByte> {
         std::mem::take(&mut self.heard)
     }
@@ -273,7 +264,6 @@ impl Receivers {
         self.next = self.interfaces.iter().map(of).min().unwrap_or(u64::MAX);
     }
 
-    /// Drives the receivers' lines to their idle levels at power-on.
     pub(super) fn powered(&self, inputs: &mut Vec<Input>) {
         for interface in &self.interfaces {
             match interface {
@@ -300,8 +290,7 @@ impl Receivers {
         self.plan();
     }
 
-    /// Transfers a frame of the microcontroller's SPI from `begins` to `ends` (ns). Returns `None` if no receiver
-    /// drives MISO.
+    /// Transfers a frame from `begins` to `ends` (ns). Returns `None` if no receiver drives MISO.
     pub(super) fn spi(&mut self, begins: u64, ends: u64, frame: &SpiFrame) -> Option<u32> {
         let (receiver, spi) =
             self.interfaces.iter_mut().enumerate().find_map(|(receiver, interface)| match interface {
@@ -348,7 +337,6 @@ impl Receivers {
         }
     }
 
-    /// The next instant at which a receiver changes the level of a pin of the microcontroller, ns.
     #[must_use]
     pub(super) fn next_event(&self) -> u64 {
         self.next

@@ -22,8 +22,7 @@ pub struct ReadBytes {
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct Crossings {
-    /// The bytes of the transaction under way: beginning and end (ns), value, and arrival in the receiver's buffer
-    /// (ns).
+    /// The bytes of the transaction under way: beginning and end (ns), value, arrival in the buffer (ns).
     open: Vec<(u64, u64, u8, u64)>,
     /// Whether HORUS need not interpret the transaction under way, because a byte of it was changed on the bus.
     spoilt: bool,

@@ -44,14 +44,11 @@ pub(super) struct Spi {
     pub(super) outbox: Outbox,
     pub(super) crossings: Crossings,
     selected: bool,
-    /// The instant at which the last byte began that was loaded in time, ns; `None` if there is none since the
-    /// selection.
+    /// The beginning of the last byte that was loaded in time, ns; `None` since the selection.
     last: Option<u64>,
     filler: u32,
-    /// The last bit that the receiver sent, and the last byte that it sent.
     last_bit: bool,
     last_byte: u8,
-    /// The present fault of MISO, with its source of random values.
     failing: Option<(BusFault, Rng)>,
 }
 

@@ -61,8 +61,7 @@ impl Script {
         }
     }
 
-    /// Sends the bytes of `mosi` over SPI, one every `every` ns, each for `takes` ns. Returns the bytes that MISO
-    /// carried.
+    /// Sends the bytes of `mosi` over SPI, one every `every` ns, each for `takes` ns; returns those of MISO.
     fn clock(&mut self, mosi: &[u8], takes: u64, every: u64) -> Vec<u8> {
         mosi.iter()
             .map(|&byte| {

@@ -15,14 +15,12 @@ use emulator_node::Input;
 const TOLERANCE: u64 = 40;
 /// The number of unreadable frames in [`ERROR_WINDOW`] above which the receiver ignores its input for the rest of it.
 const MOST_ERRORS: u32 = 100;
-/// The time over which unreadable frames are counted, ns.
 const ERROR_WINDOW: u64 = 1_000_000_000;
 
 #[derive(Clone, Debug)]
 pub(super) struct Uart {
     pub(super) to_part: Pin,
     pub(super) from_part: Pin,
-    /// UART frames that wait for the line and are sent back to back.
     waiting: VecDeque<UartFrame>,
     free_at: u64,
     /// The duration of a bit at the rate to which the receiver's input is set, ps.
@@ -51,8 +49,7 @@ impl Uart {
         self.bit_ps = UartFrame::eight_n_one(0, baud.max(1)).bit_ps;
     }
 
-    /// Returns the byte that the receiver reads from a frame that ended at `at` (ns): `Some(None)` for an unreadable
-    /// byte, `None` while the receiver ignores its input.
+    /// Returns the byte that the receiver reads, `Some(None)` if unreadable, or `None` while it ignores its input.
     pub(super) fn hears(&mut self, at: u64, frame: &UartFrame) -> Option<Option<u8>> {
         if at >= self.errors.0 + ERROR_WINDOW {
             self.errors = (at, 0);

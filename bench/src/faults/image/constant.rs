@@ -35,7 +35,6 @@ pub(super) fn replace<B: Board, C: Cost>(node: &mut Node<B, C>, of: u32, value: 
     Ok(repair)
 }
 
-/// The offsets in `image` at which the constant `of` occurs, each with the bytes that replace it by `value`.
 fn replaced(image: &[u8], of: u32, value: u32) -> Vec<(usize, Vec<u8>)> {
     let half = |at: usize| image.get(2 * at..2 * at + 2).map(|bytes| u16::from_le_bytes([bytes[0], bytes[1]]));
     let pair = |at| half(at).zip(half(at + 1));

@@ -179,7 +179,6 @@ fn entry<B: Board, C: Cost>(node: &Node<B, C>, name: &str) -> Result<u64, Error>
     node.address_of(name).or_else(|error| called.ok_or(error)).map(|address| address & !1)
 }
 
-/// The only address at which the function called `name` holds `bytes`.
 fn place_of<B: Board, C: Cost>(node: &Node<B, C>, name: &str, bytes: &[u8]) -> Result<u64, Error> {
     let first = entry(node, name)?;
     let mut code = vec![0; node.firmware().size_at(first)];
@@ -195,8 +194,7 @@ fn place_of<B: Board, C: Cost>(node: &Node<B, C>, name: &str, bytes: &[u8]) -> R
     }
 }
 
-/// The addresses, in the function called `name`, of the byte `with` in comparisons of a register with that constant. An
-/// error if there are none. Data among the code are treated as instructions.
+/// The addresses of the byte `with` in comparisons of a register with it, in the function `name`; at least one.
 fn comparisons<B: Board, C: Cost>(node: &Node<B, C>, name: &str, with: u8) -> Result<Vec<u64>, Error> {
     let first = entry(node, name)?;
     let end = first + node.firmware().size_at(first) as u64;

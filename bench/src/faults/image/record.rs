@@ -103,9 +103,7 @@ pub struct Stored {
 #[derive(Clone, Debug, Default)]
 pub struct Recording {
     stores: BTreeSet<Stored>,
-    /// The addresses of instructions that were the target of a branch.
     pub(super) targets: BTreeSet<u32>,
-    /// Addresses of stores inside IT blocks.
     pub(super) conditional: BTreeSet<u32>,
     /// For the address of each store, the address of the instruction executed before it.
     pub(super) before: BTreeMap<u32, u32>,

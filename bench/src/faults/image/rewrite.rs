@@ -21,7 +21,6 @@ use super::record::{Offset, Recording, Store, Stored, halves, is_wide};
 use super::seal;
 use emulator_node::{Board, Error, Node};
 
-/// The alignment of the stubs behind the program, bytes.
 const ALIGNED: u32 = 0x100;
 /// The distance, bytes, before and behind a store within which branches are searched. No task has more code.
 const NEAR: u32 = 0x2000;
@@ -299,7 +298,6 @@ fn signed(value: u16, bits: u32) -> i32 {
     i32::from(value) << (32 - bits) >> (32 - bits)
 }
 
-/// The distance from a B.W or BL to its target, bytes.
 fn bl_distance(first: u16, second: u16) -> i32 {
     let s = u32::from(first >> 10 & 1);
     let i1 = !(u32::from(second >> 13) ^ s) & 1;
@@ -308,8 +306,7 @@ fn bl_distance(first: u16, second: u16) -> i32 {
     (value << 7).cast_signed() >> 7
 }
 
-/// The targets of all direct branches within [`NEAR`] bytes of `site`, even of those that the recording did not take.
-/// Data among the code are treated as instructions.
+/// The targets of all direct branches within [`NEAR`] bytes of `site`, even of those that were not recorded.
 fn near_targets<B: Board, C: Cost>(node: &Node<B, C>, site: u32) -> BTreeSet<u32> {
     let mut targets = BTreeSet::new();
     let mut pc = site.saturating_sub(NEAR) & !3;
@@ -434,7 +431,6 @@ fn may_execute(address: u32) -> bool {
     horus.allows(address, Access::Execute) || dpr.allows(address, Access::Execute)
 }
 
-/// The changes that apply to each store, by the store's address.
 fn sites(recording: &Recording, changes: &[Change]) -> Result<BTreeMap<u32, Vec<Change>>, RewriteError> {
     let mut sites: BTreeMap<u32, Vec<Change>> = BTreeMap::new();
     for change in changes {
@@ -459,7 +455,6 @@ mod tests {
 
     use super::*;
 
-    /// Moves the instruction `encoding` from `pc` to `base` and disassembles the result.
     fn moved(pc: u32, base: u32, encoding: &[u16]) -> Vec<String> {
         let mut code = Code { base, halves: vec![] };
         code.moved(pc, encoding, |at| Ok(at ^ 0xFFFF_0000)).unwrap();
@@ -473,7 +468,6 @@ mod tests {
         words
     }
 
-    /// Disassembles the instruction `encoding` at its original address `pc`.
     fn unmoved(pc: u32, encoding: &[u16]) -> String {
         describe(pc, encoding[0], encoding.get(1).copied().unwrap_or_default()).1
     }

@@ -14,7 +14,6 @@ pub(super) const HEIGHT: usize = 32;
 pub(super) const ACCURACIES: [usize; 2] = [40, 44];
 pub(super) const VELOCITY_NORTH: usize = 48;
 
-/// The time of week of the last message in `bytes` that has one, ms.
 pub(super) fn last_itow(bytes: &[u8]) -> Option<u32> {
     let mut last = None;
     each_message(bytes, |class, id, payload| last = Frame { class, id, payload }.itow_ms().or(last));
@@ -70,8 +69,7 @@ pub(super) fn set_itow(class: u8, id: u8, payload: &mut [u8], itow_ms: u32) {
     }
 }
 
-/// Changes a NAV-PVT message to one without a fix and, if the receiver has just `started`, without a valid time.
-/// Offsets: UBX-NAV-PVT in the receiver description (UBX-13003221).
+/// Removes the fix from a NAV-PVT message and, if the receiver has just `started`, the time (UBX-13003221).
 pub(super) fn without_fix(class: u8, id: u8, payload: &mut [u8], started: bool) {
     if (class, id) != (ubx::CLASS_NAV, NavPvt::ID) || payload.len() < NavPvt::PAYLOAD {
         return;
@@ -103,7 +101,6 @@ pub(super) fn turned(class: u8, id: u8, payload: &mut [u8], degrees: u16) {
     }
 }
 
-/// Adds `by` cm/s² to the forward acceleration of an ESF-INS message.
 pub(super) fn pushed(class: u8, id: u8, payload: &mut [u8], by: i32) {
     const FRONT: usize = 24;
     if (class, id) == (ubx::CLASS_ESF, EsfIns::ID) && payload.len() >= EsfIns::PAYLOAD {
@@ -116,7 +113,6 @@ fn is_position(class: u8, id: u8, payload: &[u8]) -> bool {
     (class, id) == (ubx::CLASS_NAV, NavPvt::ID) && payload.len() >= NavPvt::PAYLOAD
 }
 
-/// Moves the position of a NAV-PVT message north, east and up by the given millimetres, but not beyond the pole.
 pub(super) fn move_by(class: u8, id: u8, payload: &mut [u8], [north, east, up]: [i64; 3]) {
     const POLE_1E7: i64 = 900_000_000;
     if !is_position(class, id, payload) {

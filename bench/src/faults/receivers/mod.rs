@@ -182,8 +182,7 @@ pub const LONGEST_SILENCE: u64 = 1_000_000_000;
 /// The longest time for which a line is held low by one frame, ns.
 const LONGEST_BREAK: u64 = 3_600_000_000_000;
 
-/// The number of frames that are generated together for a fault without a pause: about a millisecond of them, and a
-/// multiple of the length of [`BEGINNING`].
+/// The number of frames that are generated together: about a millisecond, and a multiple of [`BEGINNING`]'s length.
 const CHUNK: usize = 48;
 
 /// The beginning of a NAV-PVT message whose length field has its greatest value.
@@ -282,12 +281,10 @@ struct Active {
     next: u64,
 }
 
-/// The faults of one receiver and its line.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Line {
     /// The present faults in order of their beginnings. Only the last one has an effect.
     faults: Vec<Active>,
-    /// The time of week of the receiver's last burst without a fault, ms.
     last_itow: Option<u32>,
     /// Longitude, latitude and height in the receiver's last burst without a fault, in the units of NAV-PVT.
     last_position: Option<[i32; 3]>,
@@ -323,8 +320,7 @@ impl LineFaults {
         &mut self.lines[receiver]
     }
 
-    /// Begins `fault` at `at`; it is to end at `until` (ns; `u64::MAX` for never). If a receiver has several faults,
-    /// only the latest has an effect.
+    /// Begins `fault` at `at` until `until` (ns; `u64::MAX` for never). Only a receiver's latest fault has an effect.
     pub fn begin(&mut self, at: u64, until: u64, receiver: usize, fault: ReceiverFault) {
         let line = self.line(receiver);
         if fault == ReceiverFault::Break {
@@ -445,7 +441,6 @@ impl LineFaults {
         self.in_order(OnLine::clean(at, receiver, &clean))
     }
 
-    /// Returns `on_line`, or queues it behind an earlier burst of the receiver that is still delayed.
     fn in_order(&mut self, mut on_line: OnLine) -> Vec<OnLine> {
         let line = self.line(on_line.receiver);
         let Some(before) = line.waiting.back() else { return vec![on_line] };
@@ -454,8 +449,7 @@ impl LineFaults {
         vec![]
     }
 
-    /// Returns the UART frame of `byte`, in which each data bit and the stop bit is inverted with the probability
-    /// 1/[`NOISE_ONE_IN`].
+    /// Returns the UART frame of `byte` after [`ReceiverFault::Noise`].
     fn noisy(&mut self, byte: u8) -> UartFrame {
         let flips = (0..9).fold(0_u16, |flips, bit| flips | u16::from(self.rng.one_in(NOISE_ONE_IN)) << bit);
         with_stop(byte ^ flips as u8, flips >> 8 == 0)
@@ -490,7 +484,6 @@ impl LineFaults {
     }
 }
 
-/// Frames on a receiver's line that may be damaged.
 fn damaged(at_ns: u64, receiver: usize, frames: Vec<UartFrame>) -> OnLine {
     let mut on_line = OnLine { at_ns, receiver, frames, clean: false };
     let clean = on_line.bytes().all(|byte| byte.is_some());
@@ -498,8 +491,7 @@ fn damaged(at_ns: u64, receiver: usize, frames: Vec<UartFrame>) -> OnLine {
     on_line
 }
 
-/// The UART frame of `byte` with a high or a low stop bit. A low stop bit is made as a ninth data bit, where a receiver
-/// of eight data bits expects the stop bit.
+/// The UART frame of `byte` with a high or a low stop bit; the latter is sent as a ninth data bit.
 const fn with_stop(byte: u8, high: bool) -> UartFrame {
     let frame = UartFrame::eight_n_one(byte, GNSS_BAUD);
     if high { frame } else { UartFrame { bits: 9, ..frame } }

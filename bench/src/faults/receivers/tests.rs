@@ -25,7 +25,6 @@ fn with(fault: ReceiverFault) -> LineFaults {
     faults
 }
 
-/// The bytes of the only burst in `on_line`, which must be undamaged.
 fn bytes(on_line: &[OnLine]) -> Vec<u8> {
     let [on_line] = on_line else { panic!("{} bursts", on_line.len()) };
     assert!(on_line.clean);
@@ -48,7 +47,6 @@ fn word(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap())
 }
 
-/// The time of week in each of the three messages of the burst `bytes`.
 fn itows(bytes: &[u8]) -> [u32; 3] {
     let payloads = payloads(bytes);
     [word(&payloads[0], 0), word(&payloads[1], 0), word(&payloads[2], 8)]
@@ -175,8 +173,7 @@ fn differs(fault: ReceiverFault, at: u64, places: &[usize]) -> Vec<i32> {
     places.iter().map(|place| word(&changed[0], *place).cast_signed()).collect()
 }
 
-/// The bytes that a fault changes in the payload of message `number` of a burst, as offset, old and new value. No other
-/// message may change.
+/// The bytes that a fault changes in message `number` of a burst (offset, old, new); no other message may change.
 fn changes(fault: ReceiverFault, number: usize) -> Vec<(usize, u8, u8)> {
     let (changed, was) = (payloads(&bytes(&with(fault).burst(MS, 0, &burst(100)))), payloads(&burst(100)));
     for other in (0..3).filter(|other| *other != number) {

@@ -68,22 +68,17 @@ pub struct FlightController {
     config: Config,
     crystal: Crystal,
     master: SsiMaster,
-    /// The instant of the flight controller's next action, ns.
     next_at: u64,
     /// The number of the control cycle in which the next transaction begins.
     cycle: u64,
     /// The transactions that begin at instants that the bench chooses, in order of time.
     placed: VecDeque<Placed>,
-    /// The present misuse of the SSI.
     misconduct: Option<Misconduct>,
-    /// The number of misuses up to now.
     episodes: u64,
     /// The instant, ns, before which no further transaction begins.
     not_before: u64,
     client: Client,
-    /// The windows that the next transactions will request, in order.
     requests: VecDeque<Request>,
-    /// The window that the present transaction requests.
     asked: Option<Request>,
     last: Option<Reading>,
     /// The timestamp of the profile that was forwarded last.
@@ -91,8 +86,7 @@ pub struct FlightController {
     downlink: Vec<u8>,
     /// The intact images that were read, each with the instant (ns) at which its transaction ended.
     images: Vec<(u64, Vec<u8>)>,
-    /// Each Port-Status that was read intact, with the base station's uplink after it and the instant (ns) at which the
-    /// transaction ended.
+    /// Each intact Port-Status with the base station's uplink, and the instant (ns) at which its transaction ended.
     ports: Vec<(u64, Vec<u8>)>,
     stats: Stats,
 }
@@ -273,7 +267,6 @@ impl FlightController {
         &self.config
     }
 
-    /// Determines the instant of the flight controller's next action.
     fn plan(&mut self) {
         if self.master.is_idle() {
             let from = self.master.free_at().max(self.not_before);
@@ -286,12 +279,10 @@ impl FlightController {
         }
     }
 
-    /// The beginning of the next transaction in the flight controller's own control cycle.
     fn in_cycle(&self) -> Start {
         Start { bench_ns: 0, own_ns: self.config.first_ns + self.cycle * self.config.cycle_ns }
     }
 
-    /// The beginning of the next transaction; `None` if none is to begin.
     fn start(&self) -> Option<Start> {
         let at = |bench_ns| Start { bench_ns, own_ns: 0 };
         match (self.misconduct.as_ref().map(Misconduct::rhythm), self.config.schedule) {
@@ -331,7 +322,6 @@ impl FlightController {
         Order { mosi, pace: self.config.pace, ..Order::read(bytes) }
     }
 
-    /// Evaluates a finished transaction and forwards its profile.
     fn conclude(&mut self, transaction: &Transaction) {
         let own_us = self.crystal.own_ns(transaction.selected_ns) / 1_000;
         let image = transaction.miso.get(..self.config.image_len()).unwrap_or(&transaction.miso);

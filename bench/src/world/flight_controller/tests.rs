@@ -76,7 +76,6 @@ impl Rig {
         }
     }
 
-    /// Runs to `end` (ns) and returns the transactions that ended.
     fn run(&mut self, end: u64) -> Vec<Transaction> {
         let mut over = vec![];
         while self.controller.next_at() <= end {
@@ -370,7 +369,6 @@ fn an_uplink_from_the_radio_takes_the_place_of_a_generated_one() {
     assert_eq!(rig.controller.take_ports(), []);
 }
 
-/// Port-Status and the objects behind it, in the map of three receivers.
 fn port_bytes(map: &[u8]) -> &[u8] {
     &map[276..340]
 }
@@ -415,8 +413,7 @@ fn it_sees_and_forwards_what_the_wires_made_of_miso() {
     assert_eq!((rig.last().offset, rig.last().vacant), (216, 1));
 }
 
-/// Runs a misuse of the SSI from 10 ms to 50 ms. Returns the transactions that began in that time, all transactions,
-/// and the rig.
+/// Runs a misuse of the SSI from 10 ms to 50 ms. Returns its transactions, all transactions, and the rig.
 fn misused(conduct: Conduct, image: &[u8]) -> (Vec<Transaction>, Vec<Transaction>, Rig) {
     let mut rig = rig();
     rig.pins.shown = image.to_vec();

@@ -43,8 +43,7 @@ pub trait SsiPort {
     /// Makes chip select rise now.
     fn deselect(&mut self);
 
-    /// The number of bytes that can be clocked before the DPR's peripheral raises an event; `usize::MAX` for any
-    /// number.
+    /// The number of bytes that can be clocked before the DPR's peripheral raises an event, or `usize::MAX`.
     fn quiet(&self) -> usize;
 }
 
@@ -261,14 +260,12 @@ pub enum Progress {
     Over(Transaction),
 }
 
-/// A transaction that is being carried out.
 #[derive(Clone, Debug)]
 struct UnderWay {
     order: Order,
     start: Start,
     /// The instant at which chip select fell at the DPR's pin, ns; `None` if it has not fallen yet.
     selected_ns: Option<u64>,
-    /// The number of bytes that have been transferred.
     done: usize,
     /// The number of bytes that are being clocked together.
     run: usize,
@@ -283,7 +280,6 @@ struct UnderWay {
 pub struct SsiMaster {
     crystal: Crystal,
     under_way: Option<UnderWay>,
-    /// The instant from which chip select may fall again, ns.
     free_ns: u64,
 }
 
@@ -404,7 +400,6 @@ impl SsiMaster {
         it.start.and(it.order.pace.setup_ns + bytes as u64 * it.order.pace.byte_ns, self.crystal)
     }
 
-    /// Transfers the bytes whose clocks are over to and from the DPR.
     fn exchange(&self, it: &mut UnderWay, port: &mut impl SsiPort) -> Run {
         let count = std::mem::take(&mut it.run);
         let pace = it.order.pace;

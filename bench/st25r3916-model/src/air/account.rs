@@ -21,8 +21,7 @@ pub struct Counters {
     pub bursts: u64,
     /// Frames that [`AirFaults::truncated`] cut.
     pub cut: u64,
-    /// Repeated frames ([`AirFaults::repeated`]) that reached the listener. They are not counted in `sent`,
-    /// `delivered`, `damaged` or `lost`.
+    /// Repeated frames ([`AirFaults::repeated`]) that reached the listener, which no other counter includes.
     pub repeated: u64,
     /// Frames that [`AirFaults::delayed`] delayed.
     pub delayed: u64,
@@ -60,8 +59,7 @@ pub struct SentFrame {
     pub ended_ns: u64,
     /// The frame's nominal bit rate, bit/s.
     pub bits_per_second: u32,
-    /// The frame's bytes, in NFC-F LEN, payload and CRC-16. If the frame broke off, only the bytes that were sent
-    /// completely.
+    /// The frame's bytes, in NFC-F LEN, payload and CRC-16, as far as they were sent completely.
     pub bytes: Vec<u8>,
     /// Whether the frame was sent whole. False if the poller broke it off before the number of bytes in its LEN.
     pub whole: bool,
@@ -85,8 +83,7 @@ pub struct Heard {
     pub started_ns: u64,
     /// The instant at which the frame's last bit ended, virtual ns.
     pub ended_ns: u64,
-    /// The frame's bytes with every error of the air, in NFC-F LEN, payload and CRC-16. If the frame broke off, only
-    /// the bytes that arrived completely.
+    /// The frame's bytes with every error of the air, as far as they arrived completely.
     pub bytes: Vec<u8>,
     /// Whether every byte that the poller's LEN announces arrived, even with errors.
     pub whole: bool,

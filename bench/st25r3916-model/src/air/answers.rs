@@ -42,8 +42,7 @@ pub struct ForeignCard {
 /// The faults of a link's answers. The default has no faults.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AnswerFaults {
-    /// The faults of all answers, those of the listener and those of a foreign card. With [`AirFaults::field_off`] the
-    /// poller receives no answer.
+    /// The faults of all answers, also of a foreign card's. [`AirFaults::field_off`] suppresses them all.
     pub way: AirFaults,
     /// A foreign card in the poller's field.
     pub foreign: ForeignCard,
@@ -139,8 +138,7 @@ impl AnswerPath {
         [self.air.next_event(), self.due, self.foreign_ends.map(|(at, _)| at)].into_iter().flatten().min()
     }
 
-    /// Passes the events up to and including `to` (virtual ns) to `hears`. Both chips must have emitted everything up
-    /// to then.
+    /// Passes the events up to and including `to` (virtual ns) to `hears`. Both chips must have reached `to`.
     pub fn advance(&mut self, to: u64, mut hears: impl FnMut(u64, &AirEvent)) {
         loop {
             let ends = self.foreign_ends.map_or(u64::MAX, |(at, _)| at);
@@ -177,8 +175,7 @@ impl AnswerPath {
         }
     }
 
-    /// Returns the counters of the answers so far. An answer that collided before its first bit counts in
-    /// [`AnswerPath::collisions`] only.
+    /// Returns the counters of the answers so far, without those that collided before their first bit.
     pub fn counters(&self) -> Counters {
         self.air.counters()
     }

@@ -15,8 +15,7 @@ const SHORTEST_BURST: u32 = 2;
 /// The fate of a frame is determined when its first bit leaves the poller.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AirFaults {
-    /// Probability that a bit of the sync or of the data is inverted. A frame with a wrong bit in its sync is not
-    /// received.
+    /// Probability that a bit is inverted. A frame with a wrong bit in its sync is not received.
     pub bit_error: f64,
     /// Probability that a frame is not received at all.
     pub lost: f64,
@@ -24,9 +23,8 @@ pub struct AirFaults {
     pub truncated: f64,
     /// Probability that a burst of errors hits a frame, anywhere from LEN to the end of the CRC-16.
     pub burst: f64,
-    /// The length of the longest burst of errors, bits, at least 2. Each burst has a random length from 2 to this
-    /// value, but not beyond the frame. Its first and last bits are inverted, and each bit between them with
-    /// probability one half.
+    /// The length of the longest burst of errors, bits, at least 2. A burst has a random length from 2 to this value.
+    /// Its first and last bits are inverted, and each bit between them with probability one half.
     pub burst_bits: u32,
     /// Probability that a frame that was received whole is received again.
     pub repeated: f64,
@@ -36,13 +34,11 @@ pub struct AirFaults {
     pub delayed: f64,
     /// The shortest and longest delay of a delayed frame, ns.
     pub delay_ns: (u64, u64),
-    /// Whether each frame is received with the bytes of an earlier frame, as through a hung repeater between the
-    /// antennas. The earlier frame is the last whole one of the same length before the fault.
+    /// Whether each frame is received with the bytes of the last whole frame of its length before the fault.
     pub frozen: bool,
     /// Whether the field is off at the listener, which then receives neither frame nor carrier.
     pub field_off: bool,
-    /// The longest random delay of a frame's start, ns, for frames that [`AirFaults::delayed`] does not delay. All
-    /// delays up to it are equally likely. If it exceeds the gap between two frames, frames can collide.
+    /// The longest random delay of a frame's start, ns, except by [`AirFaults::delayed`]. It can make frames collide.
     pub scatter_ns: u64,
 }
 
@@ -79,8 +75,7 @@ fn mask(technology: Technology, bit: u64) -> u8 {
     }
 }
 
-/// Inverts the bits of `chunk`, which begins with the frame's byte `first`, at the positions in `burst`, and others by
-/// bit errors. Returns the positions of the bit errors.
+/// Inverts bits of `chunk`, which begins with the frame's byte `first`. Returns the positions of the bit errors.
 pub(super) fn invert(
     rng: &mut SplitMix,
     faults: &AirFaults,

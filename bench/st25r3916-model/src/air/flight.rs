@@ -28,7 +28,6 @@ pub(super) fn expected_bits(start: &FrameStart) -> u64 {
 pub(super) struct Sending {
     pub(super) id: u64,
     pub(super) started_ns: u64,
-    /// The start of the frame and its bytes so far, as the poller sent them.
     start: FrameStart,
 }
 
@@ -45,7 +44,6 @@ impl Sending {
         self.start.chunk.data.extend_from_slice(&chunk.data);
     }
 
-    /// Returns the number of data bits that were on the air by `at`.
     pub(super) fn bits_by(&self, at: u64) -> u32 {
         let bits = self.start.data_bits_in(at.saturating_sub(self.started_ns)).min(8 * self.len() as u64);
         u32::try_from(bits).unwrap_or(u32::MAX)
@@ -124,7 +122,6 @@ impl Flight {
         Self { id, origin, due: Some(due), later, burst, marks, ..self }
     }
 
-    /// Returns the instant of the frame's next event, where `began` is that of its first bit.
     pub(super) fn next(&self, began: u64) -> Option<u64> {
         self.later.front().map(|(after, _)| began.saturating_add(*after))
     }

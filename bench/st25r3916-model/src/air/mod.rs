@@ -55,7 +55,6 @@ pub struct Air {
     rng: SplitMix,
     field: bool,
     sending: Option<Sending>,
-    /// The frame at the listener's antenna, and the instant of its first bit, ns.
     on_air: Option<(u64, Flight)>,
     /// The frames that have not begun at the listener's antenna, in the order in which the air received them.
     waiting: Vec<Flight>,
@@ -117,8 +116,7 @@ impl Air {
         }
     }
 
-    /// Takes an event that the poller emitted at `at` (virtual ns), for callers that do not use [`Air::carry`]. What
-    /// the listener receives is passed to `hears`.
+    /// Takes an event that the poller emitted at `at` (virtual ns), without [`Air::carry`]. `hears` is the listener.
     pub fn from_poller(&mut self, at: u64, event: AirEvent, mut hears: impl FnMut(u64, &AirEvent)) {
         match event {
             AirEvent::FieldOn | AirEvent::FieldOff => {
@@ -144,8 +142,7 @@ impl Air {
         self.advance(at, &mut hears);
     }
 
-    /// Takes an event that the listener emitted, for callers that do not use [`Air::carry`]. The caller must pass the
-    /// event to the poller itself.
+    /// Counts an event that the listener emitted, without [`Air::carry`]. The caller must pass it to the poller.
     pub fn from_listener(&mut self, _at: u64, event: &AirEvent) {
         if matches!(event, AirEvent::FrameStart(_)) {
             self.account.counters.answers += 1;
@@ -159,8 +156,7 @@ impl Air {
         on_air.into_iter().chain(waiting).min()
     }
 
-    /// Passes the events up to and including `to` (virtual ns) to `hears`. The poller must have emitted everything up
-    /// to then.
+    /// Passes the events up to and including `to` (virtual ns) to `hears`. The poller must have reached `to`.
     pub fn advance(&mut self, to: u64, mut hears: impl FnMut(u64, &AirEvent)) {
         loop {
             let ends = self.on_air.as_ref().and_then(|(began, flight)| flight.next(*began));
@@ -365,7 +361,6 @@ impl Air {
         }
     }
 
-    /// Reports those faults of the frame on the air that occur up to `to`.
     fn publish_marks(&mut self, to: u64) {
         let Some((began, flight)) = &mut self.on_air else { return };
         while let Some((after, fault)) = flight.marks.pop_front_if(|(after, _)| began.saturating_add(*after) <= to) {

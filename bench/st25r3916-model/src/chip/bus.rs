@@ -41,8 +41,8 @@ impl Chip {
         self.spi.selected
     }
 
-    /// Transfers one byte in eight clocks, the last of which ends at `now` (virtual ns), half a period after its
-    /// falling edge. Returns the byte on MISO, which is 0 if the chip does not drive MISO.
+    /// Transfers one byte, whose last clock ends at `now` (virtual ns). Returns the byte on MISO, 0 if it is not
+    /// driven.
     pub fn transfer(&mut self, now: u64, mosi: u8) -> u8 {
         self.advance(now);
         if !self.core.powered() {
@@ -105,9 +105,8 @@ impl Chip {
         self.spi.state = State::Mode;
     }
 
-    /// Returns the instant, virtual ns, at which chip select rose after each transmit command (C4 to C7) since the last
-    /// call, even if the chip refused the command. This edge is the last instant of a transmission that the controller
-    /// determines.
+    /// Returns each rise of chip select after a transmit command (C4 to C7) since the last call, virtual ns. This edge
+    /// is the last instant of a transmission that the controller determines.
     pub fn take_transmits(&mut self) -> Vec<u64> {
         std::mem::take(&mut self.transmits)
     }

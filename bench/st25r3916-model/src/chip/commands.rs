@@ -137,7 +137,6 @@ impl Chip {
         }
     }
 
-    /// Starts a command that takes `ns` and then sets register `i` of `space` to `value`.
     fn result(&mut self, space: Space, i: usize, value: u8, ns: u64) {
         self.measuring = Some((space, i as u8, value));
         self.core.plan_in(Due::CommandDone, ns);

@@ -87,8 +87,8 @@ impl Chip {
         answer
     }
 
-    /// Sets the controller's SPI clock, Hz. Above 10 MHz each transfer is a finding. The clock determines when within a
-    /// byte the IRQ pin falls ([`Chip::take_irq_edges`]).
+    /// Sets the controller's SPI clock, Hz, which determines when the IRQ pin falls. Above 10 MHz transfers are
+    /// findings.
     pub fn spi_clock_hz(&mut self, hz: u32) {
         self.spi.set_hz(hz);
     }

@@ -78,7 +78,6 @@ impl Chip {
             | u8::from(avoidance)
     }
 
-    /// Reports an access to a register that this variant does not have.
     pub(super) fn register_exists(&mut self, space: Space, address: u8) {
         if registers::class(self.core.config().variant, space, address) == Class::Absent {
             self.core.note(Kind::NoSuchRegister(space, address));
@@ -121,8 +120,7 @@ impl Chip {
         registers::flippable(self.core.config().variant, space, address)
     }
 
-    /// Flips bit `bit` of a register at the chip's present time. The new value takes effect. Nothing happens without a
-    /// supply, or for a bit that [`Chip::flippable`] does not contain.
+    /// Flips bit `bit` of a register now, if [`Chip::flippable`] contains it and the chip has a supply.
     pub fn flip(&mut self, space: Space, address: u8, bit: u8) {
         let bits = 1 << (bit & 7) & self.flippable(space, address);
         if bits == 0 || !self.core.powered() {
@@ -167,7 +165,6 @@ impl Chip {
         }
     }
 
-    /// Reports a change of the mode (03) or of the bit rate (04) during a frame.
     fn changes_in_frame(&mut self, i: usize, value: u8) {
         let on_its_way = self.transmitter.busy() || self.receiver.busy();
         if on_its_way && self.core.a(i) != value {

@@ -92,8 +92,8 @@ impl Chip {
         }
     }
 
-    /// Switches the supply off: the chip's field goes off, a frame that it sends breaks off, the IRQ pin and MISO go
-    /// low, and the register values are lost.
+    /// Switches the supply off: the field goes off, a frame breaks off, IRQ and MISO go low, registers lose their
+    /// values.
     pub fn power_off(&mut self, now: u64) {
         self.advance(now);
         if self.core.powered() {
@@ -118,8 +118,7 @@ impl Chip {
         self.transmitter.on_air()
     }
 
-    /// Returns the instant of the chip's next internal event, ns, which is never before [`Chip::now`]; `None` if no
-    /// event is planned.
+    /// Returns the instant of the chip's next internal event, ns, not before [`Chip::now`]; `None` if there is none.
     pub fn next_event(&self) -> Option<u64> {
         self.core.next_due().map(|next| next.max(self.core.now()))
     }
@@ -137,8 +136,7 @@ impl Chip {
         self.core.has_air()
     }
 
-    /// Returns the events that the chip has put on the air since the last call, in order of time, each with its
-    /// instant.
+    /// Returns the events that the chip has put on the air since the last call, in order, with their instants (ns).
     pub fn take_air(&mut self) -> impl Iterator<Item = (u64, AirEvent)> + '_ {
         self.core.take_air()
     }
@@ -158,8 +156,7 @@ impl Chip {
         self.core.irq()
     }
 
-    /// Returns the instant since which the IRQ pin has had its present level, virtual ns. If a register read made the
-    /// pin fall, the instant lies within the byte of that read.
+    /// Returns the instant of the IRQ pin's last change, virtual ns, which may lie within the byte that was read last.
     pub fn irq_since(&self) -> u64 {
         self.core.interrupts().since()
     }
@@ -169,8 +166,8 @@ impl Chip {
         self.core.interrupts_mut().take_change()
     }
 
-    /// Returns the changes of the IRQ pin since the last call (at most the last 64) in order, each with its exact
-    /// instant. They include a pulse that is shorter than an SPI byte, which calls of [`Chip::irq`] can miss.
+    /// Returns the changes of the IRQ pin since the last call (at most the last 64) with their exact instants, even
+    /// those that calls of [`Chip::irq`] can miss.
     pub fn take_irq_edges(&mut self) -> impl Iterator<Item = IrqEdge> + '_ {
         self.core.interrupts_mut().take_edges()
     }
@@ -191,8 +188,7 @@ impl Chip {
         self.core.take_reports()
     }
 
-    /// Keeps `interrupts`, and no others, from being raised from now on, as a fault. Pending interrupts stay pending,
-    /// and the chip otherwise works.
+    /// Keeps `interrupts`, and no others, from being raised from now on. Pending interrupts stay pending.
     pub fn withhold(&mut self, interrupts: Withheld) {
         self.core.withhold(interrupts.bits());
     }
