@@ -15,11 +15,9 @@ use emulator_node::Input;
 pub enum Crossing {
     /// Chip select fell (`true`) or rose.
     Select(bool),
-    /// A byte to the chip, and the byte that the chip sent back in the same eight clocks. The recorded instant is the
-    /// end of the eighth clock.
+    /// A byte to the chip and the byte from the chip, recorded at the end of their eighth clock.
     Byte(u8, u8),
-    /// The chip's interrupt output rose (`true`) or fell. A fall is recorded at the end of the byte that clears the
-    /// interrupt, within which it happens.
+    /// The chip's interrupt output rose (`true`), or fell within the byte at whose end the fall is recorded.
     Irq(bool),
 }
 
@@ -51,8 +49,7 @@ pub struct FrontEnd {
 }
 
 impl FrontEnd {
-    /// Returns a front end whose chip is powered from the start of the run. With `watched` the bus traffic is recorded
-    /// for [`FrontEnd::take_crossings`].
+    /// Returns a powered front end. With `watched` the bus traffic is recorded for [`FrontEnd::take_crossings`].
     #[must_use]
     pub fn new(chip: Chip, wires: Wires, watched: bool) -> Self {
         let emission = Emission::new(chip.config().seed);
@@ -131,8 +128,7 @@ impl FrontEnd {
         self.with(|chip| chip.hear(at, event));
     }
 
-    /// The next instant, ns, at which the chip changes its state without an input, or its antenna emits a delayed
-    /// event.
+    /// The next instant, ns, at which the chip acts without an input or its antenna emits a delayed event.
     #[must_use]
     pub fn next_event(&self) -> u64 {
         // The bench takes the antenna's events up to the present before it advances time.
@@ -162,8 +158,8 @@ impl FrontEnd {
         note(&mut self.crossings, at, Crossing::Select(selected));
     }
 
-    /// Transfers an SPI frame of the microcontroller from `begins` to `ends` (ns). Returns the bits that MISO carried,
-    /// or `None` if the chip drives no pin that the microcontroller reads.
+    /// Transfers an SPI frame from `begins` to `ends` (ns). Returns the bits on MISO, `None` if the chip does not drive
+    /// it.
     pub fn spi(&mut self, begins: u64, ends: u64, frame: &SpiFrame) -> Option<u32> {
         let Wires { sck, mosi, miso, .. } = self.wires;
         if !self.chip.is_selected() || !frame.sck.contains(&Some(sck)) {
@@ -188,8 +184,8 @@ impl FrontEnd {
         self.faults.miso(answer)
     }
 
-    /// Returns each instant, ns, at which chip select rose after a transmit command since the last call. At that edge
-    /// the chip carries out the command, so the edge is the last instant that the firmware controls.
+    /// Returns each rise of chip select, ns, after a transmit command since the last call. At that edge the chip
+    /// carries out the command, so the edge is the last instant that the firmware controls.
     pub fn take_transmits(&mut self) -> Vec<u64> {
         let mut transmits = self.chip.take_transmits();
         transmits.extend(self.emission.take_commands());

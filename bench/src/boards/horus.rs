@@ -57,8 +57,7 @@ pub struct Horus {
 }
 
 impl Horus {
-    /// Returns HORUS's board with `receivers` receivers that have sent nothing yet. With `watched` the front end's bus
-    /// traffic is recorded.
+    /// Returns HORUS's board with `receivers` silent receivers. With `watched` the front end's traffic is recorded.
     #[must_use]
     pub fn new(chip: Chip, receivers: usize, watched: bool) -> Self {
         Self {
@@ -94,9 +93,8 @@ impl Horus {
         std::mem::take(&mut self.input_changes)
     }
 
-    /// Passes `bytes` of receiver `index` (from 0) to the receiver's interface at `at` (ns). A UART sends the bytes
-    /// when all earlier bytes have been sent, and the function returns that instant. On a bus the microcontroller can
-    /// read the bytes from `at` on.
+    /// Passes `bytes` to the interface of receiver `index` (from 0) at `at` (ns). Returns the instant, ns, at which a
+    /// UART sends the first of them. On a bus they can be read from `at` on.
     pub fn say(&mut self, at: u64, index: usize, bytes: &[u8]) -> u64 {
         let frames = bytes.iter().map(|&byte| UartFrame::eight_n_one(byte, GNSS_BAUD));
         self.receivers.offer(at, index, bytes);

@@ -45,8 +45,8 @@ pub enum Request {
     ReadPort(u8),
     /// Write the debug port's register at this address: 0, 4, 8 or 0xC.
     WritePort(u8, u32),
-    /// Read the selected access port's register at this address of the selected bank. The result comes with the next
-    /// read of an access port or of RDBUFF.
+    /// Read an access port's register in the selected bank. The next read of an access port or of RDBUFF has the
+    /// result.
     ReadAccess(u8),
     /// Write the selected access port's register at this address of the selected bank.
     WriteAccess(u8, u32),

@@ -1,7 +1,6 @@
 //! Faulty bits in the DPR's buffers, into which frames are received and from which images are read.
 //!
-//! A random word picks the faulty bit, uniformly over all buffers of a kind. The symbols of the firmware give the
-//! buffers' addresses.
+//! A random word picks the faulty bit, uniformly over all buffers of a kind.
 
 use bench_judge::disturbance::Memory;
 use cortex_m4::Cost;

@@ -1,8 +1,8 @@
 //! Campaigns of upsets: each upset is tried on its own copy of a bench, and its effect is classed.
 //!
-//! A campaign runs a [`Subject`] once. At instants spread over that run it copies the subject. One copy, the reference,
-//! has no upset, and the copy of each trial has one. The trial's class follows from the judge's verdicts on trial and
-//! reference and from the bytes that the flight controller read in both.
+//! A campaign runs a [`Subject`] and copies it at several instants. One copy, the reference, has no upset, and the copy
+//! of each trial has one. The trial's class follows from what the judge reports and the flight controller reads in
+//! both.
 //!
 //! | class | what the flight controller read |
 //! |---|---|
@@ -105,9 +105,8 @@ impl Class {
 
 /// Whether `violation` means that invalid data were shown as valid to the flight controller or at the base station.
 ///
-/// Wrong contents of an object count as dangerous, because the judge does not report whether the object was shown.
-/// Wrong flags of Link-Status, a wrong state of HORUS, a wrong timestamp and a wrong uplink count count too, because a
-/// reader acts on them as on a position.
+/// Wrong contents of an object count, because the judge does not report whether the object was shown. Wrong flags of
+/// Link-Status, a wrong state of HORUS, a wrong timestamp and a wrong uplink count do too, because readers act on them.
 #[must_use]
 pub const fn is_dangerous(violation: Violation) -> bool {
     matches!(

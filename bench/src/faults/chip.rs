@@ -1,7 +1,7 @@
 //! Faults of a front-end chip, or of a line between it and its board.
 //!
-//! [`crate::boards::front_end::FrontEnd`] applies these faults. Otherwise the chip works: it accepts the board's
-//! writes, its field and its frames continue, and its state is not changed by a fault.
+//! [`crate::boards::front_end::FrontEnd`] applies these faults. A fault does not change the chip's state, and the rest
+//! of the chip works.
 
 use bench_judge::disturbance::Harm;
 use st25r3916_model::{Chip, Space, Withheld};
@@ -41,8 +41,7 @@ impl ChipFault {
         }
     }
 
-    /// What the board can observe of the fault. An interrupt line that stays high contradicts interrupts that have been
-    /// read. A line that stays low, or a missing interrupt, looks like a chip without events.
+    /// What the board can observe of the fault. A line that stays low, or a missing interrupt, looks like an idle chip.
     #[must_use]
     pub const fn harm(self) -> Harm {
         match self {
@@ -52,8 +51,7 @@ impl ChipFault {
     }
 }
 
-/// The longest time from the flip of a register's bit to the link's recovery, ns. By then the board has reported the
-/// flip, unless it has no effect. If the chip is started anew for it, valid data are shown within 1.5 s.
+/// The time, ns, within which the board reports the flip of a register's bit, if the flip has an effect.
 pub const FLIP_MENDED: u64 = 1_350_000_000;
 
 /// A bit of a register of a front end's chip.

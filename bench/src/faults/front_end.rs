@@ -18,13 +18,11 @@ pub enum FrontEndFault {
     Mute,
     /// The second half of each frame is missing.
     BreaksOff,
-    /// The last byte of each payload is missing, as if the firmware had set the length too small by one. The frame's
-    /// length and CRC fit the shorter payload.
+    /// The last byte of each payload is missing, but the frame's length and CRC fit the shorter payload.
     Shortened,
     /// Each frame is sent a second time without a command, this many ns after its end.
     FrameAgain(u64),
-    /// The chip receives each transmit command a second time, this many ns after the frame's end, and sends the frame
-    /// again.
+    /// The chip receives each transmit command again, this many ns after the frame's end.
     CommandAgain(u64),
     /// Each frame begins late by a uniformly drawn delay of at most this many ns.
     Scatters(u64),
@@ -228,8 +226,7 @@ impl Emission {
         self.leaving.pop_front_if(|(at, _)| *at <= now)
     }
 
-    /// Takes the instants (ns) of transmit commands that the firmware did not give, since the last call. They may be in
-    /// the future.
+    /// Takes the instants (ns) of transmit commands that the firmware did not give. They may be in the future.
     pub fn take_commands(&mut self) -> Vec<u64> {
         std::mem::take(&mut self.commands)
     }

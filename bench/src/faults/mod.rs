@@ -83,8 +83,8 @@ pub enum Fault {
     FrontEnd(FrontEndFault),
     /// A fault of a board's front-end chip, or of a line to it.
     Chip(Board, ChipFault),
-    /// A register's bit of a board's front-end chip flips at the episode's beginning. The number is the bit's index in
-    /// [`RegisterBit::all_of`], modulo the number of bits. The firmware must detect the flip by the episode's end.
+    /// A register's bit of a board's front-end chip flips. The number is the bit's index in [`RegisterBit::all_of`],
+    /// modulo the number of bits. The firmware must detect the flip by the episode's end.
     Flip(Board, u64),
     /// A misuse of the SSI by the flight controller.
     FlightController(Conduct),
@@ -94,14 +94,12 @@ pub enum Fault {
     Base(BaseFault),
     /// A fault of a board's supply or reset pin.
     Power(Board, PowerFault),
-    /// A board's core hangs from the episode's beginning on: it executes nothing and takes no interrupt. Peripherals,
-    /// DMA, timers and the chips beside it continue ([`emulator_node::Node::hang`]). Only the board's own watchdog ends
-    /// the hang.
+    /// A board's core hangs: it executes nothing and takes no interrupt, but its peripherals and DMA continue
+    /// ([`emulator_node::Node::hang`]). Only the board's own watchdog ends the hang.
     Hang(Board),
-    /// A task of a board is dead, because its interrupt is off in the interrupt controller; the other tasks run. The
-    /// number is the task's index in the firmware's table of tasks ([`tasks_of`]). The board's watchdog ends the fault,
-    /// because the task no longer checks in. The fault has no effect while a board has not enabled its interrupts,
-    /// hangs or has no supply.
+    /// A task of a board is dead, because its interrupt is off. The number is the task's index in [`tasks_of`]. The
+    /// board's watchdog ends the fault, because the task no longer checks in. A board that has not enabled its
+    /// interrupts, hangs or has no supply is not affected.
     DeadTask(Board, u8),
     /// An upset of a bit of a board.
     Upset(Board, Upset),
@@ -214,8 +212,7 @@ const FIRST_INTERRUPT: u16 = 16;
 pub struct Episode {
     /// The instant at which the episode begins, virtual ns.
     pub at: u64,
-    /// The instant at which the fault's cause ends, ns. It is [`Episode::at`] for a fault without a duration, and
-    /// `u64::MAX` for one that never ends.
+    /// The instant at which the fault ends, ns: [`Episode::at`] without a duration, `u64::MAX` for never.
     pub until: u64,
     /// The fault.
     pub fault: Fault,

@@ -28,35 +28,31 @@ const MS: u64 = 1_000_000;
 /// The shortest and longest duration of an episode, ns.
 pub const LENGTH: (u64, u64) = (20_000_000, 400_000_000);
 
-/// The shortest and longest duration of a receiver's drift, ns, after which its position is wrong by a few tens of
-/// metres.
+/// The shortest and longest drift of a receiver, ns. It makes the position wrong by a few tens of metres.
 pub const DRIFT_LENGTH: (u64, u64) = (1_000_000_000, 3_000_000_000);
 
-/// The shortest and longest duration of a jump of one receiver or of all receivers, ns. Some jumps are shorter than the
-/// time for which the voter holds back a jump of all receivers, and some are longer.
+/// The shortest and longest jump of one or all receivers, ns. The voter holds back a common jump for a time between
+/// them.
 pub const JUMP_LENGTH: (u64, u64) = (20_000_000, 2_500_000_000);
 
 /// The longest time between the failures of the two boards, ns, where both lose their supply, restart or hang together.
 pub const BETWEEN_BOARDS: u64 = 20_000_000;
 
-/// The time reserved for a hang and the board's restart, ns; the next [`GAP`] follows it. HORUS has the slowest
-/// watchdog, with 190 ms.
+/// The time reserved for a hang and the board's restart, ns. HORUS has the slowest watchdog, with 190 ms.
 pub const HANG_LENGTH: (u64, u64) = (300_000_000, 400_000_000);
 
-/// The time reserved for a dead task and the board's restart, ns; the next [`GAP`] follows it. The watchdog may be fed
-/// once more after the task's death, so the time is longer than [`HANG_LENGTH`] by a cycle of HORUS.
+/// The time reserved for a dead task and the board's restart, ns. The watchdog may be fed once more after the task's
+/// death.
 pub const DEAD_TASK_LENGTH: (u64, u64) = (320_000_000, 420_000_000);
 
-/// The time reserved for a hang during a board's start, and for the next start, ns. HORUS's watchdog takes up to 964 ms
-/// until its first feed.
+/// The time reserved for a hang during a board's start, ns. HORUS's watchdog takes up to 964 ms until its first feed.
 pub const START_HANG_LENGTH: (u64, u64) = (1_100_000_000, 1_200_000_000);
 
-/// No hang of a board is drawn within this time after the board's start, ns. The firmware may not have started its
-/// watchdog yet, so nothing would end the hang (docs/design.md#start-and-supply).
+/// No hang is drawn within this time after a board's start, ns, because the watchdog may not run yet
+/// (docs/design.md#start-and-supply).
 pub const WATCHDOG_STARTS: u64 = 2_000;
 
-/// A hang during a board's start begins at most this long after the reset, ns. Both firmwares have finished their start
-/// by then.
+/// A hang during a board's start begins at most this long after the reset, ns.
 pub const STARTS: u64 = 20_000_000;
 
 /// The number of sags of each board's supply in a round; each has another course of voltage.

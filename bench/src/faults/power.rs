@@ -16,17 +16,15 @@ pub enum PowerFault {
     Off(u64),
     /// The reset pin is pulled low briefly. RAM keeps its contents, and the front end keeps its registers.
     Pin,
-    /// The supply briefly falls below the microcontroller's brown-out threshold. RAM keeps its contents. The front end
-    /// works from a lower supply, so it keeps its registers.
+    /// The supply briefly falls below the microcontroller's brown-out threshold. RAM and the front end's registers
+    /// stay.
     BrownOut,
-    /// The watchdog resets the microcontroller, even if the firmware feeds it. RAM keeps its contents, and the front
-    /// end keeps its registers.
+    /// The watchdog resets the microcontroller, even if it is fed. RAM and the front end's registers stay.
     Watchdog,
-    /// The crystal is dead from the episode's beginning to its end. HORUS's crystal stops at once; the DPR's only fails
-    /// to start. A board that cannot start without its crystal is reset by its pin at the episode's end.
+    /// The crystal is dead: HORUS's stops at once, the DPR's fails to start. A board that cannot start without its
+    /// crystal is reset by its pin at the episode's end.
     CrystalDead,
-    /// The supply sags and recovers between the episode's beginning and its end, in a [`shape`] that this seed
-    /// determines. The models of the microcontrollers show the effects: warnings, resets, bits that are read wrongly.
+    /// The supply sags and recovers in a [`shape`] that this seed determines.
     Sag(u64),
     /// The front end alone is without supply from the episode's beginning to its end, so its registers are lost.
     FrontEndOff,
@@ -68,9 +66,8 @@ impl PowerFault {
 
 /// The voltages of a sagging supply, µV, each with its time from the beginning of the sag, ns.
 ///
-/// One to four changes lead to other voltages, and a last change leads back to the original voltage. The voltages are
-/// zero, between the thresholds of the microcontrollers' supply supervisors, or anywhere. Each change takes 1, 10 or
-/// 100 ms, as a ramp in steps of at most 20 mV or as one step.
+/// One to four changes lead to other voltages (zero, between the supervisors' thresholds, or anywhere), and a last one
+/// leads back. Each takes 1, 10 or 100 ms, as a ramp in steps of at most 20 mV or as one step.
 #[must_use]
 pub fn shape(seed: u64) -> Vec<(u64, u32)> {
     const STEP_UV: u32 = 20_000;

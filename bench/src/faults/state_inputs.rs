@@ -36,8 +36,7 @@ impl InputFault {
         format!("{} {what}", NAMES.get(input).unwrap_or(&"no input"))
     }
 
-    /// The levels of the input's two pins at the fault's beginning: first the pin that is high while the input is
-    /// active.
+    /// The levels of both pins at the fault's beginning: first the pin that is high while the input is active.
     #[must_use]
     pub const fn levels(self) -> (bool, bool) {
         match self {

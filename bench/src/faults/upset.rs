@@ -65,8 +65,7 @@ impl Upset {
         }
     }
 
-    /// Returns a uniformly drawn upset of `kind` among `targets`; `None` if `kind` is no kind of upset, or `targets`
-    /// has no bit of that kind.
+    /// Returns a uniformly drawn upset of `kind` among `targets`; `None` if there is none.
     pub fn drawn(kind: Kind, rng: &mut Rng, targets: &Targets) -> Option<Self> {
         match kind {
             Kind::Ram => {
@@ -79,8 +78,7 @@ impl Upset {
             }
             Kind::Registers => {
                 let number = rng.below(16) as u8;
-                // The two lowest bits of SP and the lowest bit of PC always read zero, so they cannot be upset (ARMv7-M
-                // ARM B1.4.1).
+                // The two lowest bits of SP and the lowest of PC always read zero (ARMv7-M ARM B1.4.1).
                 let least = match number {
                     13 => 2,
                     15 => 1,

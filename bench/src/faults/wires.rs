@@ -1,8 +1,7 @@
 //! Faults of the wires between the boards and the world.
 //!
-//! [`Wires`] takes the signal that one end of a wire sends and returns what the other end receives. MISO passes it
-//! before the flight controller reads a transaction, FRESH and TICK before they are logged, and the radio before the
-//! base station receives it. For the listener's antenna it only determines whether the antenna answers.
+//! [`Wires`] takes the signal that one end of a wire sends and returns what the other end receives. For the listener's
+//! antenna it only determines whether the antenna answers.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -35,8 +34,7 @@ pub enum WireFault {
         /// The bit's number, 0 (the least significant) to 7.
         bit: u8,
     },
-    /// MISO repeats the bytes of the latest transaction that ended at least this long before. After the last byte of
-    /// that transaction, MISO carries what the DPR sends.
+    /// MISO repeats the bytes of the latest transaction that ended at least this long before, as far as there are any.
     MisoReplay {
         /// The least age of the repeated transaction, ns; at most [`HISTORY_NS`].
         age_ns: u64,
@@ -53,11 +51,9 @@ pub enum WireFault {
         /// The object whose bytes read 0x00: 0 for Reported-Position, n for GPSn.
         object: usize,
     },
-    /// Every transaction repeats the bytes of the last transaction before the fault, because an isolator or a bridge in
-    /// the line hangs.
+    /// Every transaction repeats the last one before the fault, because a bridge in the line hangs.
     MisoFrozen,
-    /// Bits of one object, or of Link-Status, are inverted and the object's CRC is corrected, if the transaction reads
-    /// the whole object. Only a bridge that generates frames itself can cause this fault.
+    /// Bits of an object or of Link-Status are inverted and its CRC is corrected, as a bridge in the line could do.
     MisoForged {
         /// The changed object: 0 for Reported-Position, n for GPSn, `None` for Link-Status.
         object: Option<usize>,
@@ -66,11 +62,9 @@ pub enum WireFault {
         /// The inverted bits.
         bits: u8,
     },
-    /// Bits of an object behind the image in the map are inverted and the object's CRC is corrected, as in
-    /// [`WireFault::MisoForged`].
+    /// Bits of an object behind the image in the map are inverted and its CRC is corrected.
     MisoForgedPort {
-        /// The changed object: 0 for Port-Status, 1 for the uplink of the base station, 2 for that of the flight
-        /// controller.
+        /// The changed object: 0 for Port-Status, 1 for the base station's uplink, 2 for the flight controller's.
         object: usize,
         /// The index of the changed byte in the object, from 0, before the CRC.
         byte: usize,
@@ -79,8 +73,7 @@ pub enum WireFault {
     },
     /// Every byte reads 0xFF.
     MisoOnes,
-    /// The listener's antenna answers each frame that it receives, because the load modulator of its front end works
-    /// without a command.
+    /// The listener's antenna answers each received frame, because its load modulator works without a command.
     AntennaAnswers,
     /// The radio to the base station transmits nothing.
     RadioDrop,
@@ -88,8 +81,7 @@ pub enum WireFault {
     RadioBit,
     /// The second half of each profile on the radio is the second half of the profile before.
     RadioMix,
-    /// Every receiver has this fault, as if the satellites caused it. The log does not attribute the fault to the
-    /// receivers.
+    /// Every receiver has this fault, and the log does not attribute it to the receivers.
     Sky(ReceiverFault),
     /// The flight controller keeps flying by the last position and ignores the client's report.
     ClientKeeps,
@@ -232,8 +224,8 @@ impl Wires {
         }
     }
 
-    /// Changes `miso`, which the DPR sent in a transaction that ended at `at` (ns), to the bytes that the flight
-    /// controller receives. The first byte is the image's byte at `offset`.
+    /// Changes `miso`, sent in a transaction that ended at `at` (ns), to the bytes that the flight controller receives.
+    /// The first byte is the image's byte at `offset`.
     pub fn miso(&mut self, at: u64, offset: usize, miso: &mut [u8]) {
         let sent = miso.to_vec();
         for fault in &self.faults {
@@ -283,8 +275,8 @@ impl Wires {
         }
     }
 
-    /// Takes the level that the DPR drives on FRESH at `at` (ns). Returns the resulting levels at the far end with
-    /// their instants (ns), in order of time; the instants may be in the future.
+    /// Returns the levels at the far end with their instants (ns), in order, for a level that the DPR drives on FRESH
+    /// at `at` (ns).
     pub fn fresh(&mut self, at: u64, level: bool) -> impl Iterator<Item = (u64, bool)> + use<> {
         let late: u64 =
             self.faults.iter().map(|fault| if let WireFault::FreshLate(ns) = fault { *ns } else { 0 }).sum();
@@ -302,8 +294,7 @@ impl Wires {
         seen.into_iter()
     }
 
-    /// Takes a tick of HORUS at `at` (ns). Returns the instants (ns) of the resulting ticks at the far end of the wire,
-    /// in order of time; they may be in the future.
+    /// Returns the ticks at the far end of the wire, ns, in order, for a tick of HORUS at `at` (ns).
     pub fn tick(&self, at: u64) -> impl Iterator<Item = u64> + use<> {
         let seen = (!self.faults.contains(&WireFault::TickStuck)).then_some(at);
         let glitch = seen.filter(|_| self.faults.contains(&WireFault::TickGlitch)).map(|at| at + GLITCH_AFTER_NS);
@@ -341,8 +332,7 @@ impl Wires {
         self.faults.contains(&WireFault::AntennaAnswers)
     }
 
-    /// Changes `bytes`, a whole frame or none from the flight controller, to what the base station receives. Returns
-    /// `false` if the base station receives nothing.
+    /// Changes `bytes`, a frame or none from the flight controller, to what arrives. Returns `false` if nothing does.
     pub fn radio(&mut self, bytes: &mut Vec<u8>) -> bool {
         if bytes.is_empty() {
             return true;

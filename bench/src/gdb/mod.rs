@@ -112,8 +112,7 @@ pub struct Alone<'a> {
     pub connected: Connected,
     /// The limits of the run.
     pub limits: Limits,
-    /// Whether the firmware is meant to run for ever. If so, a run that reaches its limit of virtual time counts as a
-    /// success.
+    /// Whether the firmware is meant to run for ever, so that the limit of virtual time counts as a success.
     pub runs_on: bool,
 }
 

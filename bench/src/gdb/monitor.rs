@@ -27,8 +27,7 @@ impl<W: World> Debuggee<W> {
             ["pins"] => self.pins(),
             ["pin", name] => self.pin(name),
             ["pin", name, level] => self.drive(name, level),
-            // Editors send OpenOCD's `halt` to any gdb server (cortex-debug's src/external.ts); the board is halted
-            // anyway.
+            // Editors send OpenOCD's `halt` to any gdb server (cortex-debug's src/external.ts).
             ["halt"] => self.time(),
             ["reset"] | ["reset", "halt"] => self.reset()?,
             ["faults", list] => self.world.faults(list),

@@ -25,11 +25,9 @@ pub struct Horus {
     pub frames_sent: u64,
     /// The time between the first frames of two successive cycles, ns.
     pub period_ns: Option<Span>,
-    /// The time from the 10 ms timer's tick to the transmit command of the cycle's first frame, ns. The command counts
-    /// from the rise of chip select after its byte. The firmware causes the jitter of this time.
+    /// The time from the tick to the transmit command of the cycle's first frame (rise of chip select), ns.
     pub tick_to_command_ns: Option<Span>,
-    /// The time from the 10 ms timer's tick to the first preamble bit of the cycle's first frame, ns. The firmware and
-    /// the front end cause the jitter of this time.
+    /// The time from the tick to the first preamble bit of the cycle's first frame, ns.
     pub tick_to_air_ns: Option<Span>,
     /// The fraction of the time in which HORUS's core was awake.
     pub load: f64,
@@ -72,8 +70,7 @@ pub struct Dpr {
 /// The time until the flight controller can read the data.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Latency {
-    /// The time from the objects' timestamp, which is a tick, until the image that contains the objects is readable by
-    /// the next transaction, ns.
+    /// The time from the objects' timestamp until the next transaction can read their image, ns.
     pub sample_to_readable: Option<Quantiles>,
     /// The time from the cycle's last bit on the air until the cycle's image is readable by the next transaction, ns.
     pub last_bit_to_readable: Option<Max>,
@@ -101,11 +98,9 @@ pub struct Ssi {
 pub struct Reported {
     /// The number of HORUS's cycles whose Reported-Position was read and had a valid position.
     pub valid_cycles: u64,
-    /// The instant at which the first transaction after the last valid position began, ns; `None` if the last
-    /// transaction had a valid position, or no transaction ever had one.
+    /// The instant, ns, of the first transaction after the last valid position; `None` if there is none.
     pub invalid_since_ns: Option<u64>,
-    /// The instant at which the last byte of the last valid position arrived at HORUS, ns, for each receiver; `None` if
-    /// the receiver sent no valid position.
+    /// The instant, ns, at which each receiver's last valid position had arrived at HORUS; `None` if there was none.
     pub last_solution_ns: Vec<Option<u64>>,
 }
 
@@ -118,8 +113,7 @@ pub struct Voter {
     pub degraded: u64,
     /// The number of cycles in which the voter had no position.
     pub none: u64,
-    /// The largest horizontal error of Reported-Position, m; `None` if there was no position, or a recording was
-    /// played.
+    /// The largest horizontal error of Reported-Position, m; `None` without a position or a true position.
     pub max_error_m: Option<f64>,
     /// The voter's first thousand exclusions of a receiver, in order of their beginnings.
     pub exclusions: Vec<Exclusion>,
@@ -145,8 +139,7 @@ pub struct Base {
 pub struct UpsetClasses {
     /// The number of upsets that did not change what the flight controller read.
     pub masked: usize,
-    /// The number of upsets that changed what the flight controller read, but after which no invalid data were shown as
-    /// valid.
+    /// The number of upsets that changed what the flight controller read, but that showed no invalid data as valid.
     pub detected: usize,
     /// The number of upsets after which invalid data were shown as valid.
     pub dangerous: usize,
@@ -157,8 +150,7 @@ pub struct UpsetClasses {
 pub struct Upsets {
     /// The numbers of upsets in each class, by board and kind of memory, such as `dpr ram`.
     pub classes: BTreeMap<String, UpsetClasses>,
-    /// The dangerous upsets as text: instant, address or register, and violation. The run's seed reproduces each of
-    /// them.
+    /// The dangerous upsets as text: instant, address or register, and violation.
     pub dangerous: Vec<String>,
 }
 
@@ -184,8 +176,7 @@ impl From<&Campaign> for Upsets {
 pub struct Report {
     /// The seed of all random values.
     pub seed: u64,
-    /// The clock, which determines how long instructions take: `fast`, `optimistic` or `pessimistic`. The last two
-    /// bound the times of silicon.
+    /// The clock: `fast`, `optimistic` or `pessimistic`. The last two bound the times of silicon.
     pub clock: &'static str,
     /// The length of the run, virtual seconds.
     pub virtual_seconds: f64,

@@ -8,8 +8,7 @@ use crate::boards::{Dpr, Horus};
 use crate::faults::Faults;
 use emulator_node::{Course, Node, Way};
 
-/// A run of the link whose boards may be halted. Its outcome is byte for byte that of [`super::run`], unless the
-/// debugger changed a register or memory.
+/// A run of the link whose boards may be halted. Only a debugger's changes alter its outcome.
 pub struct Debugged<C: Cost> {
     bench: Bench<C>,
     course: Course<AirEvent>,
@@ -71,8 +70,7 @@ impl<C: Cost> Debugged<C> {
         &mut self.bench.relay.b
     }
 
-    /// The instant that both boards have reached, ns. HORUS may be ahead of the DPR by up to 2 ms, but its frames reach
-    /// the DPR only at their own time.
+    /// The instant that both boards have reached, ns. HORUS may be ahead of the DPR by up to 2 ms.
     #[must_use]
     pub fn now(&self) -> u64 {
         self.bench.now()

@@ -1,5 +1,4 @@
-//! The DPR's surroundings with their faults: the air, the flight controller, the base station. The event log of the run
-//! is kept here too.
+//! The DPR's surroundings with their faults (air, flight controller, base station), and the event log.
 
 use std::collections::VecDeque;
 use std::sync::Arc;

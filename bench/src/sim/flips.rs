@@ -35,11 +35,10 @@ pub struct Flip {
     pub board: Board,
     /// The bit that is flipped.
     pub bit: RegisterBit,
-    /// The time after the flip from which on valid and new data were read to the end, ns: 0 if they were never missing,
-    /// `None` if they were missing at the end.
+    /// The time from the flip until valid and new data were read to the end, ns; `None` if they were missing at the
+    /// end.
     pub back_after: Option<u64>,
-    /// The numbers of readings without valid and new data, by what Link-Status reported: a link that is down, a faulty
-    /// front end, neither.
+    /// The readings without valid and new data, by what Link-Status reported: link down, faulty front end, neither.
     pub said: [u32; 3],
     /// Texts of invalid data that were shown as valid.
     pub dangerous: Vec<String>,

@@ -52,8 +52,8 @@ use upstream::Receivers;
 /// The interval at which the caller receives the run's progress and the log lines, virtual ns.
 const STEP: u64 = 10_000_000;
 
-/// The shortest time from the end of a piece of the run to the beginning of a fault that an [`Observer`] adds, ns. A
-/// board may be past the end of the piece, because it completes its last instruction.
+/// The shortest time from the end of a piece of the run to the beginning of an added fault, ns. A board may be past
+/// that end, because it completes its last instruction.
 pub const AHEAD_NS: u64 = 100_000;
 
 /// The two firmwares' ELF files.
@@ -90,8 +90,7 @@ pub struct Crystals {
 pub struct Setup {
     /// The two ELF files, which must be built for the number of receivers in `gps`.
     pub images: Images,
-    /// The contents of the boards' flash, which must hold the programs of the ELF files. With `None` the ELF files are
-    /// loaded.
+    /// The contents of the boards' flash, with the programs of the ELF files; otherwise the ELF files are loaded.
     pub flashed: Option<Flashed>,
     /// The number of receivers in the profile: 1, 2, 3 or 5.
     pub gps: usize,
@@ -115,14 +114,11 @@ pub struct Setup {
     pub front_ends: FrontEndConfig,
     /// The injected faults.
     pub faults: Faults,
-    /// Whether the flight controller writes uplinks and commands, and now and then reads the whole map. Otherwise it
-    /// only reads images.
+    /// Whether the flight controller writes uplinks and commands, and now and then reads the whole map.
     pub writes: bool,
-    /// Whether the base station's uplinks come by radio ([`Observer::uplink`]). Otherwise the flight controller
-    /// generates them.
+    /// Whether the base station's uplinks come by [`Observer::uplink`]; otherwise the flight controller generates them.
     pub relays: bool,
-    /// A sweep of transactions through every phase relative to a frame's end. It replaces the reads in the flight
-    /// controller's control cycle.
+    /// A sweep of transactions through every phase, which replaces the flight controller's reads in its control cycle.
     pub sweep: Option<Sweep>,
     /// The trace file of the wires and the tasks, ending in `.vcd` or `.fst`.
     pub trace: Option<PathBuf>,
@@ -133,8 +129,8 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// Returns the setup of a run without faults: fast clock, both threads, seed 1, the generated flight, and crystals
-    /// with ordinary errors.
+    /// Returns a setup without faults: fast clock, both threads, seed 1, generated flight, crystals with ordinary
+    /// errors.
     #[must_use]
     pub fn new(images: Images, gps: usize, duration_ns: u64) -> Self {
         Self {
@@ -169,27 +165,26 @@ pub trait Observer {
     /// A board logged a line.
     fn log(&mut self, board: &str, line: &str);
 
-    /// The flight controller has read a whole, undamaged image in a transaction that ended at `virtual_ns`. The calls
-    /// come in order of time, before the call of [`progress`](Self::progress) for that instant.
+    /// The flight controller has read an undamaged image in a transaction that ended at `virtual_ns`. The calls come in
+    /// order, before [`progress`](Self::progress) for that instant.
     fn image(&mut self, virtual_ns: u64, image: &[u8]) {
         let _ = (virtual_ns, image);
     }
 
-    /// The flight controller has read Port-Status and the base station's uplink after it: 128 bytes. Port-Status is
-    /// intact. Called like [`image`](Self::image), but only if [`Setup::writes`] is set.
+    /// The flight controller has read an intact Port-Status and the base station's uplink after it (128 bytes), if
+    /// [`Setup::writes`] is set.
     fn port(&mut self, virtual_ns: u64, port: &[u8]) {
         let _ = (virtual_ns, port);
     }
 
-    /// Returns an uplink of the base station that has arrived by radio, if any; the flight controller writes it in its
-    /// next transaction. Called after each [`progress`](Self::progress).
+    /// Returns an uplink of the base station that has arrived by radio, if any. Called after
+    /// [`progress`](Self::progress).
     fn uplink(&mut self, virtual_ns: u64) -> Option<Uplink> {
         let _ = virtual_ns;
         None
     }
 
-    /// The length of a piece of the run, virtual ns: a multiple of 10 ms. The run can end early after each piece, by
-    /// default never.
+    /// The length of a piece of the run, virtual ns: a multiple of 10 ms. By default the run has one piece.
     fn piece_ns(&self) -> u64 {
         u64::MAX
     }
@@ -199,8 +194,8 @@ pub trait Observer {
         false
     }
 
-    /// Returns faults to add to those of the setup. Called after each piece of the run, which ended at `virtual_ns`. No
-    /// episode may begin earlier than [`AHEAD_NS`] after that instant.
+    /// Returns faults to add to the run. Called after each piece, which ended at `virtual_ns`. No episode may begin
+    /// earlier than [`AHEAD_NS`] after that instant.
     fn faults(&mut self, virtual_ns: u64) -> Faults {
         let _ = virtual_ns;
         Faults::none()
@@ -215,8 +210,7 @@ impl Observer for () {
 /// The outcome of a run that an observer followed.
 #[derive(Debug)]
 pub struct Outcome {
-    /// The figures of the run. The caller fills in [`crate::report::Speed`], because this crate does not measure wall
-    /// time.
+    /// The figures of the run, except [`crate::report::Speed`], which the caller must fill in.
     pub report: Report,
     /// The judge's verdict on the event log.
     pub verdict: Verdict,
@@ -258,8 +252,8 @@ pub enum Error {
     },
 }
 
-/// The whole bench: both boards, their front ends, the air, the receivers, the flight controller and the base station.
-/// A clone continues exactly as the original does, byte for byte.
+/// The whole bench: boards, front ends, air, receivers, flight controller and base station. A clone continues exactly
+/// as the original does, byte for byte.
 #[derive(Clone, Debug)]
 pub struct Bench<C: Cost = Fast> {
     relay: Relay<Horus, Dpr, Receivers, Link, C>,
@@ -358,8 +352,7 @@ impl<C: Cost> Bench<C> {
         self.relay.downstream.keep_log();
     }
 
-    /// Runs the bench to `end` (virtual ns). `each` is called every 10 ms of virtual time with the instant, the DPR and
-    /// the DPR's surroundings.
+    /// Runs the bench to `end` (virtual ns), and calls `each` every 10 ms with instant, DPR and surroundings.
     ///
     /// # Errors
     ///
@@ -662,8 +655,7 @@ pub fn campaign(setup: &Setup, options: &Options) -> Result<Campaign, Error> {
     })
 }
 
-/// Completes the settings of a front end for use on the link. Frames that `config` cannot send do not arrive, and
-/// frames that it cannot receive are lost.
+/// Returns `config` for the link, on which frames that the settings cannot send or receive are lost.
 #[must_use]
 pub fn on_the_link(config: FrontEndConfig) -> FrontEndConfig {
     FrontEndConfig { unsuited_chain_receives: false, unsuited_modulation_reaches: false, ..config }

@@ -49,8 +49,7 @@ pub struct Sweep {
     pub to_ns: i64,
     /// The step from one phase to the next, ns.
     pub step_ns: u64,
-    /// Patterns of transactions, each for one cycle and in order of time. Each phase uses all patterns, one after the
-    /// other.
+    /// Patterns of transactions, each for one cycle and in order of time. Each phase uses all of them in turn.
     pub patterns: Vec<Vec<Placement>>,
 }
 
@@ -80,8 +79,7 @@ pub struct Phase {
     pub pattern: usize,
     /// The instant of the frame's last bit, ns.
     pub frame_ended: u64,
-    /// The events of the wires and the SPIS until the next phase, each with its time after the frame's last bit, ns.
-    /// The events of each kind are in order of time.
+    /// The events until the next phase, each with its time after the frame's last bit, ns, in order by kind.
     pub events: Vec<(i64, PhaseEvent)>,
 }
 

@@ -1,5 +1,4 @@
-//! Reads the firmwares' own counters from RAM, as a debug probe could. They are evidence in addition to what the pins
-//! show.
+//! Reads the firmwares' own counters from RAM, as a debug probe could.
 
 use std::mem::offset_of;
 

@@ -25,8 +25,7 @@ const TICK_PULSE_NS: u64 = TICK_PULSE_TICKS as u64 * 1_000 / TICKS_PER_US as u64
 
 /// The time from the end of a message to a receiver's answer, ns; real receivers take some tens of milliseconds.
 const ANSWERS_AFTER: u64 = 20_000_000;
-/// How long a receiver ignores its input after a change of its bit rate, ns: u-blox integration manuals, "UART
-/// interfaces", "a short time delay of typically 100 ms".
+/// How long a receiver ignores its input after a change of its bit rate, ns (u-blox integration manuals).
 const DEAF_AFTER_BAUD: u64 = 100_000_000;
 /// How long a restarting receiver neither sends nor receives, ns.
 const STARTS: u64 = 300_000_000;
@@ -196,8 +195,8 @@ fn at_rate(frames: Vec<UartFrame>, baud: u32) -> Vec<UartFrame> {
     frames.into_iter().map(at).collect()
 }
 
-/// An upper limit of the time that a byte takes on a receiver's bus, ns (29 µs on I2C). A byte is known only at its
-/// end, but is logged at its beginning.
+/// An upper limit of a byte's duration on a receiver's bus, ns. A byte is logged at its beginning, but known at its
+/// end.
 const ON_THE_WAY: u64 = 100_000;
 
 /// What HORUS's side reports to the DPR's side, which follows behind.
@@ -209,8 +208,7 @@ pub(super) struct Notes {
     pub(super) crossings: Vec<(u64, Crossing)>,
     /// The changes of TICK and of the tasks for the trace.
     pub(super) marks: Vec<Mark>,
-    /// The instant since which a transaction with a receiver may be under way, ns. Its bytes are logged only when it is
-    /// over.
+    /// The beginning of a transaction with a receiver that may be under way, ns. Its bytes are logged at its end.
     pub(super) untold_since: u64,
 }
 

@@ -11,8 +11,7 @@ use fst_writer::{
 
 use super::signals::{Id, Signals, Value, digits, regroup};
 
-/// The approximate size of a block of the file before its compression, bytes. Larger blocks compress better but load
-/// more slowly.
+/// The approximate size of a block of the file before its compression, bytes.
 const BLOCK: usize = 16 << 20;
 
 pub(super) struct FstFile {

@@ -85,14 +85,12 @@ pub enum Error {
 pub enum Mark {
     /// A wire took a level: the instant (ns), the wire, the level.
     Level(u64, Wire, bool),
-    /// A number took a value: the instant (ns), the number, the value. `None` means that the number has no value from
-    /// then on.
+    /// A number took a value: the instant (ns), the number, the value (`None` for no value).
     Word(u64, Word, Option<u64>),
-    /// A byte was transferred on a bus in each direction: the instant (ns) of the end of its eighth clock, the bus, the
-    /// byte to the chip, the byte from the chip, and the clock rate (Hz).
+    /// A byte was transferred on a bus: the end of its eighth clock (ns), the bus, the byte to the chip, the byte from
+    /// the chip, the clock rate (Hz).
     Byte(u64, Bus, u8, u8, u32),
-    /// A signal of a board's tasks took a value: the instant (ns), the board, the signal, the value. [`TaskWatch`]
-    /// makes these.
+    /// A signal of a board's tasks took a value ([`TaskWatch`]): the instant (ns), the board, the signal, the value.
     Task(u64, Board, TaskSignal, u64),
 }
 

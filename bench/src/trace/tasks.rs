@@ -17,8 +17,7 @@ pub struct TaskWatch {
 }
 
 impl TaskWatch {
-    /// Watches the tasks of `node` from now on. `table` has the name and the vector of each task of the firmware. A
-    /// task is left out if its vector does not lead to the program's function of that name.
+    /// Watches the tasks in `table` (name, vector) whose vector leads to the program's function of that name.
     #[must_use]
     pub fn new<B: node::Board, C: Cost>(
         board: Board,
@@ -42,8 +41,7 @@ impl TaskWatch {
         &self.tasks
     }
 
-    /// Takes the changes of the tasks' signals since the last call. At most 4096 changes of the active exception, which
-    /// take some milliseconds at least, may lie between two calls.
+    /// Takes the changes since the last call, which must be at most 4096 changes of the active exception ago.
     pub fn take<B: node::Board, C: Cost>(&mut self, node: &mut Node<B, C>) -> Vec<Mark> {
         let mut marks = vec![];
         let mut sleeps = node.take_sleeps().into_iter().peekable();

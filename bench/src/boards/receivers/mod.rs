@@ -197,8 +197,7 @@ impl Receivers {
         }
     }
 
-    /// Keeps the bytes that the microcontroller sends from now on for [`Receivers::take_sent`]. The node stops after
-    /// each such byte, so that the byte can be taken.
+    /// Keeps the bytes that the microcontroller sends for [`Receivers::take_sent`]. The node stops after each of them.
     pub fn attend(&mut self) {
         self.attended = true;
     }
@@ -214,8 +213,7 @@ impl Receivers {
         !self.heard.is_empty()
     }
 
-    /// Takes the bus transactions that have ended since the last call, or that have not ended within [`ABANDONED`]
-    /// before `now` (ns).
+    /// Takes the bus transactions that have ended since the last call, or began [`ABANDONED`] before `now` (ns).
     pub fn take_read(&mut self, now: u64) -> Vec<ReadBytes> {
         for (receiver, interface) in self.interfaces.iter_mut().enumerate() {
             let (Interface::I2c(Ddc { crossings, .. }) | Interface::Spi(Spi { crossings, .. })) = interface else {
@@ -230,8 +228,7 @@ impl Receivers {
         std::mem::take(&mut self.read)
     }
 
-    /// The instant at which the oldest bus transaction began that [`Receivers::take_read`] has not returned yet, ns;
-    /// `u64::MAX` for none.
+    /// The beginning of the oldest bus transaction that was not taken yet, ns; `u64::MAX` for none.
     #[must_use]
     pub fn untold_since(&self) -> u64 {
         let of = |interface: &Interface| match interface {
@@ -242,8 +239,7 @@ impl Receivers {
         self.interfaces.iter().map(of).min().unwrap_or(u64::MAX)
     }
 
-    /// Takes the microcontroller's violations of the receivers' data sheets since the last call. Each kind is returned
-    /// once in a run.
+    /// Takes the microcontroller's violations of the receivers' data sheets, each kind once in a run.
     pub fn take_misuses(&mut self) -> Vec<(u64, String)> {
         std::mem::take(&mut self.misuses)
     }

@@ -34,8 +34,7 @@ pub enum ImageFault {
         /// The bytes that the variable holds at the offset while it is damaged.
         bytes: Vec<u8>,
     },
-    /// One sequence of bytes in a function's code or literals is replaced. The original bytes must occur there exactly
-    /// once.
+    /// A sequence of bytes in a function's code or literals, which must occur there once, is replaced.
     Replaced {
         /// The function: the symbol of a handler, or the end of a function's path.
         function: String,

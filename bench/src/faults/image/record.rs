@@ -119,8 +119,7 @@ impl Recording {
         recording
     }
 
-    /// Continues a recording with `node` to `until` (ns), as [`Recording::of`] does, for example after new inputs to
-    /// the board.
+    /// Continues a recording to `until` (ns), as [`Recording::of`] does, for example after new inputs.
     pub fn go_on<B: Board, C: Cost>(
         &mut self,
         node: &mut Node<B, C>,

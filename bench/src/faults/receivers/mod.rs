@@ -62,8 +62,8 @@ pub enum ReceiverFault {
     Noise,
     /// Stop bits on the receiver's line are low: one in [`FRAMING_ONE_IN`].
     FramingErrors,
-    /// The receiver sends nothing in the first half of the episode. In the second half it searches for satellites after
-    /// a restart: its time of week begins at 0, and it has no fix.
+    /// The receiver is silent in the first half of the episode. In the second half it has no fix, and its time begins
+    /// at 0.
     Restarts,
     /// The receiver's position is wrong by a distance to the north.
     Jumps {
@@ -79,8 +79,7 @@ pub enum ReceiverFault {
         /// The error upwards, m.
         up: i32,
     },
-    /// The receiver's position moves north at this speed, but its velocity does not show the movement, as with slow
-    /// spoofing.
+    /// The receiver's position moves north at this speed, but its velocity does not, as with slow spoofing.
     Drifts {
         /// The speed, mm/s.
         mm_s: u32,
@@ -113,8 +112,7 @@ pub enum ReceiverFault {
     LateBursts(u64),
     /// The checksum of every message of the receiver is wrong.
     BadChecksums,
-    /// The receiver restarts with its factory settings: NMEA only, one solution a second, and 38 400 bit/s on a UART.
-    /// It keeps these settings until HORUS configures it.
+    /// The receiver has its factory settings (NMEA, 1 Hz, 38 400 bit/s) until HORUS configures it.
     LosesSettings,
     /// The receiver loses its configured dynamic model, which HORUS cannot detect.
     ForgetsModel,
@@ -252,8 +250,7 @@ pub struct OnLine {
     pub receiver: usize,
     /// The UART frames, which follow one another without a gap.
     pub frames: Vec<UartFrame>,
-    /// Whether every frame is well-formed at the receiver's bit rate. HORUS then reads [`OnLine::bytes`]. Of other
-    /// frames HORUS reads some or none.
+    /// Whether every frame is well-formed at the receiver's bit rate, so that HORUS reads [`OnLine::bytes`].
     pub clean: bool,
 }
 
@@ -339,8 +336,8 @@ impl LineFaults {
         }
     }
 
-    /// Takes `bytes`, which the receiver sends from `at` (ns) on, and returns what appears on the line instead. Delayed
-    /// bursts are kept for [`LineFaults::take`].
+    /// Returns what appears on the line instead of `bytes`, which the receiver sends from `at` (ns) on. Delayed bursts
+    /// are kept for [`LineFaults::take`].
     pub fn burst(&mut self, at: u64, receiver: usize, bytes: &[u8]) -> Vec<OnLine> {
         let line = self.line(receiver);
         let Some(active) = line.faults.last().copied() else {

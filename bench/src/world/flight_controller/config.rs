@@ -37,8 +37,7 @@ pub struct Config {
     pub crystal_ppb: i64,
     /// The pace of a transaction.
     pub pace: Pace,
-    /// Whether the flight controller writes uplinks and commands, and now and then reads the whole map
-    /// ([`super::uplinks`]). Otherwise it only reads the image.
+    /// Whether the flight controller writes uplinks and commands, and reads the whole map ([`super::uplinks`]).
     pub writes: bool,
     /// Whether the base station's uplinks come by radio ([`FlightController::write`](super::FlightController::write)).
     /// Otherwise the flight controller generates them.
@@ -48,8 +47,7 @@ pub struct Config {
 }
 
 impl Config {
-    /// Returns the ordinary settings: a control cycle of 4 ms, a perfect crystal, the first transaction one cycle after
-    /// reset, and transactions as fast as [`profile::ssi::timing`] allows.
+    /// Returns the ordinary settings: a control cycle of 4 ms, a perfect crystal, and transactions as fast as allowed.
     #[must_use]
     pub const fn new(receivers: usize) -> Self {
         Self {
@@ -81,8 +79,7 @@ impl Config {
         Layout::for_receivers(self.receivers).expect("a profile has 1, 2, 3 or 5 receivers")
     }
 
-    /// The time from the fall of chip select to its rise in a transaction of `bytes` bytes, by the flight controller's
-    /// clock, ns.
+    /// The time from the fall of chip select to its rise for `bytes` bytes, by the flight controller's clock, ns.
     #[must_use]
     pub const fn transaction_ns(&self, bytes: usize) -> u64 {
         self.pace.transaction_ns(bytes)

@@ -175,8 +175,8 @@ impl FlightController {
         self.plan();
     }
 
-    /// Sets the misuse of the SSI from `at` (ns) on; `None` lets the flight controller read in its control cycle again,
-    /// as after reset. An ordinary transaction under way is completed first, and one of a misuse is cut short.
+    /// Sets the misuse of the SSI from `at` (ns) on; `None` ends it. An ordinary transaction under way is completed
+    /// first, and one of a misuse is cut short.
     pub fn set_conduct(&mut self, at: u64, conduct: Option<Conduct>) {
         if self.misconduct.take().is_some() {
             self.master.cut(at);
@@ -241,15 +241,15 @@ impl FlightController {
         core::mem::take(&mut self.downlink)
     }
 
-    /// Takes the whole images that the flight controller has read since the last call, each with the instant (ns) at
-    /// which its transaction ended. Every object of an image is intact or vacant, and its profile need not be new.
+    /// Takes the whole images that were read since the last call, each with the instant (ns) at which its transaction
+    /// ended. Every object is intact or vacant, and the profile need not be new.
     #[must_use]
     pub fn take_images(&mut self) -> Vec<(u64, Vec<u8>)> {
         core::mem::take(&mut self.images)
     }
 
-    /// Takes each Port-Status that the flight controller has read intact since the last call, with the base station's
-    /// uplink as it was read after it (128 bytes in all), and with the instant (ns) at which the transaction ended.
+    /// Takes each intact Port-Status with the base station's uplink after it (128 bytes) and its transaction's end
+    /// (ns).
     #[must_use]
     pub fn take_ports(&mut self) -> Vec<(u64, Vec<u8>)> {
         core::mem::take(&mut self.ports)

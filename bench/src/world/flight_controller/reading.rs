@@ -9,8 +9,7 @@ use profile::{Layout, LinkValues, Rejection};
 pub enum Outcome {
     /// All that was read is intact, the whole image was read, and its profile is not the one that was forwarded last.
     Fresh,
-    /// All that was read is intact, but there is no new profile: it is the one that was forwarded last, or the image or
-    /// the requested window has none.
+    /// All that was read is intact, but it has no profile or only the one that was forwarded last.
     Repeated,
     /// Every byte is 0xFF: the DPR was busy.
     Busy,
@@ -44,8 +43,7 @@ pub struct Reading {
 }
 
 impl Reading {
-    /// Evaluates a transaction that began at `selected_ns` and whose contents are `view`. `report` is the client's
-    /// report, and `previous` the timestamp of the profile that was forwarded last.
+    /// Evaluates a transaction with the contents `view`. `previous` is the timestamp of the last forwarded profile.
     pub(super) fn of(selected_ns: u64, view: &View<'_>, layout: Layout, report: Report, previous: Option<u32>) -> Self {
         let mut reading = Self {
             selected_ns,

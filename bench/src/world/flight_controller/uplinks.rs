@@ -1,19 +1,16 @@
-//! The flight controller's ordinary writes: uplinks of the base station, uplinks of its own, and now and then a
-//! command.
+//! The flight controller's ordinary writes: uplinks of the base station and its own, and now and then a command.
 
 use profile::criticality::{BaseStation, FlightController, Writer, WritesUplink};
 use profile::ssi::REQUEST_SIZE;
 use profile::{Command, CommandObject, Uplink, UplinkValues};
 
-/// The number of control cycles from one uplink to the next. The uplinks of base station and flight controller
-/// alternate.
+/// The number of control cycles between two uplinks, which are the base station's and the flight controller's in turn.
 const UPLINK_EVERY: u64 = 10;
 
 /// The number of control cycles from one command to the next: one second.
 const COMMAND_EVERY: u64 = 250;
 
-/// The index, within every [`UPLINK_EVERY`] control cycles, of the cycle that writes nothing and reads the whole map,
-/// with Port-Status and the uplinks.
+/// The index, within [`UPLINK_EVERY`] control cycles, of the cycle that writes nothing and reads the whole map.
 const MAP_READ: u64 = 8;
 
 const MS: u64 = 1_000_000;
@@ -24,8 +21,7 @@ pub fn reads_map(cycle: u64) -> bool {
     cycle % UPLINK_EVERY == MAP_READ
 }
 
-/// The object to write in control cycle number `cycle`, which begins at `own_ns` by the flight controller's clock, if
-/// any.
+/// The object to write in control cycle number `cycle`, which begins at `own_ns` by the flight controller's clock.
 #[must_use]
 pub fn written(cycle: u64, own_ns: u64) -> Option<[u8; Uplink::SIZE]> {
     let timestamp = u32::try_from(own_ns / MS % (1 << 32)).unwrap_or(u32::MAX);

@@ -23,8 +23,7 @@ use emulator_node::Node;
 /// The most bytes that are transferred to the DPR's model together.
 const RUN: usize = 16;
 
-/// The greatest number of bytes of a transaction that are kept; further bytes are only counted. The longest image has
-/// 396.
+/// The greatest number of bytes of a transaction that are kept; further bytes are only counted.
 pub const KEPT: usize = 16_384;
 
 /// The actions of a flight controller on the pins of the DPR's SSI.
@@ -35,9 +34,8 @@ pub trait SsiPort {
     /// Makes chip select fall now.
     fn select(&mut self);
 
-    /// Clocks the bytes of `mosi` in `mode` without a gap, and returns the bytes on MISO. The last edge of the first
-    /// byte was at `first`, that of the last byte at `last` (ns); the DPR may already be past `first`. If the DPR does
-    /// not drive MISO, as while chip select is high, the pull-up makes it read ones.
+    /// Clocks the bytes of `mosi` without a gap, and returns the bytes on MISO, ones if it is not driven. The last edge
+    /// of the first byte was at `first`, that of the last byte at `last` (ns).
     fn exchange(&mut self, first: u64, last: u64, mosi: &[u8], mode: SpiMode) -> Vec<u8>;
 
     /// Makes chip select rise now.
@@ -302,8 +300,8 @@ impl SsiMaster {
         self.under_way.as_ref().is_some_and(|it| it.run > 0)
     }
 
-    /// The instant from which chip select may fall after the present or the last transaction, ns. It includes the gap.
-    /// `u64::MAX` while a transaction has no end.
+    /// The instant from which chip select may fall after the present transaction and its gap, ns; `u64::MAX` if it has
+    /// no end.
     #[must_use]
     pub fn free_at(&self) -> u64 {
         let Some(it) = &self.under_way else { return self.free_ns };
@@ -380,8 +378,7 @@ impl SsiMaster {
         }))
     }
 
-    /// Ends the transaction at `at` (ns): the present byte is completed, and chip select rises after the hold time. A
-    /// transaction that has not begun yet is dropped.
+    /// Ends the transaction at `at` (ns) after the present byte and the hold time, or drops it if it has not begun.
     pub fn cut(&mut self, at: u64) {
         let Some(mut it) = self.under_way.take().filter(|it| it.selected_ns.is_some()) else { return };
         let end = it.done + it.run;
