@@ -39,7 +39,6 @@ pub const ACK: u8 = 0x01;
 /// The identifier of UBX-ACK-NAK within class ACK: the message was refused.
 pub const NAK: u8 = 0x00;
 
-/// The greatest number of items in one UBX-CFG-VALSET.
 const MOST_ITEMS: usize = 64;
 /// The longest message that a receiver accepts in this model, bytes: 64 items of eight bytes fit.
 const LONGEST: usize = 1024;
@@ -128,7 +127,6 @@ pub struct Output {
 pub(crate) struct Abilities {
     pub(crate) attitude: bool,
     pub(crate) inertial: bool,
-    /// Whether the measurement period cannot be changed.
     pub(crate) fixed_period: bool,
 }
 
@@ -194,7 +192,6 @@ impl Configuration {
         self.ram.remove(&NAVSPG_DYNMODEL);
     }
 
-    /// The dynamic model, in the numbering of CFG-NAVSPG-DYNMODEL.
     pub(crate) fn dynamic_model(&self) -> u8 {
         u8::try_from(self.value(NAVSPG_DYNMODEL)).unwrap_or(u8::MAX)
     }
@@ -218,8 +215,7 @@ impl Configuration {
         }
     }
 
-    /// Processes a received byte, `None` for an unreadable one. Returns the answer if the byte completes a message that
-    /// has one.
+    /// Processes a received byte, `None` for an unreadable one, and returns the answer, if any.
     pub(crate) fn hear(&mut self, byte: Option<u8>) -> Option<Vec<u8>> {
         let Some(byte) = byte else {
             self.input.clear();

@@ -67,8 +67,7 @@ pub struct State {
     pub position: Geodetic,
     /// Position in the start's tangent plane, metres north, east, down.
     pub ned: [f64; 3],
-    /// Velocity to north, east and down, m/s, in the directions of the start. The local directions of a flight of a few
-    /// kilometres differ by less than 1 mrad.
+    /// Velocity to north, east and down, m/s, in the directions of the start (within 1 mrad of the local ones).
     pub velocity: [f64; 3],
     /// Pitch, the nose above the horizon, rad, −π/2 ..= π/2.
     pub pitch: f64,
@@ -108,7 +107,6 @@ pub enum Phase {
 pub struct Flight {
     plane: TangentPlane,
     planned: f64,
-    /// The end of each phase from `Standing` to `Landing`, s.
     phase_ends: [f64; 7],
     height: Plan,
     speed: Plan,
@@ -118,8 +116,7 @@ pub struct Flight {
 }
 
 impl Flight {
-    /// Returns the flight of `seed` that begins at [`START`] and fills `seconds`, clamped to [`SHORTEST`] ..=
-    /// [`LONGEST`]; NaN counts as the shortest.
+    /// Returns the flight of `seed` that begins at [`START`] and fills `seconds`, between [`SHORTEST`] and [`LONGEST`].
     #[must_use]
     pub fn new(seed: u64, seconds: f64) -> Self {
         Self::from_start(seed, seconds, START)
@@ -134,8 +131,7 @@ impl Flight {
             Uniform::new_inclusive(low, high).expect("the bounds of every draw are finite and ordered").sample(&mut rng)
         };
 
-        // The first number is a phase's share of a short flight, the second its greatest duration, s. The cruise fills
-        // the rest of a long flight.
+        // A phase's share of a short flight, and its greatest duration, s. The cruise fills the rest of a long flight.
         let standing = (0.03 * planned).min(2.0);
         let climb = (0.22 * planned).min(28.0);
         let acceleration = (0.15 * planned).min(11.0);
@@ -166,9 +162,8 @@ impl Flight {
         speed.ramp(climbed, acceleration, speed_reached);
         speed.ramp(brake, braking, -speed_reached);
 
-        // A leg takes about 15 s and ends in a turn, alternately a wide and a narrow one, in opposite directions. On a
-        // long flight two legs turn the aircraft by 45° on average, so the path closes after sixteen legs. On a short
-        // flight the acceleration limit bounds both turns, which form an S.
+        // A leg takes about 15 s and ends in a turn, alternately wide and narrow, in opposite directions. On a long
+        // flight the path closes after sixteen legs, because two of them turn the aircraft by 45° on average.
         let mut course = Plan::starting_at(draw(-PI, PI));
         let side = if draw(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
         let legs = (cruise / 15.0).ceil().max(2.0);
@@ -242,7 +237,6 @@ impl Flight {
         }
     }
 
-    /// The position north, east and down of the start at `t` (s), m.
     fn ned(&self, t: f64) -> [f64; 3] {
         let t = t.clamp(0.0, self.planned);
         let cell = ((t / GRID) as usize).min(self.sums.len() - 1);
@@ -306,7 +300,6 @@ impl Flight {
 struct Pose {
     /// The course as a continuous angle, which may exceed ±π.
     course: f64,
-    /// The velocity north, east, down.
     velocity: [f64; 3],
     /// The acceleration front, right and down in the level frame along the course.
     acceleration: [f64; 3],
@@ -315,8 +308,7 @@ struct Pose {
 }
 
 impl Pose {
-    /// The acceleration in the body frame: rotated by the pitch about the right axis, then by the roll about the front
-    /// axis.
+    /// The acceleration in the body frame, rotated by the pitch first, then by the roll.
     fn body_acceleration(&self) -> [f64; 3] {
         let [x, y, z] = self.acceleration;
         let (sr, cr) = (sin(self.roll), cos(self.roll));
@@ -331,7 +323,6 @@ fn ramp_limit(duration: f64, slope: f64, curve: f64) -> f64 {
     (slope * duration / RAMP_SLOPE).min(curve * duration * duration / RAMP_CURVE)
 }
 
-/// Brings an angle into −π ..= π.
 fn wrap(angle: f64) -> f64 {
     angle - TAU * libm::round(angle / TAU)
 }
@@ -356,7 +347,6 @@ impl Plan {
         Self { initial, ramps: Vec::new() }
     }
 
-    /// Adds a ramp, which must not start before the end of the last one.
     fn ramp(&mut self, start: f64, duration: f64, change: f64) {
         let (from, free) = self
             .ramps

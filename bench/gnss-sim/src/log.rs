@@ -32,8 +32,7 @@ use std::path::{Path, PathBuf};
 
 use crate::ubx::{self, Frame, NavPvt, WEEK_MS};
 
-/// The instant at which a log's first byte is sent, ns after reset. The firmware receives by then, so it misses no
-/// position.
+/// The instant at which a log's first byte is sent, ns after reset: late enough for the firmware to receive it.
 pub const FIRST_BURST_NS: u64 = 100_000_000;
 
 /// The longest pause between two epochs, ms, to which longer ones are shortened.
@@ -249,7 +248,7 @@ impl Log {
     }
 
     /// The bursts in order, each as its instant (ns after reset) and its bytes. There is at least one, and none is
-    /// empty. The burst before may still be on the UART at that instant, which the receiver considers.
+    /// empty.
     pub fn bursts(&self) -> impl ExactSizeIterator<Item = (u64, &[u8])> {
         self.bursts.iter().map(|(at, range)| (*at, &self.bytes[range.clone()]))
     }
@@ -270,9 +269,7 @@ impl Log {
 
 #[derive(Debug, Default)]
 struct Cutter {
-    /// The time of week of the current epoch, ms.
     epoch: Option<u32>,
-    /// Whether the current epoch already has a NAV-PVT.
     has_pvt: bool,
     /// The beginning of each epoch but the first: the time since the first epoch, ns, and the offset in the log.
     cuts: Vec<(u64, usize)>,

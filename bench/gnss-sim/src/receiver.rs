@@ -137,13 +137,11 @@ impl Model {
     }
 }
 
-/// A receiver: an iterator of its bursts in order. A generated receiver never ends, a recorded one ends with its log. A
-/// clone with the same inputs and calls yields the same bursts.
+/// A receiver: an iterator of its bursts in order. A clone with the same inputs yields the same bursts.
 #[derive(Debug, Clone)]
 pub struct Receiver {
     source: Source,
     bit_rate: u32,
-    /// The instant from which on the line is idle again, ns after reset.
     idle_ns: u64,
     due: Option<Burst>,
 }
@@ -155,8 +153,7 @@ enum Source {
 }
 
 impl Receiver {
-    /// Returns receiver number `index` (from 1), which observes `flight` with noise drawn from `seed`. All receivers of
-    /// one seed share the GPS time of the reset.
+    /// Returns receiver number `index` (from 1), which observes `flight` with errors drawn from `seed`.
     #[must_use]
     pub fn generated(index: usize, seed: u64, flight: Arc<Flight>) -> Self {
         Self::with_model(Model::fitted(index), index, seed, flight)
@@ -197,7 +194,6 @@ impl Receiver {
         self
     }
 
-    /// Changes a generated receiver, and derives its configuration and output anew.
     fn rebuild(&mut self, change: impl FnOnce(&mut Generated)) {
         if let Source::Generated(generated) = &mut self.source {
             change(generated);
@@ -207,9 +203,8 @@ impl Receiver {
         }
     }
 
-    /// Processes a byte, `None` for an unreadable one, that arrives at `at_ns` (ns after reset). Returns the answer if
-    /// the byte completes a message that has one. The answer is sent beside the receiver's output, at the bit rate that
-    /// applies from then on.
+    /// Processes a byte, `None` for an unreadable one, that arrives at `at_ns` (ns after reset). Returns the answer, if
+    /// any, which is sent at the bit rate that applies from then on.
     pub fn hear(&mut self, at_ns: u64, byte: Option<u8>) -> Option<Vec<u8>> {
         let Source::Generated(generated) = &mut self.source else { return None };
         let answer = generated.configuration.hear(byte)?;
@@ -217,8 +212,7 @@ impl Receiver {
         Some(answer)
     }
 
-    /// Restarts the receiver at `at_ns` (ns after reset), which loses its unsaved settings and, with `factory`, the
-    /// saved ones too. A recorded receiver continues its log.
+    /// Restarts the receiver at `at_ns` (ns after reset) without its unsaved and, with `factory`, its saved settings.
     pub fn restart(&mut self, at_ns: u64, factory: bool) {
         if let Source::Generated(generated) = &mut self.source {
             generated.configuration.restart(factory);
@@ -317,8 +311,7 @@ impl Receiver {
         self.bit_rate
     }
 
-    /// The instant at which the last byte of the last valid position in `burst` has been sent, ns after reset; `None`
-    /// if there is no valid position.
+    /// The instant, ns after reset, at which the last valid position in `burst` has been sent; `None` if there is none.
     #[must_use]
     pub fn last_solution_ns(&self, burst: &Burst) -> Option<u64> {
         let mut last = None;
@@ -362,14 +355,12 @@ struct Generated {
     port: Port,
     fixed_period: bool,
     configuration: Configuration,
-    /// The output that follows from the configuration.
     output: Output,
     solutions: u32,
     /// The state before the next burst, from which that burst can be calculated again.
     before: Option<Box<Generated>>,
     flight: Arc<Flight>,
     noise: ChaCha8Rng,
-    /// The GPS time of week at which reset occurs, ns.
     reset_ns: u64,
     /// The number of the next epoch, from the start of the week.
     epoch: u64,
@@ -465,7 +456,6 @@ impl Generated {
         free - 1e6 * libm::round(free / 1e6)
     }
 
-    /// Returns `truth` with the receiver's errors.
     fn observe(&mut self, truth: &State) -> State {
         let mut normal = || normal(&mut self.noise);
         let keep = libm::exp(-f64::from(self.output.period_ms) / 1e3 / BIAS_TIME);
@@ -579,7 +569,6 @@ fn configuration(model: &Model, port: Port, fixed_period: bool) -> Configuration
     Configuration::new(port, abilities, model.period_ms).configured(model.period_ms, BIT_RATE)
 }
 
-/// Rounds `value` to the nearest integer of 32 bits.
 fn rounded(value: f64) -> i32 {
     libm::round(value) as i32
 }

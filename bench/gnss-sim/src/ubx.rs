@@ -75,8 +75,7 @@ impl<'a> Frame<'a> {
         self.payload.len() + OVERHEAD
     }
 
-    /// GPS time of week of the navigation epoch, ms, if this is a message of class NAV that has one: first, or after a
-    /// version field.
+    /// GPS time of week of the navigation epoch, ms, if this is a message of class NAV that has one.
     #[must_use]
     pub fn itow_ms(&self) -> Option<u32> {
         let offset = match (self.class, self.id) {

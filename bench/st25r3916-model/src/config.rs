@@ -12,8 +12,7 @@ pub enum Variant {
 /// The effect of a received frame that breaks off, because its length byte exceeds its data or the field is lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BrokenFrame {
-    /// I_rxe comes with I_err1, and with I_crc unless no_crc_rx is set, because the framing logic detects the missing
-    /// bits.
+    /// I_rxe comes with I_err1 (and I_crc unless no_crc_rx is set), because the framing logic detects the missing bits.
     EndsWithError,
     /// I_rxe never comes, and the receiver hangs until D1, as several drivers report of real chips.
     NeverEnds,
@@ -73,16 +72,15 @@ pub struct Config {
     /// Seed of the random scatter of the start of transmission.
     pub seed: u64,
     /// Mean time from the end of the command byte to the start of the frame on the air, ns. Measured on one chip: seven
-    /// NFC-A frames of one recording start 2.71 to 4.59 µs after the last clock edge of C4 to C7 (half a clock less
-    /// from the byte's end). The default is the middle of this range. The values for NFC-F and
-    /// answers are inferred from it.
+    /// NFC-A frames start 2.71 to 4.59 µs after the last clock edge of C4 to C7. The default is the middle of this
+    /// range, also for NFC-F and answers.
     pub transmit_latency_ns: u64,
     /// Scatter of the start of transmission around its mean, peak to peak, uniform, ns; limited to twice the mean.
     /// Measured on one chip: frames start up to 2.1 µs apart after the same command (NFC-A 1.9 µs in seven frames,
     /// NFC-V 2.1 µs in two, NFC-B 0.4 µs in two). The default of 2.3 µs, a bit at 424 kbit/s, covers these.
     pub transmit_scatter_ns: u64,
-    /// Time from the first rising clock edge of the byte that carries an interrupt register to the fall of the IRQ pin,
-    /// ns. Measured on one chip: 30 to 32 ns.
+    /// Time from the first rising clock edge of an interrupt register's byte to the fall of the IRQ pin, ns. Measured
+    /// on one chip: 30 to 32 ns.
     pub irq_fall_ns: u64,
     /// Time from the field's switch-on to I_apon, ns. Measured on one chip: 2.70 to 2.71 µs in three recordings.
     pub field_on_latency_ns: u64,
@@ -94,8 +92,8 @@ pub struct Config {
     pub nfc_a_start_latency_ns: u64,
     /// Latency of an NFC-A answer's byte until it is in the FIFO, and of its end until I_rxe, ns. Measured on one chip.
     pub nfc_a_latency_ns: u64,
-    /// Time from the end of an NFC-F sync to I_rxs, from the end of a byte until the byte is in the FIFO, and from the
-    /// end of the frame to I_rxe, ns. Assumed: two bits at 424 kbit/s.
+    /// Latency of an NFC-F frame's sync until I_rxs, of a byte until it is in the FIFO, and of the end until I_rxe, ns.
+    /// Assumed: two bits at 424 kbit/s.
     pub nfc_f_latency_ns: u64,
     /// Time from a change of the external field to the change of the field detector's output, ns. Assumed.
     pub field_detect_ns: u64,

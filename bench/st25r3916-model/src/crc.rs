@@ -1,7 +1,6 @@
 //! The two CRC-16 of the air: NFC-F (ISO 18092, FeliCa) and NFC-A (ISO 14443-3 annex B).
 
-/// Returns the CRC-16 of NFC-F (polynomial 0x1021, initial value 0, most significant bit first) in the order of the
-/// air, most significant byte first.
+/// Returns the CRC-16 of NFC-F (polynomial 0x1021, initial value 0), most significant bit and byte first.
 #[must_use]
 pub fn nfc_f(bytes: &[u8]) -> [u8; 2] {
     let mut crc = 0u16;
@@ -14,8 +13,7 @@ pub fn nfc_f(bytes: &[u8]) -> [u8; 2] {
     crc.to_be_bytes()
 }
 
-/// Returns the CRC-16 of NFC-A (polynomial 0x8408 reflected, initial value 0x6363) in the order of the air, least
-/// significant byte first.
+/// Returns the CRC-16 of NFC-A (polynomial 0x8408 reflected, initial value 0x6363), least significant byte first.
 pub(crate) fn nfc_a(bytes: &[u8]) -> [u8; 2] {
     let mut crc = 0x6363u16;
     for &b in bytes {

@@ -72,8 +72,7 @@ pub enum AirEvent {
     Bytes(Chunk),
     /// The frame ends. The instant of the event is the end of the last bit.
     FrameEnd {
-        /// The number of data bits after the header, without parity bits. A frame that broke off has fewer than its
-        /// bytes require.
+        /// The number of data bits after the header, without parity bits, which is too small if the frame broke off.
         bits: u32,
     },
 }

@@ -188,8 +188,7 @@ impl Outgoing {
         self.byte_start(self.consumed)
     }
 
-    /// Returns the instant at which less than `below` of the FIFO's present `level` bytes are left, ns, if there is
-    /// one.
+    /// Returns the instant, ns, from which less than `below` of the FIFO's present `level` bytes are left, if any.
     pub(crate) fn falls_below(&self, below: usize, level: usize) -> Option<u64> {
         let last = self.consumed + level.checked_sub(below)?;
         (self.started && last < self.total()).then(|| self.byte_start(last))

@@ -77,8 +77,7 @@ pub(crate) enum Class {
     Stored,
     /// The register shows a result or a status, and writes have no effect.
     ReadOnly,
-    /// The value is stored, but the digital function is not modelled. A write of another value than the reset value is
-    /// a finding.
+    /// The value is stored, but the digital function is not modelled. A write of a new value is a finding.
     Unmodelled,
     /// The variant does not have the register.
     Absent,

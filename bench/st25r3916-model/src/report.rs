@@ -31,17 +31,13 @@ pub struct Report {
 pub enum Kind {
     /// A direct command that is not modelled was sent and had no effect.
     UnmodelledCommand(u8),
-    /// Measure amplitude (D3) or Measure phase (D9) was used. The result is always
-    /// [`Config::amplitude`](crate::Config::amplitude) or [`Config::phase`](crate::Config::phase), and the field of the
-    /// measurement is not emitted.
+    /// Measure amplitude (D3) or phase (D9) was used, whose result is a constant of [`Config`](crate::Config).
     ConstantMeasurement(u8),
     /// An SPI mode byte was sent that the data sheet does not define.
     UnknownModeByte(u8),
-    /// A register whose function is not modelled was set to another value than its reset value. The value is only
-    /// stored.
+    /// A register whose function is not modelled was set to another value than its reset value.
     UnmodelledRegister(Space, u8),
-    /// Bits whose function is not modelled were set in a register that is modelled otherwise: space, address, bits.
-    /// They are only stored.
+    /// Bits that are not modelled were set in a register that is modelled otherwise: space, address, bits.
     UnmodelledBits(Space, u8, u8),
     /// A register was accessed that this variant does not have.
     NoSuchRegister(Space, u8),
@@ -100,8 +96,7 @@ pub enum Kind {
     SupplyOutOfRange(u16),
     /// The antenna was used with tuning values (26, 27) that have no effect, because aat_en (01, bit 5) is clear.
     AntennaTuningOff,
-    /// A frame was received while a register of the receive chain had a value that no public source uses for the
-    /// frame's technology.
+    /// A frame was received with a value of the receive chain that no public source uses for its technology.
     ReceiveChain {
         /// The frame's technology.
         technology: Technology,
@@ -112,8 +107,7 @@ pub enum Kind {
         /// The register's value.
         value: u8,
     },
-    /// A poller sent a frame of NFC-F while a register had a value that cannot modulate NFC-F, or an undocumented
-    /// combination.
+    /// A poller sent a frame of NFC-F with a register value that cannot modulate NFC-F or is undocumented.
     Modulation {
         /// The register's space.
         space: Space,
@@ -128,13 +122,11 @@ pub enum Kind {
     CollisionAvoidanceBlind,
     /// A target was armed while automatic answers were enabled (08) and the load modulator was connected.
     AutomaticAnswersEnabled,
-    /// The chip answered although it may not ([`Config::answers`](crate::Config::answers)). A setting may have kept the
-    /// answer off the air.
+    /// The chip answered, on the air or not, although it may not ([`Config::answers`](crate::Config::answers)).
     LoadModulation,
     /// The chip answered although it had received no frame since its last answer.
     AnswerUnasked,
-    /// An answer began within the guard time of NFC-F, 2672 carrier cycles from the end of the frame. The value is the
-    /// time from the end of the frame to the answer, ns.
+    /// An answer began within the guard time of NFC-F, 2672 carrier cycles. The value is its time from the frame, ns.
     AnswerTooEarly(u64),
 }
 

@@ -155,8 +155,8 @@ impl AnswerPath {
         }
     }
 
-    /// Passes all emissions of the poller over `air` to the listener and those of the listener over this path to the
-    /// poller, and advances both to the chips' time.
+    /// Passes the poller's emissions over `air` and the listener's over this path, and advances both to the chips'
+    /// time.
     pub fn carry(&mut self, air: &mut Air, poller: &mut Chip, listener: &mut Chip) {
         loop {
             for (at, event) in poller.take_air().collect::<Vec<_>>() {

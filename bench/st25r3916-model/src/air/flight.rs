@@ -49,10 +49,8 @@ impl Sending {
         u32::try_from(bits).unwrap_or(u32::MAX)
     }
 
-    /// Returns the frame as the poller sent it, which ends at `at` after `bits` data bits.
-    ///
-    /// The frame is whole if all bits that the poller gave to the air were sent and its format is complete. In NFC-F
-    /// LEN gives the number of bytes; in NFC-A the end of communication must be present.
+    /// Returns the frame as the poller sent it, which ends at `at` after `bits` data bits. It is whole if the poller
+    /// sent the bytes that LEN announces (NFC-F) or the end of communication (NFC-A).
     pub(super) fn ended(self, at: u64, bits: u32) -> SentFrame {
         let Self { started_ns, mut start, .. } = self;
         let data = &mut start.chunk.data;

@@ -41,8 +41,7 @@ impl Chip {
         self.spi.selected
     }
 
-    /// Transfers one byte, whose last clock ends at `now` (virtual ns). Returns the byte on MISO, 0 if it is not
-    /// driven.
+    /// Transfers one byte, whose last clock ends at `now` (virtual ns). Returns the byte on MISO, or 0.
     pub fn transfer(&mut self, now: u64, mosi: u8) -> u8 {
         self.advance(now);
         if !self.core.powered() {
@@ -117,8 +116,7 @@ impl Chip {
             0x40..=0x7F => self.read_from(Space::A, byte & 0x3F),
             0x80 => State::Load,
             0x9F => self.read_fifo(),
-            // A0, A8 and AC load the passive target memory from the start of its NFC-A, NFC-F or TSN section; BF reads
-            // it from its start.
+            // A0, A8 and AC load the NFC-A, NFC-F or TSN section of the passive target memory; BF reads the memory.
             0xA0 => State::LoadTarget(0),
             0xA8 => State::LoadTarget(15),
             0xAC => State::LoadTarget(36),

@@ -61,8 +61,7 @@ impl Chip {
             0xD5 => core.set_a(reg::GAIN, 0),
             0xD6 => {
                 supply::suits(core);
-                // If reg_s (2C, bit 7) is set, the driver chooses the regulated voltage, and the display shows that
-                // setting.
+                // With reg_s (2C, bit 7) set, the display shows the driver's choice of the regulated voltage.
                 let regulator = core.a(reg::REGULATOR);
                 let shown =
                     if regulator & 0x80 != 0 { (regulator & 0x78) << 1 } else { core.config().regulator_display };

@@ -87,8 +87,7 @@ impl Chip {
         answer
     }
 
-    /// Sets the controller's SPI clock, Hz, which determines when the IRQ pin falls. Above 10 MHz transfers are
-    /// findings.
+    /// Sets the controller's SPI clock, Hz, for the instants of the IRQ pin. Above 10 MHz transfers are findings.
     pub fn spi_clock_hz(&mut self, hz: u32) {
         self.spi.set_hz(hz);
     }

@@ -9,8 +9,7 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | response field (03, nfc_ar), no_rx_par, nfc_f0, antcl (05) | the link uses none; set bits are stored and reported
-//! |
+//! | response field (03, nfc_ar), no_rx_par, nfc_f0, antcl (05) | the link uses none; set bits are reported |
 //! | test registers | test register 04 is stored for the bring-up, the others are reported |
 
 use super::Chip;

@@ -92,8 +92,7 @@ impl Chip {
         }
     }
 
-    /// Switches the supply off: the field goes off, a frame breaks off, IRQ and MISO go low, registers lose their
-    /// values.
+    /// Switches the supply off: the field goes off, a frame breaks off, IRQ and MISO go low, registers are lost.
     pub fn power_off(&mut self, now: u64) {
         self.advance(now);
         if self.core.powered() {
