@@ -19,7 +19,8 @@ use stm32f429::Oscillators;
 /// The longest time from the failure of the external clock until the field is off, ns.
 const FIELD_OFF: u64 = 100 * US;
 
-/// The longest time from the end of the field to the watchdog's reset, ns: its 32 kHz may be 17 kHz (DS9405 table 42).
+/// The longest time from the end of the field to the watchdog's reset, ns. The watchdog takes 100 ms at 32 kHz, but its
+/// oscillator may run at 17 kHz (DS9405 table 42).
 const BITE: u64 = 200 * MS;
 
 #[test]

@@ -306,7 +306,7 @@ fn a_finding_has_its_instant_and_peripheral_despite_a_change_of_clock() {
 #[test]
 fn a_finding_in_a_release_image_names_the_firmwares_function_and_line() {
     let Some(path) = boards::image(3, "dpr-fw.elf") else { return };
-    // The other board's program copies code to RAM that does not exist at its link address.
+    // This is the other board's program, whose code in RAM cannot be fetched at its link address.
     let outcome = on_horus(&Firmware::read(&path).unwrap());
     // The first instructions, which store to registers of the nRF52840, have a symbol but no line numbers.
     let place_of = |finding: &Finding| finding.symbol.clone().unwrap_or_default();

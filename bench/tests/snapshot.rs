@@ -38,7 +38,8 @@ fn on_one_thread_and_on_two_a_run_leaves_the_same_bytes() {
     assert_eq!(whole::<Pessimistic>(&setup, Threads::One), whole::<Pessimistic>(&setup, Threads::Two));
 }
 
-/// Instants, ns: in the start, between two frames, in a frame, at its last bit, and in a publication.
+/// The instants, ns, at which copies are made: while the boards start, between two frames, within a frame, at its last
+/// bit, and during a publication.
 const INSTANTS: [u64; 7] =
     [0, 6 * MS + 300 * US, 101 * MS, 147 * MS + 777, 149 * MS + 419 * US, 149 * MS + 503 * US, 213 * MS];
 

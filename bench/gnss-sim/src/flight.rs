@@ -183,7 +183,7 @@ impl Flight {
         let mut flight =
             Self { plane: TangentPlane::new(start), planned, phase_ends, height, speed, course, sums: vec![[0.0; 2]] };
         let mut sum = [0.0; 2];
-        // The speed is zero from `hovering` on, so later cells would add nothing.
+        // The speed is zero from the instant `hovering` on, so later cells of the table would add nothing.
         for cell in 0..(hovering / GRID).ceil() as usize {
             let from = cell as f64 * GRID;
             let [north, east] = flight.distance(from, from + GRID);

@@ -426,7 +426,7 @@ impl Generated {
     /// Derives the output from the configuration for the time from `at_ns` (ns after reset) on.
     fn follow_configuration(&mut self, at_ns: u64) {
         self.output = self.configuration.output();
-        // The next epoch is the first one after `at_ns` for any error of the receiver's clock.
+        // The next epoch must lie after `at_ns` whatever the error of the receiver's clock is.
         let period_ns = u64::from(self.output.period_ms) * 1_000_000;
         self.epoch = (self.reset_ns + at_ns + 1_000_000).div_ceil(period_ns);
     }

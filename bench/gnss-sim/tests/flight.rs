@@ -82,8 +82,8 @@ fn nothing_jumps() {
 
 #[test]
 fn the_rotors_push_along_the_body_axis() {
-    // Accelerometers measure acceleration minus gravity: along the body's vertical axis, and against the flight by
-    // drag.
+    // Accelerometers measure acceleration minus gravity, which lies along the body's vertical axis. Drag adds a
+    // component against the direction of flight.
     let flight = Flight::new(5, 240.0);
     let mut tilted = 0;
     for t in instants(&flight) {

@@ -21,7 +21,7 @@ pub enum Crossing {
     Irq(bool),
 }
 
-/// The part's pins that the chip is wired to.
+/// The microcontroller's pins that the chip is wired to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wires {
     /// SCK, the clock.

@@ -34,7 +34,8 @@ pub enum WireFault {
         /// The bit's number, 0 (the least significant) to 7.
         bit: u8,
     },
-    /// MISO repeats the bytes of the latest transaction that ended at least this long before, as far as there are any.
+    /// MISO repeats the bytes of the latest transaction that ended at least this long before. After the last of these
+    /// bytes MISO carries what the DPR sends.
     MisoReplay {
         /// The least age of the repeated transaction, ns; at most [`HISTORY_NS`].
         age_ns: u64,
@@ -332,7 +333,8 @@ impl Wires {
         self.faults.contains(&WireFault::AntennaAnswers)
     }
 
-    /// Changes `bytes`, a frame or none from the flight controller, to what arrives. Returns `false` if nothing does.
+    /// Changes `bytes`, which the flight controller sent, to what the base station receives. Returns `false` if nothing
+    /// arrives.
     pub fn radio(&mut self, bytes: &mut Vec<u8>) -> bool {
         if bytes.is_empty() {
             return true;

@@ -39,6 +39,6 @@ pub(crate) fn suits(core: &mut Core) -> bool {
         (resistances >> 4 < resistances & 0x0F, Space::A, reg::PT_MOD, resistances),
         (by_driver, Space::B, reg::B_AUX_MOD, auxiliary),
     ];
-    // `&` also runs the second check, for its findings, if the first one fails.
+    // The operator is `&`, so that both checks report their findings.
     modulation::all(core, looks) & modulation::supply_suits(core)
 }

@@ -44,7 +44,7 @@ pub(crate) fn suits(core: &mut Core) -> bool {
     let deep_enough = DEPTHS.contains(&depths[usize::from(driver >> 4)]) && driver & 0x0F != 0x0F;
     let mode = core.a(reg::MODE);
     let looks = [(mode & TR_AM != 0, Space::A, reg::MODE, mode), (deep_enough, Space::A, reg::TX_DRIVER, driver)];
-    // `&` also runs the second check, for its findings, if the first one fails.
+    // The operator is `&`, so that both checks report their findings.
     all(core, looks) & supply_suits(core)
 }
 

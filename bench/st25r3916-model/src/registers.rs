@@ -147,7 +147,7 @@ pub(crate) fn unmodelled_bits(space: Space, address: u8, value: u8) -> u8 {
     match (space, address) {
         // nfc_ar lets the chip switch a response field on by itself.
         (Space::A, 0x03) => value & 0x03,
-        // no_rx_par, nfc_f0 and antcl.
+        // These bits are no_rx_par, nfc_f0 and antcl.
         (Space::A, 0x05) => value & 0x61,
         // Values of gptc other than 1 and 2, and nrt_nfc and nrt_emv, are not modelled.
         (Space::A, 0x12) => value & 0x06 | if value >> 5 > 2 { value & 0xE0 } else { 0 },

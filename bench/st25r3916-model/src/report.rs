@@ -126,7 +126,8 @@ pub enum Kind {
     LoadModulation,
     /// The chip answered although it had received no frame since its last answer.
     AnswerUnasked,
-    /// An answer began within the guard time of NFC-F, 2672 carrier cycles. The value is its time from the frame, ns.
+    /// An answer began within the guard time of NFC-F, 2672 carrier cycles. The value is the time from the end of the
+    /// frame to the answer, ns.
     AnswerTooEarly(u64),
 }
 

@@ -77,11 +77,11 @@ impl Transmitter {
             if !core.config().answers {
                 core.note(Kind::LoadModulation);
             }
-            // `&` also runs the second check, for its findings, if the first one fails.
+            // The operator is `&`, so that both checks report their findings.
             let modulates = load_modulation::suits(core) & modulation::in_tune(core);
             frame.silent = !core.load_modulator() || !modulates && !core.config().unsuited_modulation_reaches;
         } else if frame.technology() == Technology::NfcF {
-            // `&` also runs the second check, for its findings, if the first one fails.
+            // The operator is `&`, so that both checks report their findings.
             let modulates = modulation::suits(core) & modulation::in_tune(core);
             frame.silent = !modulates && !core.config().unsuited_modulation_reaches;
         }

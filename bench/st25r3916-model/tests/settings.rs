@@ -1,5 +1,4 @@
-//! Tests that settings of supply, antenna tuning, receive chain and modulation which do not suit the board or the
-//! technology are findings.
+//! Tests that unsuitable settings of supply, antenna tuning, receive chain and modulation are findings.
 
 use crate::common;
 

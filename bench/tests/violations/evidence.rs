@@ -60,7 +60,8 @@ table! {
         duration: || 1_000 * MS,
         ..Row::new(Violation::HorusRestarted, Faults::none)
     };
-    // The next interrupt stacks to an address without memory, and the watchdog ends the safe state that follows.
+    // The stack pointer leads outside the memory, so the next interrupt causes a fault, and the watchdog ends the safe
+    // state.
     a_dpr_whose_stack_pointer_lost_a_bit => Row {
         duration: || 3_000 * MS,
         ..Row::new(Violation::DprRestarted, || {

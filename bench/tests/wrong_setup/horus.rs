@@ -336,7 +336,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         seen.without_crystal && seen.log.contains("the external clock is missing") && seen.period() == 10 * MS
     }),
     row("APB1: divided by 8", &[bits(RCC + 8, 0x1C00, 0x1800)], Expected::Finding(I2C_FREQUENCY), |seen| {
-        // I2C and SPI are polled every 20 ms.
+        // The receivers on I2C and SPI are polled every 20 ms.
         seen.period() == 20 * MS && seen.messages == [0, 10, 11]
     }),
     row("APB1: divided by 2", &[bits(RCC + 8, 0x1C00, 0x1000)], Expected::Finding("PCLK1 is faster"), |seen| {

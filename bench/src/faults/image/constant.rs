@@ -119,7 +119,7 @@ mod tests {
 
     #[test]
     fn a_constant_of_16_bits_is_replaced_in_a_movw() {
-        // MOVW r1, #24480
+        // The instruction is MOVW r1, #24480.
         let image = image(&[0xBF00, 0xF645, 0x71A0]);
         assert_eq!(replaced(&image, 24_480, 24_481), [(2, vec![0x45, 0xF6, 0xA1, 0x71])]);
         assert!(replaced(&image, 24_481, 0).is_empty());
@@ -139,7 +139,7 @@ mod tests {
 
     #[test]
     fn a_constant_is_found_in_a_modified_immediate() {
-        // MOV.W r3, #0x4400
+        // The instruction is MOV.W r3, #0x4400.
         let (one, two) = encoded(MOVW, 3, 0x4401);
         assert_eq!(replaced(&image(&[0xF44F, 0x4388]), 0x4400, 0x4401), [(0, image(&[one, two]))]);
     }

@@ -47,7 +47,7 @@ pub enum ImageFault {
     Compared {
         /// The function: the symbol of a handler, or the end of a function's path.
         function: String,
-        /// The constant.
+        /// The constant that the original code compares with.
         with: u8,
         /// The new constant.
         value: u8,

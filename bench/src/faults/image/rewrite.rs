@@ -150,7 +150,8 @@ impl Code {
         let half = u16::from;
         let mut joins = vec![];
         for change in changes {
-            // PUSH {a, b, c}; b = APSR; a = the store's address; c = the address of the register of the change.
+            // The assembled code is PUSH {a, b, c}; b = APSR; a = the store's address; c = the address of the changed
+            // register.
             self.raw(&[0xB400 | saved, 0xF3EF, 0x8000 | half(b) << 8]);
             match store.offset {
                 Offset::Immediate(value) => {
@@ -166,7 +167,7 @@ impl Code {
                 }
             }
             self.load(c, change.address);
-            // CMP a, c; BEQ over the branch that leads to the next change.
+            // The assembled code is CMP a, c and a BEQ over the branch that leads to the next change.
             self.raw(&[0x4280 | half(c) << 3 | half(a), 0xD001]);
             let mut others = vec![self.hole()];
             if let To::Instead { of, .. } = change.to {
@@ -177,7 +178,7 @@ impl Code {
                 self.raw(&[compare, 0xD001]);
                 others.push(self.hole());
             }
-            // APSR = b; a = Rt.
+            // The assembled code is APSR = b; a = Rt.
             self.raw(&[0xF380 | half(b), 0x8800, 0x4600 | half(store.rt) << 3 | half(a)]);
             let (mask, bits) = match change.to {
                 To::Bits { mask, value } => (mask, value),
@@ -191,7 +192,7 @@ impl Code {
                 self.load(c, bits);
                 self.raw(&[0xEA40 | rt, rt << 8 | half(c)]);
                 self.raw(encoding);
-                // Rt = a.
+                // The assembled code is Rt = a.
                 self.raw(&[0x4600 | u16::from(store.rt >> 3) << 7 | half(a) << 3 | half(store.rt & 7)]);
             }
             self.raw(&[0xBC00 | saved]);
@@ -244,7 +245,7 @@ impl Code {
             return Ok(());
         }
         match first >> 12 {
-            // B<cond>
+            // The instruction is B<cond>.
             0xD if first >> 8 & 0xF < 0xE => {
                 let target = pc.wrapping_add(4).wrapping_add_signed(2 * signed(first & 0xFF, 8));
                 // A 32-bit branch replaces this one, and a branch with the inverse condition skips it.
@@ -494,8 +495,8 @@ mod tests {
 
     #[test]
     fn an_instruction_that_cannot_be_moved_is_refused_with_its_address() {
-        // IT EQ; LDR.W r0, [pc, #4]; TBB [pc, r1]; LDRH.W r0, [pc, #4]; LDRD r0, r1, [pc, #4]; VLDR s0, [pc, #4]; ADR.W
-        // r0, forwards and backwards.
+        // The tested instructions are IT EQ; LDR.W r0, [pc, #4]; TBB [pc, r1]; LDRH.W r0, [pc, #4]; LDRD r0, r1, [pc,
+        // #4]; VLDR s0, [pc, #4]; ADR.W r0, forwards and backwards.
         let [table, load] = [[0xE8DF_u16, 0xF001], [0xF8DF, 0x0004]];
         let [half, two, float] = [[0xF8BF, 0x0004], [0xE9DF, 0x0101], [0xED9F, 0x0A01]];
         let [forwards, backwards] = [[0xF20F, 0x0004], [0xF2AF, 0x0004]];

@@ -34,8 +34,8 @@ pub trait SsiPort {
     /// Makes chip select fall now.
     fn select(&mut self);
 
-    /// Clocks the bytes of `mosi` without a gap, and returns the bytes on MISO, ones if it is not driven. The last edge
-    /// of the first byte was at `first`, that of the last byte at `last` (ns).
+    /// Clocks the bytes of `mosi` without a gap and returns the bytes on MISO, which reads ones while the DPR does not
+    /// drive it. The last edge of the first byte was at `first`, that of the last byte at `last` (ns).
     fn exchange(&mut self, first: u64, last: u64, mosi: &[u8], mode: SpiMode) -> Vec<u8>;
 
     /// Makes chip select rise now.
@@ -413,7 +413,7 @@ impl SsiMaster {
     }
 }
 
-/// Returns the transaction after a choice of the number of bytes that are clocked together next.
+/// Sets the number of bytes that are clocked together next.
 fn planned(mut it: UnderWay, port: &impl SsiPort) -> UnderWay {
     it.run = (it.order.bytes - it.done).min(RUN).min(port.quiet().max(1));
     it
