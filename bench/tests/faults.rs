@@ -138,7 +138,7 @@ fn link_status(node: &mut Node<Dpr>) -> LinkStatus {
     *LinkStatus::verify(&read).unwrap_or_else(|rejection| panic!("{rejection} in {read:02x?}"))
 }
 
-/// The DPR's tasks that run without a frame, with their vectors. `deadline` replaces `commit`.
+/// The DPR's tasks that run without a frame, with their vectors: all but `commit`, whose work `deadline` then does.
 const DPR_TASKS: [(&str, &str); 4] = [
     ("SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1", "ssi_end"),
     ("GPIOTE", "rf_irq"),

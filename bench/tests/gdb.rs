@@ -192,7 +192,6 @@ fn a_debugging_session_leaves_the_run_unchanged_on_every_clock() {
             assert!(gdb.ask("qSupported:swbreak+;hwbreak+;vContSupported+").contains("qXfer:features:read+"));
             assert_eq!(&gdb.ask("?")[1..3], "05");
             assert!(gdb.ask("qXfer:features:read:target.xml:0,fff").contains("org.gnu.gdb.arm.m-profile"));
-            // At power-on the program counter equals the reset vector.
             assert_eq!(gdb.pc(), gdb.word("m4,4") & !1);
             assert_eq!(gdb.word("mE000ED00,4"), 0x410F_C241, "CPUID");
             assert_eq!(gdb.word("m10000100,4"), 0x0005_2840, "FICR.INFO.PART");

@@ -476,7 +476,7 @@ fn so_long_after_its_start_each_boards_watchdog_runs() {
         for board in BOARDS {
             let at = BEGINS + WATCHDOG_STARTS;
             let faults = hang(Faults::none().with(BEGINS, BEGINS, Fault::Power(board, PowerFault::Pin)), at, board);
-            // HORUS's watchdog takes 0.5 s before its first feed.
+            // HORUS's watchdog, which was never fed, takes 0.5 s to reset the board.
             let Some(setup) = setup(faults, at + 500 * MS + AFTER) else { return };
             let report = outcome(&Setup { clock, ..setup }).report;
             assert_eq!(report.violations, [""; 0], "{board:?} on the {clock} clock");

@@ -250,7 +250,6 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     }
 }
 
-/// A recording of `epochs` NAV-PVT messages at 1 Hz, each with a 3D fix.
 fn one_hertz(epochs: u32) -> Vec<u8> {
     let fix = |epoch| ubx::NavPvt {
         itow_ms: 100_000 + epoch * 1_000,

@@ -340,7 +340,6 @@ fn whatever_bus_fails_at_whatever_instant_the_position_stays_valid_and_right() {
     assert_eq!(table.iter().map(|row| row.apart).sum::<u64>(), 0, "the others agree all the time in these");
 }
 
-/// This test injects a thousand faults of buses, where the test for every run injects 36.
 #[test]
 #[ignore = "takes two minutes: cargo xtask build && \
             LINK_IMAGES=$PWD/target/firmware cargo test -p bench --test all receivers:: -- --ignored --nocapture"]

@@ -164,7 +164,6 @@ fn sagging(seed: u64, count: u64) -> Option<u64> {
         };
         let (mut end, shape) = (at, rng.word());
         for board in hit {
-            // Both supplies sag together, with one course of voltage or two.
             let shape = if rng.one_in(2) { shape } else { rng.word() };
             let from = at + rng.between(0, 10 * MS);
             let until = from + power::sag_length(shape);

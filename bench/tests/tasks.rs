@@ -26,7 +26,6 @@ fn two_tasks() -> Node<Player> {
     two_tasks_with(0)
 }
 
-/// The firmware of [`two_tasks`] with its task `hit` at priority `hit`.
 fn two_tasks_with(hit: u32) -> Node<Player> {
     let mut main = Thumb::at(MAIN);
     // Interrupt 28 (TIM2) gets priority 0x80 in NVIC_IPR7, and interrupt 9 (EXTI3) its priority in NVIC_IPR2.

@@ -357,7 +357,6 @@ impl Plan {
         self.ramps.push(Ramp { start: start.max(free), duration, from, change });
     }
 
-    /// The quantity's value, first and second derivative at `t`.
     fn at(&self, t: f64) -> [f64; 3] {
         let Some(ramp) = self.ramps[..self.ramps.partition_point(|ramp| ramp.start <= t)].last() else {
             return [self.initial, 0.0, 0.0];

@@ -3,7 +3,6 @@
 
 use crate::ubx::NavPvt;
 
-/// The sentences of one solution.
 pub(crate) fn sentences(pvt: &NavPvt) -> Vec<u8> {
     let time = format!("{:02}{:02}{:02}.{:02}", pvt.hour, pvt.minute, pvt.second, pvt.nano.max(0) / 10_000_000);
     let date = format!("{:02}{:02}{:02}", pvt.day, pvt.month, pvt.year % 100);

@@ -16,10 +16,10 @@ pub enum PowerFault {
     Off(u64),
     /// The reset pin is pulled low briefly. RAM keeps its contents, and the front end keeps its registers.
     Pin,
-    /// The supply briefly falls below the microcontroller's brown-out threshold. RAM and the front end's registers
-    /// stay.
+    /// The supply briefly falls below the brown-out threshold. RAM and the front end's registers keep their contents.
     BrownOut,
-    /// The watchdog resets the microcontroller, even if it is fed. RAM and the front end's registers stay.
+    /// The watchdog resets the microcontroller, even if it is fed. RAM and the front end's registers keep their
+    /// contents.
     Watchdog,
     /// The crystal is dead: HORUS's stops at once, the DPR's fails to start. A board that cannot start without its
     /// crystal is reset by its pin at the episode's end.

@@ -183,7 +183,6 @@ mod tests {
     use super::*;
     use emulator_node::{Bare, Firmware};
 
-    /// A board whose program is a vector table and a branch to itself.
     fn node() -> Node<Bare<Stm32f429>> {
         let table: Vec<u8> = [0x2000_1000_u32, 0x0800_0009].iter().flat_map(|word| word.to_le_bytes()).collect();
         let image = Firmware::raw("idle", vec![(0x0800_0000, table), (0x0800_0008, vec![0xFE, 0xE7])]);

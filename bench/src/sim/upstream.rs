@@ -204,7 +204,6 @@ const ON_THE_WAY: u64 = 100_000;
 pub(super) struct Notes {
     pub(super) lines: Vec<LogLine>,
     pub(super) events: Vec<Event>,
-    /// The front end's bus traffic; empty without a trace.
     pub(super) crossings: Vec<(u64, Crossing)>,
     /// The changes of TICK and of the tasks for the trace.
     pub(super) marks: Vec<Mark>,

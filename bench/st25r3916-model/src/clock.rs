@@ -26,7 +26,6 @@ impl Clock {
         u64::try_from(ns).unwrap_or(u64::MAX)
     }
 
-    /// Converts `n` carrier cycles to attoseconds, the unit of a bit's length.
     pub(crate) fn cycles_as(self, n: u64) -> u64 {
         let a = u128::from(n) * u128::from(self.millicycle_as) / 1_000;
         u64::try_from(a).unwrap_or(u64::MAX)

@@ -16,7 +16,6 @@ use st25r3916_model::{
 
 /// The virtual time at which a recording begins, ns. The chip is set up before.
 const BEGIN_NS: u64 = 60_000_000;
-/// The recorded controller's SPI clock, Hz.
 const SPI_HZ: u32 = 10_500_000;
 /// The time from the first rising clock edge of an SPI byte to the end of its eighth clock at 10.5 MHz, ns.
 const BYTE_NS: u64 = 762;

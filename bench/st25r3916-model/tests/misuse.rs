@@ -390,8 +390,8 @@ fn bits_that_are_kept_without_effect_are_reported_and_others_are_not() {
 
 #[test]
 fn collision_avoidance_sees_a_field_at_any_instant_of_its_window() {
-    // In these two cases a foreign field appears and disappears within the window of 302 µs. In the next one it is
-    // present at the start.
+    // In these two cases a foreign field appears and disappears within the window of 302 µs. In the next case the
+    // foreign field is present at the start.
     for (on, off) in [(100_000, 150_000), (250_000, 290_000)] {
         let mut pair = Pair::new(exact(), exact(), clean());
         pair.start(Side::Listener);

@@ -161,7 +161,6 @@ fn a_finding_names_register_value_and_technology() {
     assert_eq!(Kind::SupplyOutOfRange(5_950).to_string(), "supply of 5950 mV is outside 2400 to 5500 mV");
 }
 
-/// Space, address and value of an unsuitable register.
 type Finding = (Space, u8, u8);
 
 /// Lets the listener receive a frame after `writes` to a suitable receive chain. Returns the findings about the receive

@@ -230,7 +230,7 @@ pub(crate) const DEFECTS: &[Defect] = &[
         "--seconds 20 --seed 13 --faults gnss,hang",
         Not("no receiver is excluded when HORUS hangs in this run; bench/tests/hang.rs has it")),
 
-    // ---- HORUS: what it says of itself
+    // ---- HORUS: status
 
     row("crystal-inverted", "HORUS says that it runs without its crystal when it has one",
         edit(CYCLE, "self.start.clock == Source::Internal", "self.start.clock != Source::Internal"),

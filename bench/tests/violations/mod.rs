@@ -68,7 +68,6 @@ fn breaks_with(gps: usize) -> u64 {
     beat(gps).breaks
 }
 
-/// [`breaks_with`] for three receivers.
 fn breaks() -> u64 {
     breaks_with(3)
 }

@@ -102,7 +102,6 @@ table! {
             hangs(Faults::none().with(begins, begins + CYCLE, Fault::Air(repeated)), begins + CYCLE)
         })
     };
-    // The run ends before the image expires.
     shown_stale => Row { duration: || breaks() + 2 * CYCLE, ..Row::new(Violation::ShownStale, hangs_in_silence) };
     // The task that detects silence does nothing for 9 ms, and works again before the image expires.
     shown_stale_while_the_deadline_is_dead => Row::new(Violation::ShownStale, || {

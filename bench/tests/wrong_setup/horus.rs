@@ -273,7 +273,6 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         Expected::Finding("does not reach 0x10000000"),
         |seen| off_air_for(seen, "Bus"),
     ),
-    // DMA2 also serves the receiver on SPI.
     row("DMA2: no clock", &[gate(0x30, 22)], Expected::Finding(REFUSED), |seen| {
         off_air(seen, "Bus") && seen.messages == [12, 11, 0]
     }),

@@ -28,7 +28,6 @@ impl Pins {
         Self { now: 0, done: vec![], shown: shown.to_vec(), quiet: usize::MAX, index: 0 }
     }
 
-    /// Lets `master` carry out one transaction to its end.
     pub(crate) fn carry(&mut self, master: &mut SsiMaster, start: Start, order: Order) -> Transaction {
         master.begin(start, order);
         loop {

@@ -41,7 +41,7 @@ impl Chip {
         self.spi.selected
     }
 
-    /// Transfers one byte, whose last clock ends at `now` (virtual ns). Returns the byte on MISO, or 0.
+    /// Transfers one byte, whose last clock ends at `now` (virtual ns). Returns the byte on MISO, 0 if it is undriven.
     pub fn transfer(&mut self, now: u64, mosi: u8) -> u8 {
         self.advance(now);
         if !self.core.powered() {

@@ -208,12 +208,10 @@ pub(crate) fn bits_ns_424(bits: u64) -> u64 {
     antenna::bits_ns(bits)
 }
 
-/// Returns the configuration of a chip whose transmissions start without scatter.
 pub(crate) fn exact() -> Config {
     Config { transmit_scatter_ns: 0, ..Config::default() }
 }
 
-/// Returns `n` pseudo-random bytes that depend on `seed`.
 pub(crate) fn payload(n: usize, seed: u64) -> Vec<u8> {
     let mut x = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
     (0..n)

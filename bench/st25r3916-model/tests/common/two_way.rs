@@ -118,11 +118,8 @@ impl Port for Wires {
 
 pub(crate) struct Node<M: Machine, E> {
     pub(crate) executor: Executor<M, Wires>,
-    /// The instant at which the test gives the transmit command, ns.
     fire_at: Option<u64>,
-    /// Whether the transmit command is being transferred.
     firing: bool,
-    /// The instant at which the IRQ pin last rose, ns.
     rose_ns: u64,
     pub(crate) events: Vec<(u64, E)>,
 }
