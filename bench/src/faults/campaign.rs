@@ -155,6 +155,7 @@ pub struct Trial {
     pub violations: Vec<Violation>,
 }
 
+/// A campaign that has been run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Campaign {
     /// The campaign's trials, in order of their instants.

@@ -91,10 +91,12 @@ pub struct ChipFaults {
 }
 
 impl ChipFaults {
+    /// Begins `fault`.
     pub fn begin(&mut self, fault: ChipFault) {
         self.present.push(fault);
     }
 
+    /// Ends `fault`.
     pub fn end(&mut self, fault: ChipFault) {
         if let Some(place) = self.present.iter().position(|other| *other == fault) {
             self.present.remove(place);
