@@ -149,7 +149,7 @@ impl Pace {
     }
 }
 
-/// The bytes on MOSI after the first ones, [`Order::mosi`].
+/// The bytes on MOSI after those of `Order::mosi`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Filler {
     /// This byte, repeated.
