@@ -1,6 +1,6 @@
 //! Runs both firmwares' programs on an emulated pair of microcontrollers, with the air between them.
 //!
-//! The emulator ([`emulator_node`]) runs real ELF files in virtual time. [`boards`] has the circuits around its parts,
+//! [`emulator_node`] runs the ELF files in virtual time. [`boards`] has the circuits around the microcontrollers,
 //! [`world`] the surroundings of the boards, [`faults`] the injected faults. [`sim`] puts all of these together and
 //! writes one event log, which `bench-judge` judges. [`report`] has a run's figures, [`plot`] its flight as a picture,
 //! and [`trace`] its wires. [`gdb`] lets a debugger attach, and [`debug_port`] a debug probe.

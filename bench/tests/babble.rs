@@ -1,5 +1,5 @@
-//! Tests peripherals that send too much, or nonsense: receivers to HORUS, and the flight controller to the DPR. Neither
-//! may delay the cycle, cost a frame or disturb anything else.
+//! Tests peripherals that send too much, or nonsense: receivers to HORUS, and the flight controller to the DPR. They
+//! may not delay the cycle, cost a frame or disturb anything else.
 
 use crate::boards;
 
@@ -21,8 +21,7 @@ use st25r3916_model::{Air, AirEvent, AirFaults, Config};
 
 const MS: u64 = 1_000_000;
 
-/// The number of bytes generated per millisecond. It exceeds what a line carries at 460 800 baud with ten bits a byte,
-/// so the line is never idle.
+/// The number of bytes generated per millisecond, more than a line carries at 460 800 baud.
 const A_MILLISECOND: usize = 47;
 
 /// Noise that is the same in every run, from a linear congruential generator (Knuth's MMIX).
@@ -35,13 +34,10 @@ impl Noise {
     }
 }
 
-// ---- receivers
-
-/// A source of bytes that fills a receiver's line without a pause.
 #[derive(Clone, Copy, Debug)]
 enum Babble {
     Noise,
-    /// The beginnings of UBX messages of the greatest length, one after the other.
+    /// Beginnings of UBX messages of the greatest length.
     Beginnings,
     /// Whole, unsolicited UBX messages.
     Unasked,
@@ -74,7 +70,7 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
             }
         }
         assert_eq!(starts.len(), 49, "{babble:?}");
-        // The firmware determines the instant of the transmit command, which is at the same phase of every cycle.
+        // The firmware determines the transmit command's instant, which has the same phase in every cycle.
         let commands = node.board_mut(|board| board.front_end.take_transmits());
         assert_eq!(commands.len(), 49, "{babble:?}");
         for pair in commands.windows(2) {
@@ -91,8 +87,7 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
         for line_number in 0..3 {
             let line = std::mem::offset_of!(HorusTelemetry, lines) + line_number * size_of::<LineTelemetry>();
             let bytes = count(line + std::mem::offset_of!(LineTelemetry, bytes));
-            // HORUS takes all bytes of a UART, except for half a ring that may still be on its way. It drops the bytes
-            // that it reads over a bus, 256 a cycle, because more always follow and old data are useless (decision 16).
+            // HORUS takes all bytes of a UART but the last ones in the ring. It drops old bytes of a bus (decision 16).
             let taken = [20_000..=23_500, 0..=0, 0..=0][line_number].clone();
             assert!(taken.contains(&bytes), "{babble:?}, receiver {line_number}: {bytes} bytes taken");
             assert_eq!(count(line + std::mem::offset_of!(LineTelemetry, overruns)), 0, "{babble:?}");
@@ -102,19 +97,14 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
     }
 }
 
-// ---- flight controller
-
-/// The interval in which the flight controller misuses the SSI, ns.
 const EPISODE: std::ops::Range<u64> = RAM_TEST + 30 * MS..RAM_TEST + 330 * MS;
 
-/// A faulty flight controller, and the air to the DPR's front end.
 struct Controller {
     flight_controller: FlightController,
     wires: Wires,
     turns: Timeline,
     /// The bytes that the flight controller read in its last whole transaction.
     read: Vec<u8>,
-    /// The number of transactions that began and ended while the flight controller misused the SSI.
     wrong: usize,
     air: Air,
 }
@@ -173,7 +163,6 @@ impl Downstream<Dpr> for Controller {
     }
 }
 
-/// The poller's antenna.
 struct Antenna;
 
 impl Upstream<Horus> for Antenna {
@@ -192,7 +181,6 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
     for conduct in Conduct::ALL {
         let (Some(a), Some(b)) = (boards::horus(), boards::dpr()) else { return };
         let mut relay = Relay { a, b, upstream: Antenna, downstream: Controller::new(conduct) };
-        // The load of the start does not count, so the load is measured from here on.
         relay.run(EPISODE.start - 5 * MS, 400 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
         let started = relay.b.usage();
         relay.run(EPISODE.end + 70 * MS, 400 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
@@ -203,10 +191,9 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
         let wrong = downstream.wrong;
         let violations = count(&dpr, std::mem::offset_of!(DprTelemetry, access_violations));
         println!("{}: {wrong} transactions, load {load:.4}, {violations} access violations", conduct.name());
-        // HORUS's first frame is that of its tick at 31 ms. The frame of the tick at 411 ms ends at 416 ms, and the run
-        // ends before 424 ms.
+        // The frame of HORUS's tick at 31 ms is the first, and that of the tick at 411 ms the last.
         assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, frames_received)), 39, "{conduct:?}");
-        // The DPR uses the first three cycles to find the sequence, so it does not show them.
+        // The DPR does not show the cycles with which it finds the sequence.
         let shown = 39 - u32::from(SEARCH_CYCLES);
         assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, objects_accepted)), shown * 4, "{conduct:?}");
         for (name, offset) in [
@@ -219,28 +206,24 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
         }
         let images = u32::try_from((EPISODE.end - EPISODE.start) / (10 * MS)).unwrap();
         let expected = match conduct {
-            // Noise is no request, no object and nothing that may follow an object, so each such transaction counts
-            // each kind of violation once.
+            // Noise contains no request and no object, so each such transaction counts one violation of each kind.
             Conduct::RunsAway => 3..=3,
             Conduct::RandomBytes => 225..=225,
-            // The requests have a valid CRC but ask for windows that do not exist, and the bytes in an object's place
-            // are no object.
+            // The windows in the requests do not exist, and the bytes in place of an object are none.
             Conduct::Lies => 75..=90,
-            // Only the first of the repeated uplink objects is new; each of the others counts as a violation.
+            // The first of the repeated uplink objects is new; each of the others counts as a violation.
             Conduct::ReplaysUplink => 74..=74,
-            // The DPR grants fewer transactions between two images than there are, which counts as one violation for
-            // each image.
+            // Each image whose granted transactions are exceeded counts as one violation.
             Conduct::Hammers | Conduct::ZeroBytes | Conduct::TogglesCsn | Conduct::BackToBack => images..=images + 1,
             // Zeros request nothing, and bytes after a request are no violation.
             _ => 0..=0,
         };
         assert!(expected.contains(&violations), "{conduct:?}: {violations} violations");
         assert_eq!(dpr.resets().len(), 0, "{conduct:?}");
-        // The bench reports the flight controller's wrong mode as a finding, although the DPR is not at fault.
+        // The bench reports the flight controller's wrong SPI mode, for which the DPR is not at fault.
         let findings = dpr.take_findings();
         assert_eq!(!findings.is_empty(), matches!(conduct, Conduct::OtherMode(_)), "{conduct:?}: {findings:?}");
         assert!(load < 0.1, "{conduct:?}: load {load}");
-        // After the misuse the flight controller reads the DPR's present image again.
         let read = &downstream.read;
         assert_eq!(read.len(), Image::<3>::LEN, "{conduct:?}");
         let link = LinkStatus::verify(&read[..LinkStatus::SIZE]).unwrap().values();

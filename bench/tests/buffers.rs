@@ -17,12 +17,10 @@ use dpr_fw::triple::RECEIVE_BUFFERS;
 
 const MS: u64 = 1_000_000;
 
-/// The outcome of a run with these faults; `None` if the firmwares were not built.
 fn outcome(faults: Faults, duration: u64) -> Option<Outcome> {
     outcome_of(faults, duration, None)
 }
 
-/// The outcome of a run with these faults, whose event log is written to `log`; `None` if the firmwares were not built.
 fn outcome_of(faults: Faults, duration: u64, log: Option<PathBuf>) -> Option<Outcome> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
     let setup = Setup { faults, log, ..Setup::new(images, 3, duration) };
@@ -33,8 +31,7 @@ fn outcome_of(faults: Faults, duration: u64, log: Option<PathBuf>) -> Option<Out
 fn bits_that_flip_in_any_cycle_are_never_shown_as_valid() {
     let mut faults = Faults::none();
     for (nth, at) in (300..900).step_by(7).enumerate() {
-        // Each flip concerns another bit: the word picks the bit, and the multiplication gives words that differ
-        // widely.
+        // The multiplication gives very different words, each of which picks another bit.
         let word = (nth as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 20;
         let buffers = if nth % 2 == 0 { Buffers::Receive } else { Buffers::Image };
         faults = faults.with(at * MS, at * MS, Fault::Buffer(BufferFault::Flips(buffers, word)));
@@ -42,7 +39,7 @@ fn bits_that_flip_in_any_cycle_are_never_shown_as_valid() {
     let Some(outcome) = outcome(faults, 1_200 * MS) else { return };
     assert_eq!(outcome.report.violations, [""; 0]);
     assert_eq!(outcome.report.faults.invalid_shown_valid, 0);
-    // Some flips changed an object that the flight controller read, and the object's CRC showed the change.
+    // Some flips changed an object that was read, as its CRC showed.
     assert!(outcome.report.ssi.bad_crc > 0, "{:?}", outcome.report.ssi);
 }
 
@@ -60,8 +57,7 @@ fn a_scrub_finds_a_bit_stuck_at_either_value() {
     assert_eq!(sound.report.dpr.scrub_faults, 0);
 }
 
-/// If the stored length of a frame is wrong while the frame arrives, the DPR reads and verifies the whole frame after
-/// its last bit.
+/// If a frame's stored length is wrong, the DPR reads and verifies the whole frame after its last bit.
 #[test]
 fn a_bit_stuck_in_a_frames_length_only_makes_it_late() {
     let mut late = 0;
@@ -86,8 +82,7 @@ fn a_bit_stuck_in_a_frames_length_only_makes_it_late() {
         });
         late += latency.filter(|latency| *latency > bounds::LAST_BIT_TO_READABLE).count();
     }
-    // A buffer that is scrubbed before it receives a frame is out of use from that scrub on, so no frame is late
-    // because of it.
+    // A scrub takes the buffer with the stuck bit out of use, so no later frame is late.
     assert!((1..=RECEIVE_BUFFERS).contains(&late), "{late} frames were late");
 }
 

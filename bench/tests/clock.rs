@@ -1,5 +1,5 @@
-//! Tests HORUS's release program without the board's external clock: it is absent from the start, as on a NUCLEO whose
-//! ST-LINK has no power, or fails while the program runs.
+//! Tests HORUS's release program without the board's external clock, which is absent from the start (as on a NUCLEO
+//! whose ST-LINK has no power) or fails later.
 
 use crate::{boards, reader};
 
@@ -16,12 +16,11 @@ use reader::{Antenna, MS, Reader, US};
 use st25r3916_model::AirEvent;
 use stm32f429::Oscillators;
 
-/// The longest time from the failure of the external clock until the field is off, ns: the time of the exception, and
-/// that of writing one register over the front end's SPI with the processor at 16 MHz.
+/// The longest time from the failure of the external clock until the field is off, ns.
 const FIELD_OFF: u64 = 100 * US;
 
-/// The longest time from the end of the field to the watchdog's reset, ns: 100 ms at the nominal rate of 32 kHz, of an
-/// oscillator that may run at 17 kHz (DS9405 table 42).
+/// The longest time from the end of the field to the watchdog's reset, ns. The watchdog takes 100 ms at 32 kHz, but its
+/// oscillator may run at 17 kHz (DS9405 table 42).
 const BITE: u64 = 200 * MS;
 
 #[test]
@@ -37,7 +36,6 @@ fn the_dpr_accepts_what_horus_sends_without_a_crystal() {
         assert_eq!(counter(&horus, "HORUS_TELEMETRY", std::mem::offset_of!(HorusTelemetry, without_crystal)), 1);
         assert_eq!(horus.resets().len(), 0, "{hsi_ppb} ppb");
 
-        // With an oscillator that is 1 % fast, HORUS's own 10 ms last 9.901 ms.
         let cycle = u64::try_from(10_000_000 * 1_000_000_000_i64 / (1_000_000_000 + hsi_ppb)).unwrap();
         assert!(reader.sent.len() >= 220, "{hsi_ppb} ppb: {} frames", reader.sent.len());
         for pair in reader.sent.windows(2) {
@@ -49,7 +47,7 @@ fn the_dpr_accepts_what_horus_sends_without_a_crystal() {
             let position = ReportedPosition::verify(&frame.payload[..ReportedPosition::SIZE]).unwrap();
             assert!(position.values().status.without_crystal(), "{hsi_ppb} ppb: {} ms", position.timestamp());
         }
-        // The jitter from the tick to the transmit command is as small as with a crystal.
+        // The time from the tick to the transmit command varies no more than with a crystal.
         let after = |tick: u64| upstream.transmits.iter().find(|at| **at > tick).map(|at| at - tick);
         let delays: Vec<u64> = upstream.ticks.iter().filter_map(|tick| after(*tick)).collect();
         let (least, most) = (*delays.iter().min().unwrap(), *delays.iter().max().unwrap());
@@ -73,8 +71,7 @@ fn the_dpr_accepts_what_horus_sends_without_a_crystal() {
 
 #[test]
 fn a_pll_that_never_locks_is_named_after_the_watchdogs_restart() {
-    // The oscillator has another frequency than the board is designed for: HSE becomes ready, but the PLL would be out
-    // of its range.
+    // HSE becomes ready, but its frequency would put the PLL out of its range.
     let oscillators = Oscillators { hse_hz: Some(25_000_000), ..Oscillators::default() };
     let Some(mut horus) = boards::horus_on(oscillators) else { return };
     let mut restarts = 0;
@@ -92,8 +89,7 @@ fn a_pll_that_never_locks_is_named_after_the_watchdogs_restart() {
     assert!((2..=5).contains(&restarts), "{restarts}");
 }
 
-/// The DPR's judgement of a HORUS whose internal oscillator has this error: whether the DPR shows HORUS's objects, and
-/// whether it reports HORUS's clock as implausible.
+/// Whether the DPR shows HORUS's objects, and whether it reports HORUS's clock as implausible.
 fn verdict(hsi_ppb: i64) -> Option<(bool, bool)> {
     let oscillators = Oscillators { hse_hz: None, hsi_ppb, ..Oscillators::default() };
     let (a, b) = (boards::horus_on(oscillators)?, boards::dpr()?);
@@ -111,8 +107,7 @@ fn verdict(hsi_ppb: i64) -> Option<(bool, bool)> {
     Some((all(|(_, shown)| *shown), all(|(status, _)| status.horus_clock_implausible())))
 }
 
-/// While the DPR searches for the sequence, it accepts cycles of 10 ms ± 0.5 ms. From an error of 2 % on, a clock is
-/// implausible (docs/hardware.md has the table).
+/// The DPR accepts cycles of 10 ms ± 0.5 ms in its search for the sequence. An error of 2 % makes a clock implausible.
 #[test]
 fn the_dpr_judges_horus_without_a_crystal_by_its_error() {
     for (percent, expected) in [
@@ -131,7 +126,6 @@ fn the_dpr_judges_horus_without_a_crystal_by_its_error() {
     }
 }
 
-/// A HORUS board alone, with what its antenna has emitted.
 struct Transmitter {
     node: Node<Horus>,
     air: Vec<(u64, AirEvent)>,
@@ -142,7 +136,7 @@ impl Transmitter {
         Some(Self { node: boards::horus()?, air: vec![] })
     }
 
-    /// Runs to `end`, or to a restart of the board before it. Returns whether the board restarted.
+    /// Runs to `end` or to the board's next restart. Returns whether it restarted.
     fn run_to(&mut self, end: u64) -> bool {
         while self.node.now() < end {
             let restarted = self.node.advance_to_restart(end);
@@ -158,8 +152,7 @@ impl Transmitter {
         self.air.iter().find(|(at, event)| *at >= from && matches!(event, AirEvent::FieldOff)).map(|(at, _)| *at)
     }
 
-    /// The frames that began at `from` or later: the instant of each, and whether its Reported-Position reports that
-    /// HORUS runs without a crystal.
+    /// The frames from `from` on: the instant of each, and whether it reports that HORUS runs without a crystal.
     fn frames(&self, from: u64) -> Vec<(u64, bool)> {
         let mut frames = vec![];
         let (mut started, mut bytes) = (0, vec![]);
@@ -179,8 +172,7 @@ impl Transmitter {
     }
 }
 
-/// The external clock fails at several phases of the cycle: while a profile is sealed, while it is loaded, while it is
-/// on the air, and in the silence after it.
+/// The clock fails while a profile is sealed, while it is loaded, while it is on the air, and in the silence after it.
 #[test]
 fn a_clock_that_fails_switches_the_field_off_at_once() {
     let mut worst = 0;
@@ -204,7 +196,6 @@ fn a_clock_that_fails_switches_the_field_off_at_once() {
         let log: String = horus.node.take_log().iter().map(|line| format!("{line}\n")).collect();
         assert!(log.contains("the external clock has failed"), "{phase}: {log}");
 
-        // While the external clock stays absent, HORUS runs on its internal oscillator without another restart.
         assert!(!horus.run_to(restarted + 300 * MS), "{phase}: restarted again");
         let again = horus.frames(restarted);
         println!(
@@ -219,7 +210,7 @@ fn a_clock_that_fails_switches_the_field_off_at_once() {
             assert!((pair[1].0 - pair[0].0).abs_diff(10 * MS) <= 3_000, "{phase}: {pair:?}");
         }
 
-        // When the external clock works again, nothing changes before HORUS's next start, which uses that clock.
+        // HORUS uses the working external clock only from its next start on.
         horus.node.input(|part, view, at| part.restore_hse(at, view));
         let restored = horus.node.now();
         assert!(!horus.run_to(restored + 50 * MS), "{phase}");

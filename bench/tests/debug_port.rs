@@ -1,18 +1,17 @@
-//! Tests the debug port of both boards, bit by bit and word by word, against the specifications: the properties on
-//! which a tool may rely, and the requests that the port must refuse.
+//! Tests the debug port of both boards against the specifications: what a tool may rely on, and what the port must
+//! refuse.
 
 use bench::debug_port::{Ack, Desk, Request, Wire, kept_bytes, switch_on};
 use emulator_node::FindingKind;
 
 const MS: u64 = 1_000_000;
 
-/// The addresses of the debug port's registers.
 const ABORT: u8 = 0;
 const CONTROL: u8 = 4;
 const SELECT: u8 = 8;
 const READ_BUFFER: u8 = 0xC;
 
-/// The addresses of the AHB-AP's registers, all in bank 0.
+/// The AHB-AP's registers, all in bank 0.
 const CSW: u8 = 0;
 const TAR: u8 = 4;
 const DRW: u8 = 0xC;
@@ -20,7 +19,7 @@ const DRW: u8 = 0xC;
 const POWER_UP: u32 = 1 << 28 | 1 << 30;
 const STICKY_ERR: u32 = 1 << 5;
 
-/// The addresses of the core's debug registers, ARMv7-M C1.6.
+/// The core's debug registers, ARMv7-M C1.6.
 const AIRCR: u32 = 0xE000_ED0C;
 const DHCSR: u32 = 0xE000_EDF0;
 const DCRSR: u32 = 0xE000_EDF4;
@@ -28,7 +27,7 @@ const DCRDR: u32 = 0xE000_EDF8;
 const DEMCR: u32 = 0xE000_EDFC;
 const DEBUG_KEY: u32 = 0xA05F_0000;
 
-/// A board's wires with the operations of a simple tool.
+/// A simple tool at a board's wires.
 struct Tool(Box<dyn Wire>);
 
 impl Tool {
@@ -36,7 +35,7 @@ impl Tool {
         Self(switch_on(desk, None).unwrap())
     }
 
-    /// Returns a tool at the board with SWD selected and both power domains powered.
+    /// Returns a tool with SWD selected and both power domains powered.
     fn connected(desk: Desk) -> Self {
         let mut tool = Self::at(desk);
         tool.connect();
@@ -60,7 +59,6 @@ impl Tool {
         self.line_reset();
     }
 
-    /// Makes a transfer and lets some time of the board pass.
     fn ask(&mut self, request: Request) -> Ack {
         self.0.pass(12_000);
         self.0.transfer(request)
@@ -184,11 +182,11 @@ fn a_bus_error_is_sticky_until_it_is_cleared() {
 fn the_halted_core_runs_a_program_that_the_debugger_put_into_ram() {
     let mut tool = Tool::connected(Desk::Horus);
     assert_eq!(tool.read(0xE004_2000) & 0xFFF, 0x419, "DBGMCU_IDCODE");
-    // Without a program the core has locked up; a halt ends the lock-up.
+    // A core without a program locks up, and a halt ends the lock-up.
     assert_eq!(tool.read(DHCSR) >> 19 & 1, 1, "S_LOCKUP");
     tool.halt();
     assert_eq!(tool.read(DHCSR) >> 19 & 1, 0, "S_LOCKUP");
-    // movs r0, #7; adds r0, r0, r0; bkpt 0
+    // The code is movs r0, #7; adds r0, r0, r0; bkpt 0.
     tool.write(0x2000_0100, 0x1800_2007);
     tool.write(0x2000_0104, 0x0000_BE00);
     tool.set_register(15, 0x2000_0100);
@@ -224,7 +222,7 @@ fn flash_keeps_what_was_programmed_over_a_power_cycle() {
     tool.0.pass(MS);
     assert_eq!(tool.read(SR), 0);
     assert_eq!(tool.read(0x0800_4000), 0x1234_5678);
-    // Programming can only clear bits of the word.
+    // Programming can only clear bits.
     tool.write(0x0800_4000, 0xFFFF_0000);
     tool.0.pass(MS);
     assert_eq!(tool.read(0x0800_4000), 0x1234_0000);
@@ -234,7 +232,6 @@ fn flash_keeps_what_was_programmed_over_a_power_cycle() {
     later.connect();
     assert_eq!(later.read(0x0800_4000), 0x1234_0000);
     assert!(switch_on(Desk::Dpr, Some(&kept)).is_none(), "that is another board's");
-    // Erases sector 1 and programs words.
     later.halt();
     later.write(KEYR, 0x4567_0123);
     later.write(KEYR, 0xCDEF_89AB);
@@ -265,7 +262,7 @@ fn erasing_opens_a_new_nrf52840_until_the_next_power_on() {
     assert_eq!(tool.access(0, 0xFC), 0x2477_0011);
     tool.halt();
     assert_eq!(tool.read(0x1000_0104), u32::from_be_bytes(*b"AAF0"), "INFO.VARIANT");
-    // The debug port stays open through a soft reset, whether the core or CTRL-AP makes it.
+    // A soft reset by the core or by CTRL-AP leaves the debug port open.
     tool.soft_reset();
     assert_eq!(tool.access(1, 0x0C), 1);
     tool.write_access(1, 0x00, 1);
@@ -326,7 +323,7 @@ fn the_reset_pin_holds_the_part_and_its_debug_registers_answer_meanwhile() {
 
 #[test]
 fn only_a_pin_reset_clears_the_debug_registers_of_an_nrf52840() {
-    // A pin reset locks the part, so it must be erased again before it can be inspected.
+    // A pin reset locks the port, so the microcontroller must be erased to be inspected.
     let erase = |tool: &mut Tool| {
         tool.write_access(1, 0x04, 1);
         tool.0.pass(170 * MS);
@@ -337,7 +334,7 @@ fn only_a_pin_reset_clears_the_debug_registers_of_an_nrf52840() {
     let mut tool = Tool::connected(Desk::Dpr);
     erase(&mut tool);
     tool.halt();
-    // The writes make P0.18 the reset pin from the next reset on (UICR.PSELRESET, both words).
+    // P0.18 becomes the reset pin at the next reset (UICR.PSELRESET, both words).
     tool.write(NVMC_CONFIG, 1);
     for word in [0x1000_1200, 0x1000_1204] {
         tool.write(word, 18);
@@ -365,7 +362,7 @@ fn an_nrf52840s_watchdog_pauses_while_the_core_is_halted() {
     tool.0.pass(170 * MS);
     assert_eq!(tool.access(1, 0x0C), 1);
     tool.halt();
-    // The program in RAM is a loop of one instruction: b .
+    // The program is a loop of one instruction, b.
     tool.write(0x2000_0100, 0xE7FE_E7FE);
     // The watchdog's period is 100 ms. It runs while the core sleeps and pauses while the core is halted.
     tool.write(WDT + 0x504, 3276);

@@ -1,5 +1,5 @@
-//! Tests what the DPR's release program reports of itself and tolerates from its surroundings: the reason of its last
-//! reset, an undriven line, transactions that are too long, the debug port.
+//! Tests what the DPR's release program reports and tolerates: the reason of its last reset, an undriven line,
+//! transactions that are too long, the debug port.
 
 use crate::{boards, reader};
 
@@ -20,7 +20,6 @@ fn count(node: &Node<Dpr>, offset: usize) -> u32 {
     counter(node, "DPR_TELEMETRY", offset)
 }
 
-/// Runs the board for `ns`.
 fn pass(node: &mut Node<Dpr>, ns: u64) {
     let end = node.now() + ns;
     while node.now() < end {
@@ -28,9 +27,6 @@ fn pass(node: &mut Node<Dpr>, ns: u64) {
     }
 }
 
-// ---- the reason of the last reset
-
-/// A cause of a reset.
 #[derive(Clone, Copy, Debug)]
 enum Reset {
     Pin,
@@ -51,7 +47,6 @@ impl Reset {
             Self::BrownOut => node.restart(FromOutside::BrownOut),
             Self::Lockup => node.lock_up(),
             Self::Watchdog => {
-                // The change makes the task that monitors the deadline never end.
                 let task = node.address_of("TIMER1").unwrap() & !1;
                 let mut was = [0; 2];
                 node.read(task, &mut was).unwrap();
@@ -75,7 +70,7 @@ fn link_status_tells_each_reason_of_the_last_reset_apart() {
         (status.reset_reason(), status.unasked_reset())
     };
     assert_eq!(told(&mut node), (Some(ResetReason::PowerOn), false), "at first");
-    // Each reset differs from the one before it, so the reported reason cannot be an earlier one.
+    // Successive resets differ, so a reported reason cannot be that of an earlier one.
     let resets = [
         (Reset::Pin, ResetReason::Pin),
         (Reset::Watchdog, ResetReason::Watchdog),
@@ -95,8 +90,6 @@ fn link_status_tells_each_reason_of_the_last_reset_apart() {
     }
     assert_eq!(node.resets().len(), resets.len());
 }
-
-// ---- the crystal
 
 #[test]
 fn a_dpr_whose_crystal_is_dead_stops_by_name() {
@@ -125,22 +118,18 @@ fn a_dpr_whose_crystal_is_dead_stops_by_name() {
     assert_eq!(node.take_findings(), []);
 }
 
-// ---- the SSI
-
 #[test]
 fn an_undriven_mosi_reads_the_image_and_violates_nothing() {
     let Some(mut node) = boards::dpr() else { return };
     pass(&mut node, 50 * MS);
     let (mut read, mut silent) = (0, 0);
     while node.now() < 1_000 * MS {
-        // The numbers of bytes are those of a whole image, and smaller ones, some of which are shorter than a request
-        // or than all that a transaction can write.
+        // The bytes of a whole image, of less than a request, and of less than all that can be written.
         let bytes = [layout().image_len(), 96, 7, 32, 8, 1][read as usize % 6];
         let miso = transact(&mut node, bytes, 0xFF);
         if bytes >= 32 {
             let shown = View::of(node.now(), &miso);
-            // A transaction that begins while the DPR puts in a new image reads ones throughout; the number of such
-            // transactions is checked below.
+            // A transaction reads only ones if it begins while the DPR puts in a new image.
             let is_busy = miso.iter().all(|byte| *byte == 0xFF);
             assert!(shown.link.is_some() || is_busy, "transaction {read} of {bytes} bytes: {miso:02x?}");
             silent += usize::from(is_busy);
@@ -150,7 +139,7 @@ fn an_undriven_mosi_reads_the_image_and_violates_nothing() {
     }
     assert!(read >= 400, "{read}");
     assert_eq!(count(&node, std::mem::offset_of!(Telemetry, access_violations)), 0);
-    // The DPR does not grant a transaction that begins while it puts in a new image, and does not count it.
+    // The DPR does not count a transaction that begins while it puts in a new image.
     let events = node.input(|part, _, _| part.take_spis_events());
     let busy = events.iter().filter(|(.., event)| *event == SpisEvent::Busy).count();
     assert!(silent <= busy && busy <= 2, "{busy} of {read}, {silent} of them seen");
@@ -169,13 +158,13 @@ fn a_busy_dpr_keeps_its_window_and_ignores_a_request() {
         let mosi = encode(Request { offset, length }).to_vec();
         carry(node, Order { mosi, ..Order::read(bytes) })
     };
-    // Without frames the DPR publishes every 10 ms, so some transactions fit between two publications.
+    // Without frames the DPR publishes every 10 ms, and several transactions fit between two publications.
     let mut rose = vec![];
     while rose.is_empty() {
         pass(&mut node, MS / 10);
         rose = node.board_mut(Dpr::take_fresh);
     }
-    // The hung task does not finish its work after the first transaction, so the second transaction meets a busy DPR.
+    // The SSI's task hangs after the first transaction, so the second one meets a busy DPR.
     let hung = ImageFault::Hung("SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1".into()).apply(&mut node).unwrap();
     let image = ask(&mut node, 16, 16, whole);
     assert!(image.iter().any(|byte| *byte != 0xFF));
@@ -198,8 +187,7 @@ fn transactions_that_clock_too_many_bytes_out_or_in_are_counted() {
     };
     assert_eq!(counts(&node), (0, 0));
     let image = layout().map_len();
-    // Each row has the number of bytes of a transaction, and whether (1) or not (0) the DPR counts it as reading and as
-    // writing too many.
+    // The number of bytes, and whether (1) or not (0) the DPR counts that as reading and as writing too many.
     let mut expected = (0, 0);
     for (bytes, reads, writes) in [
         (RECEIVE_BYTES, 0, 0),
@@ -219,8 +207,6 @@ fn transactions_that_clock_too_many_bytes_out_or_in_are_counted() {
     assert_eq!(count(&node, std::mem::offset_of!(Telemetry, access_violations)), 0);
 }
 
-// ---- the debug port
-
 /// UICR.APPROTECT (PS v1.7, 4.5.1).
 const UICR_APPROTECT: u64 = 0x1000_1208;
 
@@ -233,11 +219,11 @@ fn a_revision_3_parts_debug_port_is_opened_if_uicr_allows_it() {
         let Some(mut node) = boards::dpr_on(settings) else { return };
         node.write(UICR_APPROTECT, &u32::to_le_bytes(uicr)).unwrap();
         pass(&mut node, 50 * MS);
-        // With 0x5A as the hardware's protection word, the port is open exactly if the firmware has opened it.
+        // With 0x5A as the hardware's protection word, the port is open only if the firmware has opened it.
         let software = node.part().debug_port_open(0x5A);
         assert_eq!(software, opened, "{build_code:?} with {uicr:#x}");
         assert_eq!(node.part().debug_port_open(uicr), opened, "{build_code:?} with {uicr:#x}");
-        // After a reset the debug port is closed, and the firmware opens it again.
+        // A reset closes the debug port, and the firmware opens it again.
         node.restart(FromOutside::Pin);
         assert!(!node.part().debug_port_open(uicr));
         pass(&mut node, 50 * MS);

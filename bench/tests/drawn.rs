@@ -1,4 +1,4 @@
-//! Tests faults drawn from seeds, as `cargo xtask sim --faults` draws them: none of them leads to a violation.
+//! Tests that faults drawn from seeds, as by `cargo xtask sim --faults`, lead to no violation.
 
 use crate::boards;
 
@@ -9,18 +9,14 @@ use emulator_node::Clock;
 
 const MS: u64 = 1_000_000;
 
-/// The report of a run of six seconds with these kinds of faults; `None` if the firmwares were not built.
 fn report(gps: usize, kinds: &[Kind], seed: u64) -> Option<bench::report::Report> {
     report_of(6_000 * MS, gps, kinds, seed)
 }
 
-/// The report of a run of `duration` (ns) with these kinds of faults; `None` if the firmwares were not built.
 fn report_of(duration: u64, gps: usize, kinds: &[Kind], seed: u64) -> Option<bench::report::Report> {
     report_of_setup(duration, gps, kinds, seed, |_| {})
 }
 
-/// The report of a run with these kinds of faults and with the setup changed by `change`; `None` if the firmwares were
-/// not built.
 fn report_of_setup(
     duration: u64,
     gps: usize,
@@ -44,12 +40,12 @@ fn faults_of_every_kind_at_once_violate_nothing_and_the_link_recovers() {
         let Some(report) = report(gps, &ALL, seed) else { return };
         assert_eq!(report.violations, [""; 0], "{gps} receivers, seed {seed}");
         assert_eq!(report.faults.invalid_shown_valid, 0);
-        // The log has some faults of each kind, each with its name.
+        // The log has faults of each kind by name.
         for kind in ["air", "receiver", "flight controller", "power", "buffer", "input", "hang"] {
             let injected = report.faults.injected.keys().any(|name| name.starts_with(kind));
             assert!(injected, "{kind} of {:?}", report.faults.injected);
         }
-        // The limit is 15 cycles if a front end had to be set up anew, and 5 otherwise.
+        // The limit is 15 cycles if a front end had to be set up again, and 5 otherwise.
         let recovery = report.faults.max_recovery_cycles.unwrap_or_else(|| panic!("seed {seed}: nothing was measured"));
         assert!((1..=15).contains(&recovery), "{gps} receivers, seed {seed}: {recovery} cycles");
         let plain = report.faults.max_recovery_cycles_without_bring_up;
@@ -65,7 +61,7 @@ fn a_kind_of_fault_alone_is_injected_alone() {
         (Kind::Power, &["power"]),
         (Kind::Buffers, &["buffer"]),
         (Kind::Inputs, &["input"]),
-        // A board that is to hang during its start is restarted first.
+        // A hang during a start needs a restart before it.
         (Kind::Hang, &["hang", "dead task", "power horus", "power dpr"]),
         (Kind::Chips, &["horus front end register", "dpr front end register"]),
     ] {
@@ -78,8 +74,7 @@ fn a_kind_of_fault_alone_is_injected_alone() {
     }
 }
 
-/// This run is a short form of `cargo xtask sim --seconds 1000 --faults air,fc,power,buffers --seed 7`. Every fault of
-/// these kinds occurs in it.
+/// A short form of `cargo xtask sim --seconds 1000 --faults air,fc,power,buffers --seed 7`, with every fault.
 #[test]
 fn thirty_seconds_of_all_that_disturbs_the_dpr_violate_nothing() {
     let kinds = [Kind::Air, Kind::FlightController, Kind::Power, Kind::Buffers];
@@ -92,7 +87,7 @@ fn thirty_seconds_of_all_that_disturbs_the_dpr_violate_nothing() {
     assert!(plain.is_some_and(|cycles| cycles <= 5), "{:?}", report.faults);
 }
 
-/// Boards hang, alone and together with every disturbance of the DPR, with each number of receivers and on each clock.
+/// Boards hang, alone and together with other disturbances of the DPR, with each number of receivers and on each clock.
 #[test]
 fn the_link_recovers_from_drawn_hangs_without_a_violation() {
     let among = [Kind::Air, Kind::FlightController, Kind::Power, Kind::Buffers, Kind::Hang];
@@ -116,7 +111,6 @@ fn the_link_recovers_from_drawn_hangs_without_a_violation() {
     }
 }
 
-/// Bits of the front ends' registers flip, alone and together with every other disturbance of the link.
 #[test]
 fn bits_that_flip_in_either_front_end_violate_nothing() {
     let among = [Kind::Air, Kind::Power, Kind::Hang, Kind::Chips];

@@ -1,8 +1,7 @@
-//! Tests both release programs with internal faults: a task that does nothing, hangs or faults. The program in flash is
-//! changed as a debugger would change it while the core runs; nothing else of a board is touched.
+//! Tests both release programs with internal faults: a task that does nothing, hangs or faults, because the program in
+//! flash is changed while the core runs.
 //!
-//! Each board must enter its safe state without help, be restarted by its watchdog, and work again when the damage is
-//! mended.
+//! Each board must enter its safe state, be restarted by its watchdog, and work again after the repair.
 
 use crate::{boards, reader};
 
@@ -20,20 +19,17 @@ use st25r3916_model::{Air, AirEvent, AirFaults};
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
 
-/// The longest time from a task's last check-in to the watchdog's reset, ns. HORUS's watchdog takes 100 ms at the
-/// nominal rate of 32 kHz, and its oscillator may run at 17 kHz (DS9405 table 42); the nRF52840's takes 100 ms.
+/// The longest time from a task's last check-in to the watchdog's reset, ns. HORUS's watchdog takes 100 ms at 32 kHz,
+/// but its oscillator may run at 17 kHz (DS9405 table 42).
 const BITE: u64 = 200 * MS;
 
-/// How long HORUS needs to start and then to send at least four frames, ns.
+/// The time that HORUS needs to start and to send four frames, ns.
 const STARTS: u64 = boards::RAM_TEST + 55 * MS;
 
-/// The kinds of damage after which a task no longer does its work.
 const DAMAGES: [(Damage, &str); 2] = [(ImageFault::Dead, "dead"), (ImageFault::Hung, "hung")];
 
-/// The damage to a task, as a function of the task's vector.
 type Damage = fn(String) -> ImageFault;
 
-/// Puts `damage` at the beginning of the task with this vector.
 fn break_task<B: Board>(node: &mut Node<B>, vector: &str, damage: Damage) -> Repair {
     damage(vector.to_owned()).apply(node).unwrap()
 }
@@ -59,14 +55,11 @@ fn faulted<B: Board>(node: &mut Node<B>) -> bool {
     node.take_findings().iter().any(|finding| finding.kind == FindingKind::HardFault)
 }
 
-// ---- HORUS
-
 struct Transmitter {
     node: Node<Horus>,
     air: Vec<(u64, AirEvent)>,
 }
 
-/// The HORUS board, without a receiver that sends.
 fn transmitter() -> Option<Transmitter> {
     Some(Transmitter { node: boards::horus()?, air: vec![] })
 }
@@ -80,7 +73,6 @@ impl Transmitter {
         }
     }
 
-    /// The number of frames that began at `from` or later.
     fn frames(&self, from: u64) -> usize {
         self.air.iter().filter(|(at, event)| *at >= from && matches!(event, AirEvent::FrameStart(_))).count()
     }
@@ -95,7 +87,7 @@ impl Transmitter {
     }
 }
 
-/// The vectors and names of HORUS's tasks that have to check in, and of the task that triggers them.
+/// HORUS's tasks that must check in, and the task that triggers them, with their vectors.
 const HORUS_TASKS: [(&str, &str); 4] =
     [("TIM2", "slot"), ("CAN1_TX", "rf_slot"), ("CAN1_RX0", "cycle"), ("CAN1_RX1", "parse")];
 
@@ -127,7 +119,7 @@ fn a_fault_in_a_horus_task_switches_the_field_off_at_once() {
         horus.run_for(STARTS);
         let (broken, repair) = (horus.node.now(), break_task(&mut horus.node, vector, ImageFault::Faulting));
         let restarted = horus.until_restart();
-        // Each of the damaged tasks runs in every cycle, so its fault occurs within a cycle.
+        // Each damaged task runs in every cycle, so its fault shows within a cycle.
         let off = horus.field_off(broken).unwrap_or_else(|| panic!("{task}: the field stayed on"));
         assert!(off <= broken + 11 * MS, "{task}: {off}");
         assert!(restarted > off);
@@ -141,14 +133,12 @@ fn a_fault_in_a_horus_task_switches_the_field_off_at_once() {
     }
 }
 
-// ---- DPR
-
 fn link_status(node: &mut Node<Dpr>) -> LinkStatus {
     let read = transact(node, LinkStatus::SIZE, 0);
     *LinkStatus::verify(&read).unwrap_or_else(|rejection| panic!("{rejection} in {read:02x?}"))
 }
 
-/// The vectors and names of the DPR's tasks that run without a frame: all but `commit`, which `deadline` replaces.
+/// The DPR's tasks that run without a frame, with their vectors: all but `commit`, whose work `deadline` then does.
 const DPR_TASKS: [(&str, &str); 4] = [
     ("SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1", "ssi_end"),
     ("GPIOTE", "rf_irq"),
@@ -180,7 +170,7 @@ fn a_fault_in_a_dpr_task_leaves_nothing_readable_until_the_restart() {
         let Some(mut dpr) = boards::dpr() else { return };
         dpr.advance(50 * MS);
         let repair = break_task(&mut dpr, vector, ImageFault::Faulting);
-        // The DPR's deadline monitor runs every 12.5 ms and triggers each of the damaged tasks.
+        // The DPR's deadline monitor runs every 12.5 ms and triggers each damaged task.
         dpr.advance(dpr.now() + 15 * MS);
         assert!(faulted(&mut dpr), "{task}");
         let read = transact(&mut dpr, LinkStatus::SIZE, 0);
@@ -194,36 +184,29 @@ fn a_fault_in_a_dpr_task_leaves_nothing_readable_until_the_restart() {
     }
 }
 
-// ---- both boards: a hung DPR
-
-/// The longest time after the last bit of its frame for which an object may be read as valid, ns: the image expires in
-/// hardware 25 ms after its publication, which follows the frame's end by well under 5 ms.
+/// The longest time after its frame for which an object may be read as valid, ns: the image expires within 30 ms.
 const STALE: u64 = 30 * MS;
 
 /// A flight controller that reads the whole image again and again, and the air to the DPR's front end.
 struct Reader {
     master: SsiMaster,
     transactions: usize,
-    /// The timestamps of the valid objects of every image that was read, each with the instant at which its transaction
-    /// began.
+    /// The instant of each transaction, and the timestamps of the valid objects that it read.
     read: Vec<(u64, Vec<u32>)>,
     air: Air,
-    /// The bytes of the frame that is on the air, LEN first.
     frame: Vec<u8>,
-    /// For the timestamp of each frame the instant at which the frame's last bit ended.
+    /// The instant at which each frame's last bit ended, by the frame's timestamp.
     sent: std::collections::BTreeMap<u32, u64>,
-    /// Whether the air loses all frames from the damage to the repair, because the damaged task runs only then.
+    /// Whether the air loses all frames while the task is damaged, because that task runs only without frames.
     loses: bool,
     lost: bool,
-    /// The instant at which the task was damaged, and the repair of the damage.
     broken: Option<(u64, Repair)>,
     repaired: bool,
 }
 
-/// The instant at which the reader's first transaction begins, ns.
 const FIRST_READ: u64 = 20 * MS;
 
-/// The pauses from the end of a transaction's gap to the start of the next transaction, ns; they take turns.
+/// The pauses between two transactions, ns, in turn.
 const PAUSES: [u64; 3] = [US * 700, US * 2_150, US * 3_600];
 
 impl Reader {
@@ -244,12 +227,10 @@ impl Reader {
         reader
     }
 
-    /// Schedules the next transaction at `at` (ns).
     fn read_at(&mut self, at: u64) {
         self.master.begin(Start { bench_ns: at, own_ns: 0 }, Order::read(Image::<3>::LEN));
     }
 
-    /// The timestamps of those objects in `image` that HORUS wrote and that are valid.
     fn valid(image: &[u8]) -> Vec<u32> {
         let objects = &image[LinkStatus::SIZE..];
         let (reported, gps) = objects.split_at(ReportedPosition::SIZE);
@@ -260,8 +241,7 @@ impl Reader {
         reported.into_iter().chain(gps).collect()
     }
 
-    /// The instant at which the oldest data were read as valid, and the time since the end of the frame that carried
-    /// them.
+    /// The instant at which the oldest data were read as valid, and the time since the end of their frame.
     fn oldest(&self) -> (u64, u64) {
         let timestamps = self.read.iter().flat_map(|(at, valid)| valid.iter().map(move |ms| (*at, *ms)));
         let ages = timestamps.map(|(at, ms)| {
@@ -319,7 +299,6 @@ impl Downstream<Dpr> for Reader {
     }
 }
 
-/// The antenna of HORUS's front end, from which all events go to the air.
 struct Antenna;
 
 impl Upstream<Horus> for Antenna {
@@ -333,7 +312,7 @@ impl Upstream<Horus> for Antenna {
     fn notes(&mut self, _node: &mut Node<Horus>) {}
 }
 
-/// Every task of the DPR with its vector; `idle` has no vector and is damaged where it sleeps.
+/// Every task of the DPR with its vector. `idle` has none and is damaged where it sleeps.
 const EVERY_DPR_TASK: [(&str, &str); 8] = [
     ("SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1", "ssi_end"),
     ("SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0", "rf_spi"),
@@ -345,10 +324,10 @@ const EVERY_DPR_TASK: [(&str, &str); 8] = [
     ("", "idle"),
 ];
 
-/// The names of the DPR's tasks that only run when frames are missing.
+/// The DPR's tasks that run only when frames are missing.
 const ON_LOSS: [&str; 2] = ["rf_timer", "deadline"];
 
-/// Makes the task of `vector` hang. The idle task has no vector and hangs at the instruction at which it sleeps.
+/// Makes a task hang. `idle`, which has no vector, hangs at the instruction at which it sleeps.
 fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<Repair> {
     if !vector.is_empty() {
         return Some(break_task(node, vector, ImageFault::Hung));
@@ -359,9 +338,8 @@ fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<Repair> {
     Some(ImageFault::Stopped(u32::try_from(address).unwrap()).apply(node).unwrap())
 }
 
-/// Hangs a task of the DPR at `breaks_at` while the flight controller reads all the time. The watchdog restarts the
-/// DPR, and the damage is repaired at the first restart. A firmware that checks its flash at its start may have found
-/// the damage before the repair, and then restarts once more.
+/// Hangs a task of the DPR at `breaks_at` while the flight controller reads. The damage is repaired after the restart,
+/// and a firmware that finds it in its flash before that restarts once more.
 fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
     let (Some(a), Some(b)) = (boards::horus(), boards::dpr()) else { return None };
     let mut relay = Relay { a, b, upstream: Antenna, downstream: Reader::new(ON_LOSS.contains(&task)) };
@@ -392,8 +370,7 @@ fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
 fn no_dpr_task_that_hangs_leaves_old_data_readable_as_valid() {
     let mut stale = vec![];
     for (nth, (vector, task)) in EVERY_DPR_TASK.into_iter().enumerate() {
-        // Each damage occurs at another phase of HORUS's cycle, and so late that ten valid images have been read before
-        // it.
+        // Each damage has another phase of HORUS's cycle and comes after ten valid images.
         let Some(reader) = hung(vector, task, 110 * MS + nth as u64 * 1_250 * US) else { return };
         let (at, age) = reader.oldest();
         println!("{task} hung: the oldest data read as valid were {} us old", age / US);
@@ -404,14 +381,11 @@ fn no_dpr_task_that_hangs_leaves_old_data_readable_as_valid() {
     assert!(stale.is_empty(), "{stale:#?}");
 }
 
-// ---- flash that lost a bit before the start
-
-/// The address of an unused interrupt's vector, which is part of the program but never fetched.
+/// The address of the vector of an unused interrupt, which is never fetched.
 fn unused_vector(table: u64, interrupt: u64) -> u64 {
     table + 4 * (16 + interrupt)
 }
 
-/// Flips bit 3 of the byte at `address`.
 fn flip<B: Board>(node: &mut Node<B>, address: u64) {
     let address = u32::try_from(address).unwrap();
     Upset::Flash { address, bit: 3 }.apply(node).unwrap();
@@ -420,7 +394,7 @@ fn flip<B: Board>(node: &mut Node<B>, address: u64) {
 #[test]
 fn horus_emits_no_field_while_a_bit_of_its_flash_is_wrong() {
     let Some(mut horus) = transmitter() else { return };
-    // The unused vector is the window watchdog's, interrupt 0.
+    // Interrupt 0, the window watchdog's, is unused.
     let address = unused_vector(0x0800_0000, 0);
     flip(&mut horus.node, address);
     horus.run_for(500 * MS);
@@ -439,7 +413,7 @@ fn horus_emits_no_field_while_a_bit_of_its_flash_is_wrong() {
 #[test]
 fn the_dpr_shows_nothing_while_a_bit_of_its_flash_is_wrong() {
     let Some(mut dpr) = boards::dpr() else { return };
-    // The unused vector is the radio's, interrupt 1.
+    // Interrupt 1, the radio's, is unused.
     let address = unused_vector(0, 1);
     flip(&mut dpr, address);
     while dpr.now() < 500 * MS {
@@ -452,8 +426,7 @@ fn the_dpr_shows_nothing_while_a_bit_of_its_flash_is_wrong() {
     assert_eq!(dpr.resets().len(), bites, "and no other");
     let log = logged(&mut dpr);
     assert!(log.contains("flash"), "{log}");
-    // At half of the watchdog's time the firmware has compared its flash with the CRC and waits for the reset. So the
-    // bit is only flipped back after that.
+    // The bit is flipped back after the firmware has compared its flash with the CRC, while it waits for the watchdog.
     until_restart(&mut dpr, BITE, |_| {});
     dpr.advance(dpr.now() + 50 * MS);
     flip(&mut dpr, address);
@@ -461,8 +434,6 @@ fn the_dpr_shows_nothing_while_a_bit_of_its_flash_is_wrong() {
     dpr.advance(dpr.now() + 50 * MS);
     assert!(link_status(&mut dpr).status().unasked_reset());
 }
-
-// ---- tests without images
 
 #[test]
 fn a_test_without_its_images_fails_only_where_ci_runs() {

@@ -1,5 +1,5 @@
-//! Tests gdb at a board of the running link: what it reads, where it halts the board, and that the run's results stay
-//! unchanged.
+//! Tests gdb at a board of the running link: what it reads, where it halts the board, and that the run's results do not
+//! change.
 
 use crate::boards;
 
@@ -27,12 +27,11 @@ fn setup(clock: Clock) -> Option<Setup> {
     Some(Setup { clock, writes: true, ..Setup::new(images, 3, END) })
 }
 
-/// The complete results of a run as text, to be compared.
 fn all_of(outcome: &Outcome) -> String {
     format!("{:#?}\n{:#?}\n{:#?}\n{}", outcome.report, outcome.verdict, outcome.logs, outcome.base)
 }
 
-/// The address, without the Thumb bit, and the size of the symbol whose demangled name begins with `begins`.
+/// The address (without the Thumb bit) and the size of the symbol whose demangled name begins with `begins`.
 fn symbol(image: &Path, begins: &str) -> (u32, u32) {
     let bytes = std::fs::read(image).unwrap();
     let elf = object::File::parse(bytes.as_slice()).unwrap();
@@ -42,12 +41,12 @@ fn symbol(image: &Path, begins: &str) -> (u32, u32) {
     (u32::try_from(found[0].address()).unwrap() & !1, u32::try_from(found[0].size()).unwrap())
 }
 
-/// The address of the code that commits an image: it seals Link-Status and publishes.
+/// The address of the code that seals Link-Status and publishes an image.
 fn commit(image: &Path) -> u32 {
     symbol(image, "<dpr_fw::commit::Commit<3>>::publish::").0
 }
 
-/// The address and the size of the images that the commit fills in turn.
+/// The address and the size of the images that the firmware fills in turn.
 fn images(image: &Path) -> (u32, u32) {
     symbol(image, "dpr_fw::app::__rtic_internal_local_init_images")
 }
@@ -91,7 +90,7 @@ struct Client {
 
 impl Client {
     fn send(&self, bytes: &[u8]) {
-        // A server that has ended takes no further bytes, which is no error here.
+        // A server that has ended takes no further bytes.
         for byte in bytes {
             let _ = self.to_stub.send(*byte);
         }
@@ -102,7 +101,7 @@ impl Client {
         format!("${text}#{sum:02x}").into_bytes()
     }
 
-    /// Returns the text of the server's next packet, with its run-length encoding expanded.
+    /// Returns the server's next packet with its run-length encoding expanded.
     fn reply(&self) -> String {
         while self.from_stub.recv().unwrap() != b'$' {}
         let mut text = String::new();
@@ -137,7 +136,6 @@ impl Client {
         self.word("pf")
     }
 
-    /// Sends a `monitor` command and returns its output.
     fn monitor(&self, command: &str) -> String {
         let hex = command.bytes().fold(String::new(), |mut hex, byte| {
             let _ = write!(hex, "{byte:02x}");
@@ -156,7 +154,6 @@ impl Client {
     }
 }
 
-/// Runs `serve` with a debugger that follows `script`.
 fn attended<R>(script: impl FnOnce(&Client) + Send, serve: impl FnOnce(InMemory, &mut dyn FnMut(String)) -> R) -> R {
     let (to_stub, from_client) = mpsc::channel();
     let (to_client, from_stub) = mpsc::channel();
@@ -195,14 +192,12 @@ fn a_debugging_session_leaves_the_run_unchanged_on_every_clock() {
             assert!(gdb.ask("qSupported:swbreak+;hwbreak+;vContSupported+").contains("qXfer:features:read+"));
             assert_eq!(&gdb.ask("?")[1..3], "05");
             assert!(gdb.ask("qXfer:features:read:target.xml:0,fff").contains("org.gnu.gdb.arm.m-profile"));
-            // At power-on the program counter equals the reset vector.
             assert_eq!(gdb.pc(), gdb.word("m4,4") & !1);
             assert_eq!(gdb.word("mE000ED00,4"), 0x410F_C241, "CPUID");
             assert_eq!(gdb.word("m10000100,4"), 0x0005_2840, "FICR.INFO.PART");
             assert_eq!(gdb.ask("m60000000,4"), "E0e", "nothing is there");
             assert_eq!(gdb.ask("g").len(), 2 * (23 * 4 + 16 * 8 + 4));
-            // The breakpoint is in code in RAM. The firmware's start copies that code only after the breakpoint was
-            // set.
+            // The breakpoint is in code that the firmware copies to RAM only later.
             assert_eq!(gdb.ask(&format!("Z1,{commit:x},2")), "OK");
             for nth in 0..3 {
                 assert!(gdb.ask("c").contains("hwbreak"), "stop {nth}");
@@ -211,21 +206,19 @@ fn a_debugging_session_leaves_the_run_unchanged_on_every_clock() {
             assert!(gdb.monitor("time").contains(" ms of 200 ms"));
             assert!(gdb.monitor("pins").starts_with("high: "));
             assert!(gdb.monitor("pin P9.00").contains("no pin"));
-            // The debugger makes 3000 single steps, also through interrupts: those of SSI transactions and FIFO reads
-            // are among them.
+            // The single steps also go through interrupts, such as those of SSI transactions and FIFO reads.
             let mut distinct = std::collections::BTreeSet::new();
             for _ in 0..3000 {
                 assert_eq!(&gdb.ask("s")[1..3], "05");
                 distinct.insert(gdb.pc());
             }
             assert!(distinct.len() > 300, "{}", distinct.len());
-            // The addresses are those of peripherals whose registers change when they are read on silicon. Every
-            // register of the core is read too.
+            // On silicon a read of these peripheral registers changes them.
             for address in ["40004400", "40000504", "40008540", "4001F500", "E000E010", "E000E100"] {
                 assert_eq!(gdb.ask(&format!("m{address},40")).len(), 0x80, "{address}");
             }
             (0..40).for_each(|number| assert!(gdb.ask(&format!("p{number:x}")).len() >= 8));
-            // The watchpoint over the images halts the board after a store, then after any access, then after a load.
+            // The watchpoint over the images halts at a store, then at any access, then at a load.
             assert_eq!(gdb.ask(&format!("z1,{commit:x},2")), "OK");
             let watched = format!("{images:x},{size:x}");
             for (kind, name) in [(2, "watch:"), (4, "awatch:"), (3, "rwatch:")] {
@@ -244,7 +237,7 @@ fn a_debugging_session_leaves_the_run_unchanged_on_every_clock() {
             assert_eq!(&gdb.reply()[1..3], "02");
             assert_eq!(gdb.ask(&format!("Z0,{commit:x},2")), "OK");
             assert!(gdb.ask("c").contains("swbreak"));
-            // The debugger leaves a breakpoint behind, which must not halt the rest of the run.
+            // The breakpoint that the debugger leaves behind must not halt the rest of the run.
             assert_eq!(gdb.ask("D"), "OK");
         }));
         assert!(all_of(&with) == all_of(&without), "{clock} clock:\n{:#?}\n{:#?}", with.report, without.report);
@@ -265,7 +258,7 @@ fn a_debugger_at_horus_leaves_the_run_of_the_link_unchanged() {
             assert_eq!(gdb.pc(), tick);
             (0..50).for_each(|_| assert_eq!(&gdb.ask("s")[1..3], "05"));
         }
-        // On silicon a read of the UART's data register would remove the byte from it.
+        // On silicon a read of the UART's data register would remove the byte.
         assert_eq!(gdb.ask("m40004400,20").len(), 0x40);
         assert_eq!(gdb.ask("D"), "OK");
     }));
@@ -294,7 +287,6 @@ fn what_a_debugger_changes_happens_and_shows() {
         assert!(gdb.monitor("faults air").contains("too little of the run is left"));
         assert!(gdb.monitor("pin P0.02 high").contains("P0.02 is high"));
         assert!(gdb.monitor("pin P0.02 release").contains("P0.02 is low"));
-        // The firmware starts again and commits.
         assert!(gdb.ask("c").contains("swbreak"));
         assert_eq!(gdb.ask("D"), "OK");
     }));
@@ -321,8 +313,7 @@ fn kill_ends_the_run_and_a_lost_connection_does_not() {
     assert_eq!(lost.len(), 1, "{lost:?}");
 }
 
-/// Passes to `run` a run of the DPR's firmware alone on its board, with probes on FRESH and inputs in place of the
-/// front end.
+/// Passes to `run` a run of the DPR's firmware alone, with probes on FRESH and inputs in place of the front end.
 fn dpr_alone(clock: Clock, run: impl FnOnce(Alone<'_>, &Path)) {
     let Some(path) = image(3, "dpr-fw.elf") else { return };
     let firmware = Firmware::read(&path).unwrap();
@@ -335,7 +326,6 @@ fn dpr_alone(clock: Clock, run: impl FnOnce(Alone<'_>, &Path)) {
     run(Alone { target: Target::Dpr, clock, firmware: &firmware, connected, limits, runs_on: true }, &path);
 }
 
-/// Collects the output of a run in `to`, in an order that must not depend on a debugger.
 fn shown(to: &mut Vec<String>) -> impl FnMut(Event<'_>) + '_ {
     |event| {
         if let Event::Line(_) | Event::Pin(_) = event {
@@ -362,8 +352,7 @@ fn a_debugger_at_a_board_alone_leaves_its_run_unchanged() {
                     assert!(gdb.ask("c").contains("watch:"));
                     (0..50).for_each(|_| assert_eq!(&gdb.ask("s")[1..3], "05"));
                 }
-                // The addresses are those of peripherals whose registers change when they are read on silicon. Virtual
-                // time is read too.
+                // On silicon a read of these peripheral registers changes them.
                 assert_eq!(gdb.ask("m40004400,40").len(), 0x80);
                 assert!(gdb.monitor("time").contains(" ms of 100 ms"));
                 assert!(gdb.monitor("faults air").contains("this board is alone"));
@@ -392,7 +381,7 @@ fn a_board_alone_halts_where_its_firmware_ends() {
             assert_eq!(gdb.pc(), start);
             assert_eq!(gdb.ask(&format!("Z1,{commit:x},2")), "OK");
             assert!(gdb.ask("c").contains("hwbreak"));
-            // The debugger sets the program counter to an address without memory.
+            // There is no memory at this address.
             assert_eq!(gdb.ask("Pf=00000060"), "OK");
             assert_eq!(&gdb.ask("c")[1..3], "0b", "SIGSEGV");
             assert_eq!(gdb.pc(), gdb.word("mc,4") & !1, "before the HardFault handler's first instruction");
@@ -407,7 +396,6 @@ fn a_board_alone_halts_where_its_firmware_ends() {
     });
 }
 
-/// Runs a real gdb with this script at the DPR over a Unix socket; returns the end of the run and gdb's output.
 fn real_gdb(setup: &Setup, script: &[String]) -> (Ended, String) {
     let folder = std::env::temp_dir().join(format!("bench-gdb-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
@@ -458,7 +446,7 @@ fn a_session_of_the_real_gdb_leaves_the_run_as_it_is() {
         "print $s0",
         // The editor extension cortex-debug sends these commands when it attaches.
         "monitor halt",
-        // The script reads the commit's code in RAM, and the flash from which it was copied.
+        // The commit's code in RAM, and the flash that it was copied from.
         &format!("x/4xw {images:#x}"),
         "x/2xw 0",
         &format!("watch *(unsigned *)({images:#x} + 8)"),

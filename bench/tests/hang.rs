@@ -1,7 +1,4 @@
-//! Tests boards that hang: their cores execute nothing more until the board's own watchdog restarts it.
-//!
-//! The judge's rules for hangs have tests of their own in the judge. The table of violations checks that the judge
-//! finds a watchdog that was never started, and a disabled expiry.
+//! Tests boards that hang: the core executes nothing until the board's own watchdog restarts it.
 
 use crate::{boards, player, reader, thumb};
 
@@ -25,26 +22,23 @@ const MS: u64 = 1_000_000;
 const US: u64 = 1_000;
 /// The instant at which both boards have started and the link has been up for 200 ms, ns.
 const BEGINS: u64 = 303 * MS;
-/// The time from a hang to the end of the run, ns: longer than the watchdog and the judge's limit for a recovery.
+/// The time from a hang to the end of the run, ns: more than the watchdog and the limit for a recovery take.
 const AFTER: u64 = 700 * MS;
 
 const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
 const CLOCKS: [Clock; 3] = [Clock::Fast, Clock::Optimistic, Clock::Pessimistic];
 
-/// The addresses of the STM32's watchdog and of the register with the reset cause, RM0090 21.4 and 6.3.21.
+/// The STM32's watchdog and its register with the reset cause, RM0090 21.4 and 6.3.21.
 const IWDG: u32 = 0x4000_3000;
 const RCC_CSR: u32 = RCC + 0x74;
 const IWDGRSTF: u32 = 1 << 29;
 /// The nRF52840's watchdog, PS 6.36.
 const WDT: u32 = 0x4001_0000;
 
-// ---- a node
-
-/// A board that counts the updates of TIM2, every 10 ms, and sleeps in between. Its watchdog resets it after 100 ms at
-/// 32 kHz.
+/// A board that counts the updates of TIM2, every 10 ms, and sleeps in between. Its watchdog takes 100 ms.
 fn counting() -> Node<Player> {
     let mut main = Thumb::at(MAIN);
-    // The reload value is 800, and each count takes four periods of the watchdog's clock.
+    // 800 counts of four periods of the 32 kHz clock each.
     main.store(IWDG, 0xCCCC).store(IWDG, 0x5555).store(IWDG + 8, 800 - 1).store(IWDG + 4, 0);
     main.tim2_every(160_000).idle();
     let mut tick = Thumb::at(HANDLER);
@@ -77,7 +71,6 @@ fn a_core_that_hangs_executes_nothing_until_the_watchdog_bites() {
     let mut csr = [0; 4];
     assert_eq!(node.peek(RCC_CSR, &mut csr), 4);
     assert_ne!(u32::from_le_bytes(csr) & IWDGRSTF, 0);
-    // After the watchdog's reset the program runs as after any reset, and feeds its watchdog.
     assert!(!node.is_hung());
     run_to(&mut node, at + 300 * MS);
     assert_eq!((node.word(u64::from(COUNTER)), node.resets().len()), (Some(19 + 29), 1));
@@ -127,7 +120,6 @@ fn a_hang_ends_with_any_reset_or_loss_of_supply() {
 #[test]
 fn an_nrf52840_reports_the_watchdog_as_its_reset_reason_after_a_hang() {
     let mut main = Thumb::at(0x400);
-    // The watchdog takes 100 ms at 32768 Hz.
     main.store(WDT + 0x504, 3_276).store(WDT, 1);
     let again = main.here();
     main.store(WDT + 0x600, 0x6E52_4635).branch(again);
@@ -144,9 +136,6 @@ fn an_nrf52840_reports_the_watchdog_as_its_reset_reason_after_a_hang() {
     assert_eq!(node.resets().len(), 1, "it is fed again");
 }
 
-// ---- a release image that hangs while it starts
-
-/// Runs `node` to `to` (ns) and discards every signal that leaves the board.
 fn pass<B: Powered, C: Cost>(node: &mut Node<B, C>, to: u64) {
     while node.now() < to {
         node.advance(to);
@@ -154,9 +143,8 @@ fn pass<B: Powered, C: Cost>(node: &mut Node<B, C>, to: u64) {
     }
 }
 
-/// Makes a copy of `node`, which has just been reset, hang after `after` ns, and runs it to the watchdog's reset.
-/// Returns `None` if that reset does not come within 0.6 s. HORUS's watchdog, which has not been fed at that time,
-/// takes 512 ms.
+/// Makes a copy of `node`, which has just been reset, hang after `after` ns. Returns the copy after the watchdog's
+/// reset; `None` if that does not come within 0.6 s.
 fn hung_after<B: Powered, C: Cost>(node: &Node<B, C>, after: u64) -> Option<Node<B, C>>
 where
     Node<B, C>: Clone,
@@ -174,7 +162,7 @@ where
     None
 }
 
-/// The earliest time after a reset by the pin from which on the watchdog ends a hang, ns, to 100 ns.
+/// The earliest time after a reset from which on the watchdog ends a hang, ns, to 100 ns.
 fn watched_from<B: Powered, C: Cost>(mut node: Node<B, C>) -> u64
 where
     Node<B, C>: Clone,
@@ -194,7 +182,6 @@ where
     from
 }
 
-/// The results of [`watched_from`] for both boards.
 fn watched_from_on<C: Cost + Clone>() -> Option<[u64; 2]> {
     let horus = boards::horus_with::<C>(Oscillators::default())?;
     Some([watched_from(horus), watched_from(boards::dpr_with::<C>(Settings::default())?)])
@@ -208,7 +195,7 @@ fn both_watchdogs_run_two_microseconds_after_a_reset_on_every_clock() {
     assert!(clocks.into_iter().flatten().all(|from| from <= 1_500), "{clocks:?}");
 }
 
-/// Instants after a reset, ns: the first at which both watchdogs certainly run, then later ones during the start.
+/// Instants after a reset, ns: the first at which both watchdogs run, and later ones during the start.
 const IN_START: [u64; 3] = [WATCHDOG_STARTS, 300 * US, 2_900 * US];
 
 #[test]
@@ -234,8 +221,6 @@ fn a_hang_soon_after_any_reset_is_told_as_the_watchdogs_restart() {
         }
     }
 }
-
-// ---- the link
 
 fn setup(faults: Faults, duration: u64) -> Option<Setup> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
@@ -269,8 +254,7 @@ fn the_link_recovers_from_any_hang_within_15_cycles() {
     }
 }
 
-/// The longest time from the death of a task to the restart of its board, ns, if the flight controller ends each of its
-/// transactions.
+/// The longest time from the death of a task to the board's restart, ns, while transactions end regularly.
 const fn bitten_within(board: Board) -> u64 {
     bounds::CHECKED_IN[Board::Horus as usize]
         + match board {
@@ -302,7 +286,6 @@ fn a_dead_task_makes_the_watchdog_bite_and_the_link_recovers() {
     let mut wrong = vec![];
     for board in BOARDS {
         for (task, (name, _)) in (0_u8..).zip(tasks_of(board)) {
-            // Each task is switched off at another phase of the cycle.
             let at = BEGINS + 430 * US * u64::from(task);
             let faults = Faults::none().with(at, at, Fault::DeadTask(board, task));
             let Some(setup) = setup(faults, at + AFTER) else { return };
@@ -358,8 +341,7 @@ fn link_status_says_that_the_watchdog_has_restarted_a_dpr_that_hung() {
     assert_eq!(said.and_then(|link| link.status.reset_reason()), Some(ResetReason::Watchdog));
 }
 
-/// HORUS's objects in order of time: the instant of each (ns), whether GPS3 is excluded, and Reported-Position's
-/// status.
+/// HORUS's objects in order of time: the instant (ns), whether GPS3 is excluded, and Reported-Position's status.
 fn sent(log: &bench_judge::Log) -> Vec<(u64, bool, ReportedStatus)> {
     let of = |payload: &[u8]| {
         let [reported, gps3] = [0, 3].map(|object| Profile::<3>::place(object).and_then(|place| payload.get(place)));
@@ -391,7 +373,7 @@ fn a_receiver_excluded_before_the_watchdog_bites_is_still_excluded_after_it() {
     let (_, excluded, before) = sent[restarted - 1];
     assert!(excluded && before.state() == Some(HorusState::Monitoring), "{before:?}");
     assert_eq!(before.reset_reason(), Some(ResetReason::PowerOn));
-    // Since the restart no receiver has sent a message for which the voter could have excluded that receiver anew.
+    // No receiver has sent a message since the restart, so the exclusion cannot be a new one.
     let (_, excluded, after) = sent[restarted];
     assert!(excluded && !after.position_valid(), "{after:?}");
     assert_eq!((after.state(), after.reset_reason()), (Some(HorusState::Starting), Some(ResetReason::Watchdog)));
@@ -416,8 +398,7 @@ fn after_its_supply_was_off_horus_excludes_nobody_until_it_votes() {
     assert!(sent.last().is_some_and(|(_, excluded, _)| *excluded), "it is outvoted again");
 }
 
-/// The seed of a sagging supply that falls to between 1.4 V and 1.6 V and rises again, perhaps after a while. RAM keeps
-/// its contents above 1.4 V, while a part that was below 1.6 V reports power-on.
+/// The seed of a sag to between 1.4 V, above which RAM keeps its contents, and 1.6 V, below which power-on is reported.
 fn forgetful_sag() -> u64 {
     let forgets = |shape: &u64| {
         let volts: Vec<u32> = power::shape(*shape).into_iter().map(|(_, volts)| volts).collect();
@@ -488,14 +469,14 @@ fn a_board_that_hangs_is_also_restarted_by_its_pin_or_supply() {
     }
 }
 
-/// From [`WATCHDOG_STARTS`] after a start on, the board's watchdog ends a hang.
+/// The board's watchdog ends every hang from [`WATCHDOG_STARTS`] after a start on.
 #[test]
 fn so_long_after_its_start_each_boards_watchdog_runs() {
     for clock in CLOCKS {
         for board in BOARDS {
             let at = BEGINS + WATCHDOG_STARTS;
             let faults = hang(Faults::none().with(BEGINS, BEGINS, Fault::Power(board, PowerFault::Pin)), at, board);
-            // HORUS's watchdog resets it 0.5 s after a start in which it was never fed.
+            // HORUS's watchdog, which was never fed, takes 0.5 s to reset the board.
             let Some(setup) = setup(faults, at + 500 * MS + AFTER) else { return };
             let report = outcome(&Setup { clock, ..setup }).report;
             assert_eq!(report.violations, [""; 0], "{board:?} on the {clock} clock");
@@ -503,8 +484,7 @@ fn so_long_after_its_start_each_boards_watchdog_runs() {
     }
 }
 
-/// Whatever instant of an image's publication the DPR hangs at, no expired data are read from it. The flight controller
-/// waits, and reads just after the image has expired.
+/// The DPR hangs at every instant of a publication, and the flight controller reads just after the image has expired.
 #[test]
 fn nothing_expired_is_read_if_the_dpr_hangs_during_a_publication() {
     let Some(setup) = setup(Faults::none(), BEGINS + 45 * MS) else { return };

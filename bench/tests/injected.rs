@@ -1,5 +1,5 @@
-//! Tests the effect of injected faults on the release programs: each fault takes effect, and the board works again when
-//! the fault is over. The judge checks the boards' duties to the flight controller meanwhile.
+//! Tests that injected faults take effect on the release programs, and that the boards work again afterwards. The judge
+//! checks the boards' duties meanwhile.
 
 use crate::boards;
 
@@ -16,8 +16,6 @@ use horus_tx_fw::telemetry::{Line, Telemetry};
 use st25r3916_model::AirEvent;
 
 const MS: u64 = 1_000_000;
-
-// ---- the receivers' lines
 
 /// HORUS's counters of one receiver's line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -50,13 +48,11 @@ impl Counts {
     }
 }
 
-/// HORUS with three receivers that send a position of 100 bytes every 20 ms, and with faults of the first receiver's
-/// line.
+/// HORUS with three receivers that send a position of 100 bytes every 20 ms, and with faults of the first one's line.
 #[derive(Clone)]
 struct Fed {
     node: Node<Horus>,
     faults: LineFaults,
-    /// The instant at which the receivers send their next positions, ns.
     at: u64,
 }
 
@@ -101,7 +97,6 @@ impl Fed {
         [0, 1, 2].map(|receiver| Counts::of(&self.node, receiver))
     }
 
-    /// The increase of the counters from now to `end`, for each receiver.
     fn counts_to(&mut self, end: u64) -> [Counts; 3] {
         let before = self.counts();
         self.run_to(end);
@@ -110,14 +105,12 @@ impl Fed {
     }
 }
 
-/// The range of bytes counted in 200 ms of a line without a pause: 9 216 at 46 080 bytes a second, less half of the
-/// DMA's ring, whose bytes may still be on their way.
+/// The range of bytes in 200 ms of a line without a pause: 46 080 bytes a second, less those in half of the DMA's ring.
 const WITHOUT_A_PAUSE: std::ops::RangeInclusive<u32> = 8_900..=9_500;
 
-/// A check of what HORUS counted during a fault in which a healthy receiver sends ten positions of 100 bytes.
+/// A check of HORUS's counters during a fault in which a healthy receiver sends ten positions of 100 bytes.
 type Arrived = fn(Counts) -> bool;
 
-/// Every fault of a line, with a check of the counters during the fault.
 const LINES: [(ReceiverFault, Arrived); 14] = [
     (ReceiverFault::Silent, |seen| seen == Counts::default()),
     (ReceiverFault::Babbles, |seen| WITHOUT_A_PAUSE.contains(&seen.bytes) && seen.errors == 0 && seen.messages == 0),
@@ -125,7 +118,7 @@ const LINES: [(ReceiverFault, Arrived); 14] = [
     (ReceiverFault::Unasked, |seen| WITHOUT_A_PAUSE.contains(&seen.bytes) && seen.errors == 0 && seen.damaged == 0),
     (ReceiverFault::Frozen, |seen| seen.messages == 10 && seen.damaged == 0),
     (ReceiverFault::WrongBaud(38_400), |seen| seen.messages == 0 && seen.errors > 100),
-    // A break is received as one character whose stop bit is missing.
+    // A break is received as one character without a stop bit.
     (ReceiverFault::Break, |seen| seen.messages == 0 && (1..=2).contains(&seen.errors) && seen.bytes <= 2),
     (ReceiverFault::Noise, |seen| seen.messages < 8 && seen.damaged > 0 && (1..=6).contains(&seen.errors)),
     (ReceiverFault::FramingErrors, |seen| (30..=100).contains(&seen.errors)),
@@ -148,7 +141,7 @@ fn every_receiver_fault_affects_its_own_receiver_alone_and_ends() {
         fed.faults.begin(105 * MS, 305 * MS, 0, fault);
         let [first, others @ ..] = fed.counts_to(305 * MS);
         fed.faults.end(0, fault);
-        // After the fault the bytes that are under way and the delayed bytes arrive first, so 100 ms are not counted.
+        // Delayed bytes arrive first, so 100 ms are not counted.
         fed.run_to(405 * MS);
         let after = fed.counts_to(605 * MS);
         if !arrived(first) || others != [ten; 2] || after != [ten; 3] {
@@ -160,9 +153,6 @@ fn every_receiver_fault_affects_its_own_receiver_alone_and_ends() {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-// ---- supply and reset
-
-/// Runs `node` for `ns` and returns the events that its front end emitted.
 fn emitted<B: Powered>(node: &mut Node<B>, ns: u64) -> Vec<AirEvent> {
     let end = node.now() + ns;
     let mut events = vec![];
@@ -178,16 +168,16 @@ fn frames(events: &[AirEvent]) -> usize {
     events.iter().filter(|event| matches!(event, AirEvent::FrameStart(_))).count()
 }
 
-/// How long HORUS needs to start and then to send at least four frames, ns.
+/// The time that HORUS needs to start and to send four frames, ns.
 const STARTS: u64 = RAM_TEST + 55 * MS;
 
-/// Runs HORUS from its start into the first millisecond of a frame; a frame takes nearly five.
+/// Runs HORUS from its start into the first millisecond of a frame, which takes nearly five.
 fn into_a_frame(node: &mut Node<Horus>) {
     assert!(frames(&emitted(node, STARTS)) >= 4);
     assert!((0..10).any(|_| frames(&emitted(node, MS)) > 0), "a frame in each cycle");
 }
 
-/// Whether the frame on the air breaks off, the field ends at the same time, and nothing follows.
+/// Whether the frame on the air breaks off with the field, and nothing follows.
 fn breaks_off(events: &[AirEvent]) -> bool {
     // A whole frame of three receivers has 247 bytes.
     matches!(events, [AirEvent::FrameEnd { bits: 0..1_976 }, AirEvent::FieldOff])
@@ -270,7 +260,7 @@ fn horus_finds_its_front_end_again_after_that_was_without_supply() {
     let without = emitted(&mut node, 100 * MS);
     assert!(breaks_off(&without), "{without:?}");
     PowerFault::FrontEndOff.end(&mut node);
-    // The firmware tries periodically to set up a front end that it has lost.
+    // The firmware keeps trying to set up a front end that it has lost.
     assert!(frames(&emitted(&mut node, 500 * MS)) >= 10);
     assert_eq!(node.resets().len(), 0);
     assert!(counter(&node, "HORUS_TELEMETRY", std::mem::offset_of!(Telemetry, rf_faults)) > 0);
@@ -287,8 +277,6 @@ fn a_front_end_stays_off_without_supply_when_its_fault_ends() {
     PowerFault::Off(1).end(&mut node);
     assert!(node.board().front_end.chip().is_powered());
 }
-
-// ---- memory
 
 #[test]
 fn a_variable_is_overwritten_by_its_symbol_and_mended() {
@@ -317,7 +305,7 @@ fn a_symbol_that_the_image_lacks_is_refused_by_its_name() {
 #[test]
 fn only_a_sealed_patch_passes_the_firmwares_check_of_its_flash() {
     let Some(node) = boards::horus() else { return };
-    // The window watchdog's vector is part of the program, and is never fetched.
+    // The window watchdog's vector is part of the program but never fetched.
     let patch = |sealed| ImageFault::Patch { address: 0x0800_0040, bytes: vec![0xAA; 4], sealed };
     let mut sealed = node.clone();
     let repair = patch(true).apply(&mut sealed).unwrap();
@@ -327,7 +315,6 @@ fn only_a_sealed_patch_passes_the_firmwares_check_of_its_flash() {
     let _ = patch(false).apply(&mut open).unwrap();
     assert_eq!(frames(&emitted(&mut open, 300 * MS)), 0);
     assert!(!open.resets().is_empty());
-    // After the repair the flash has its original contents, byte for byte.
     repair.mend(&mut sealed).unwrap();
     let flash = |node: &Node<Horus>| {
         let mut flash = vec![0; 112 << 10];
@@ -346,7 +333,6 @@ fn targets_of<B: Powered>(mut node: Node<B>, flash: u32) {
     assert!(targets.ram.iter().any(|range| range.start == node.register(13)), "the stack in use: {targets:x?}");
     let [image] = &targets.flash[..] else { panic!("{targets:x?}") };
     assert!(image.start == flash && image.end > flash + 20_000, "{targets:x?}");
-    // Every drawn upset can be applied, and the same upset undoes it.
     let mut rng = Rng::new(1);
     for kind in [Kind::Ram, Kind::Flash, Kind::Registers] {
         for _ in 0..50 {

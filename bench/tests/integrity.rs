@@ -1,8 +1,6 @@
-//! Measures how long a bit that flips in memory stays undetected, on both boards with the release programs.
-//!
-//! A debugger flips one stored bit while the program runs. The test waits until the board reports the flip to the
-//! flight controller, at its antenna or in its log, and compares the time with the limits in the firmwares' modules
-//! `integrity`.
+//! Measures how long a flipped bit in memory stays undetected on both boards. The test waits until the board reports
+//! the flip to the flight controller, at its antenna or in its log, and compares the time with the limits in the
+//! firmwares' modules `integrity`.
 
 use crate::{boards, reader};
 
@@ -27,7 +25,7 @@ fn run<B: Board>(node: &mut Node<B>, ns: u64) {
     }
 }
 
-/// Runs in steps of `step` ns until `done` returns true, for at most `within`; returns the elapsed time, ns.
+/// Runs in steps of `step` ns until `done` returns true, for at most `within`. Returns the elapsed time, ns.
 fn until<B: Board>(node: &mut Node<B>, step: u64, within: u64, mut done: impl FnMut(&mut Node<B>) -> bool) -> u64 {
     let from = node.now();
     while node.now() < from + within {
@@ -48,7 +46,7 @@ fn dpr_counter(node: &Node<Dpr>, name: &str) -> u32 {
     boards::counter(node, "DPR_TELEMETRY", 4 * place)
 }
 
-/// Reads the status bits of Link-Status. One transaction may meet a busy DPR, but not two in a row.
+/// Reads the status bits of Link-Status. At most one of two transactions meets a busy DPR.
 fn link(node: &mut Node<Dpr>) -> profile::LinkStatusBits {
     let read = (0..2).find_map(|_| {
         let read = transact(node, LinkStatus::SIZE, 0);
@@ -57,15 +55,11 @@ fn link(node: &mut Node<Dpr>) -> profile::LinkStatusBits {
     read.expect("Link-Status is readable")
 }
 
-/// The log line that reports why the board stopped before this start.
 fn last_stop<B: Board>(node: &mut Node<B>) -> String {
     node.take_log().iter().map(ToString::to_string).find(|line| line.contains("the last stop: ")).unwrap_or_default()
 }
 
-// ---- DPR
-
-/// The address of the image that the flight controller reads now. It is found by the Link-Status that was just read,
-/// which no other image has.
+/// The address of the image that is readable now, which its unique Link-Status gives.
 fn shown(node: &mut Node<Dpr>) -> u32 {
     let read = transact(node, LinkStatus::SIZE, 0);
     let start = address(node, "__sbss");
@@ -75,7 +69,7 @@ fn shown(node: &mut Node<Dpr>) -> u32 {
     start + u32::try_from(found).unwrap()
 }
 
-/// Sends the frames of the cycles `from..to`, the first one now and then one every 10 ms.
+/// Sends the frames of the cycles `from..to`, the first now, then one every 10 ms.
 fn cycles(node: &mut Node<Dpr>, from: u32, to: u32) {
     let begin = node.now();
     for cycle in from..to {
@@ -128,8 +122,7 @@ fn a_bit_that_flips_in_the_dprs_flash_withholds_all_objects() {
     let Some(mut node) = boards::dpr() else { return };
     field_on(&mut node);
     run(&mut node, 40 * MS);
-    // The first bit is in the vector table, to which the memory protection unit forbids access, in a vector that no
-    // interrupt uses.
+    // This bit is in an unused vector of the vector table, to which the memory protection unit forbids access.
     let table = Upset::Flash { address: 0xFC, bit: 2 };
     let last = Upset::Flash { address: address(&node, "__program_crc") - 4, bit: 30 };
     let within = u64::from(dpr::FLASH_DETECT_US) * US;
@@ -156,8 +149,7 @@ fn a_flipped_bit_of_code_or_a_guard_word_stops_the_dpr() {
         let Some(mut node) = boards::dpr() else { return };
         run(&mut node, 40 * MS);
         let (cause, within, at) = match symbol {
-            // The word before `__ehot` is the last one of a CRC's table. Damage to that word does not keep the firmware
-            // from running.
+            // The word before `__ehot` belongs to a CRC's table. The firmware runs even if it is damaged.
             "__ehot" => (Cause::CodeInRam, dpr::CODE_DETECT_US, address(&node, symbol) - 4),
             _ => (Cause::GuardWord, 2 * firmware_common::patrol::SLICE_US + 12_500, address(&node, symbol)),
         };
@@ -176,7 +168,6 @@ fn a_flipped_bit_of_code_or_a_guard_word_stops_the_dpr() {
     }
 }
 
-/// Makes a bit of unused stack stick at the opposite of its present value.
 fn stick<B: Board>(node: &mut Node<B>) {
     let address = address(node, "_stack_end") + 0x101;
     let mut byte = [0];
@@ -195,8 +186,7 @@ fn a_stuck_bit_of_the_dprs_ram_is_shown_in_time() {
     let took = until(&mut node, 50 * MS, within, |node| link(node).ram_fault());
     eprintln!("the DPR's RAM: shown after {} ms", took / MS);
     assert!(dpr_counter(&node, "ram_errors") >= 1);
-    // With the stuck bit the fault is reported from the first image after the next start on. Without it no fault is
-    // reported.
+    // A stuck bit must be reported from the first image after the next start on.
     for sticks in [true, false] {
         if !sticks {
             node.input(|part, _, _| part.stick(None));
@@ -208,7 +198,7 @@ fn a_stuck_bit_of_the_dprs_ram_is_shown_in_time() {
     }
 }
 
-/// Runs the board until its memory test at the start has ended; returns the time since power-on, µs.
+/// Runs the board to the end of its start's memory test. Returns the time since power-on, µs.
 fn tested_us<B: Board, C: Cost>(node: &mut Node<B, C>) -> u64 {
     let result = node.address_of("MEMORY_TEST").unwrap();
     while node.word(result) != Some(start_test::TESTED) {
@@ -232,9 +222,6 @@ fn the_memory_test_at_the_start_takes_at_most_its_stated_time() {
     assert!(took <= u64::from(start_test::longest_us(32 * KIB, start_test::HORUS_CYCLES, 16)));
 }
 
-// ---- HORUS
-
-/// Runs HORUS for `ns` and returns the events at its antenna, each with its instant.
 fn run_horus(node: &mut Node<Horus>, ns: u64) -> Vec<(u64, AirEvent)> {
     let end = node.now() + ns;
     let mut air = vec![];
@@ -245,7 +232,6 @@ fn run_horus(node: &mut Node<Horus>, ns: u64) -> Vec<(u64, AirEvent)> {
     air
 }
 
-/// The status of the last Reported-Position in the events `air` of HORUS's antenna.
 fn said(air: &[(u64, AirEvent)]) -> ReportedStatus {
     let mut frames: Vec<Vec<u8>> = vec![];
     for (_, event) in air {
@@ -259,7 +245,6 @@ fn said(air: &[(u64, AirEvent)]) -> ReportedStatus {
     frames.iter().rev().find_map(status).expect("HORUS has sent a frame")
 }
 
-/// The time until the field goes off, ns; `None` if it stays on for `within`.
 fn field_off(node: &mut Node<Horus>, within: u64) -> Option<u64> {
     let from = node.now();
     while node.now() < from + within {
@@ -279,7 +264,7 @@ fn a_stuck_bit_of_horuss_ram_switches_the_field_off_for_good() {
     stick(&mut node);
     let took = field_off(&mut node, u64::from(horus::RAM_DETECT_US) * US).expect("the field goes off in time");
     eprintln!("HORUS's RAM: field off after {} ms", took / MS);
-    // At each start HORUS finds the stuck bit before it switches the field on, and reports the bit.
+    // At each start HORUS finds and reports the stuck bit before it switches the field on.
     node.take_log();
     let air = run_horus(&mut node, 1_000 * MS);
     assert!(!air.iter().any(|(_, event)| matches!(event, AirEvent::FieldOn)));

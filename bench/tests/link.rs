@@ -1,9 +1,7 @@
-//! Tests the whole link, with both release programs against each other: the figures must keep their bounds, and every
-//! disturbance must be detected.
+//! Tests the whole link with both release programs: figures must keep their bounds, and disturbances must be detected.
 //!
 //! `cargo xtask test` builds the programs and gives their folder in `LINK_IMAGES`. Without that variable no test is
-//! run, and each test fails if `CI` is set. One run takes a few hundred virtual milliseconds, and its results depend
-//! only on its setup.
+//! run, and each test fails if `CI` is set.
 
 use crate::{boards, waves};
 
@@ -19,11 +17,9 @@ use profile::sequence::SEARCH_CYCLES;
 
 const MS: u64 = 1_000_000;
 
-/// The number of cycles with which the DPR finds the sequence at the start. They arrive, are rejected, and are not
-/// shown.
+/// The number of cycles at the start with which the DPR finds the sequence. It rejects their objects.
 const SEARCHED: u64 = SEARCH_CYCLES as u64;
 
-/// The setup of a short run with this many receivers, or `None` if the firmwares were not built.
 fn setup(gps: usize, milliseconds: u64) -> Option<Setup> {
     let images = Images { horus: image(gps, "horus-tx-fw.elf")?, dpr: image(gps, "dpr-fw.elf")? };
     Some(Setup::new(images, gps, milliseconds * MS))
@@ -41,13 +37,11 @@ fn with_any_number_of_receivers_every_object_arrives_in_time() {
         assert_eq!(report.violations, [""; 0], "{gps} receivers");
         let frames_per_cycle = if gps == 5 { 2 } else { 1 };
         let cycles = report.air.frames_delivered / frames_per_cycle;
-        // On this clock HORUS tests its RAM for 12 ms. Then it compares its flash with the CRC and sets up the board,
-        // for 8 to 9 ms: the longer the program, the longer. The first tick comes 10 ms after that, and the 79th at 810
-        // to 811 ms. With five receivers the last frame of the 79th cycle ends before 821 ms, and the first frame of
-        // the 80th cycle does not.
+        // The first tick comes 10 ms after the RAM's test (12 ms) and the board's start (8 to 9 ms), and the 79th at
+        // 810 to 811 ms.
         assert_eq!(cycles, 79, "{gps} receivers");
         assert_eq!(report.horus.frames_sent, report.air.frames_delivered);
-        // All objects of the cycles with which the DPR finds the sequence are rejected, and no others.
+        // Only the objects of the cycles with which the DPR finds the sequence are rejected.
         let objects = gps as u64 + 1;
         assert_eq!(report.dpr.objects_rejected, SEARCHED * objects);
         assert_eq!(report.dpr.objects_accepted, (cycles - SEARCHED) * objects);
@@ -110,8 +104,7 @@ fn every_wire_of_the_trace_moves_and_no_instant_comes_before_another() {
     let last = instants.last().unwrap();
     assert!((59 * MS..=60 * MS).contains(last), "{last}");
 
-    // The interrupt pin falls 31 ns after the first rising clock edge of the byte that clears the interrupt, as
-    // recorded on silicon, and not at that byte's end. The bench's clocks are exact to 1 ns.
+    // On silicon too, the interrupt pin falls 31 ns after the first clock edge of the byte that clears the interrupt.
     for board in ["horus", "dpr"] {
         let edges = |wire: &str, level: &str| -> Vec<u64> {
             let changes = waves[&format!("{board}.{board}_{wire}")].iter();
@@ -123,8 +116,7 @@ fn every_wire_of_the_trace_moves_and_no_instant_comes_before_another() {
         assert!(falls.len() >= 5, "{board}: {falls:?}");
         assert!(falls.iter().all(|after| (29..=33).contains(after)), "{board}: {falls:?}");
     }
-    // This flight controller requests no window, so MOSI stays low. No exception occurs but those of tasks, and every
-    // task runs at least for its check-in. These three signals therefore never change.
+    // This flight controller keeps MOSI low, and only tasks cause exceptions, so these three signals never change.
     let still = ["dpr.tasks.dpr_other", "horus.tasks.horus_other", "ssi.ssi_mosi"];
     let unmoved: Vec<&str> = waves.iter().filter(|(_, changes)| changes.len() < 2).map(|(name, _)| &**name).collect();
     assert_eq!(unmoved, still);
@@ -142,9 +134,7 @@ fn crystals_at_their_worst_against_each_other_change_nothing() {
     }
 }
 
-/// The flight controller's crystal is wrong by so much that its 4 ms cycle passes through every phase of HORUS's 10 ms
-/// cycle within 2 s, and its transactions coincide with every activity of the DPR. With exact crystals they would occur
-/// at only five phases.
+/// The crystal's error makes the 4 ms cycle of transactions pass through every phase of HORUS's cycle within 2 s.
 #[test]
 fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
     let Some(mut setup) = setup(3, 2_200) else { return };
@@ -155,8 +145,7 @@ fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
         assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4);
         assert_eq!(report.dpr.objects_rejected, SEARCHED * 4);
         assert_eq!(report.ssi.fresh, report.base.profiles);
-        // In the first four control cycles of 4 ms the DPR tests its memory and is busy. One further transaction begins
-        // within the 4 us for which the DPR holds the buffers to put in an image.
+        // The DPR is busy in its memory test, and once more while it puts in an image.
         assert!(report.ssi.busy <= 5, "{:?}", report.ssi);
         assert!(report.ssi.ready_ns.unwrap().max <= 10_000, "{:?}", report.ssi);
         assert!(report.latency_ns.last_bit_to_readable.unwrap().max <= 100_000, "{:?}", report.latency_ns);
@@ -182,16 +171,14 @@ fn bit_errors_cost_the_objects_they_hit_and_nothing_invalid_is_shown() {
 
 #[test]
 fn lost_frames_are_missed_counted_and_their_successors_arrive() {
-    // The run ends between two frames, because the DPR would not have counted a frame as missed that was lost just
-    // before the end.
+    // The run ends between two frames, because a frame that is lost just before the end is not counted as missed.
     let Some(mut setup) = setup(3, 595) else { return };
     setup.faults = Faults::of_air(AirFaults { lost: 0.2, ..AirFaults::default() });
     let report = outcome(&setup).report;
     assert_eq!(report.violations, [""; 0]);
     assert!(report.air.frames_lost >= 3, "{:?}", report.air);
     assert_eq!(report.dpr.frames_missed, report.air.frames_lost, "{report:?}");
-    // With this seed no frame is lost among the first four, so the DPR finds the sequence with as many cycles as
-    // without losses.
+    // With this seed none of the first four frames is lost.
     assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4);
     assert_eq!(report.dpr.objects_rejected, SEARCHED * 4);
     assert_eq!(report.ssi.bad_crc, 0);
@@ -204,8 +191,7 @@ fn frames_that_break_off_leave_the_link_working() {
     let report = outcome(&setup).report;
     assert_eq!(report.violations, [""; 0]);
     assert!(report.air.frames_damaged >= 3, "{:?}", report.air);
-    // A frame that broke off has a wrong length and is rejected at once. The DPR finds the sequence with the first
-    // three whole cycles; with this seed no frame among them breaks off.
+    // A frame that broke off has a wrong length and is rejected at once.
     assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4, "{report:?}");
     assert_eq!(report.dpr.objects_rejected, SEARCHED * 4, "{report:?}");
     assert_eq!((report.ssi.bad_crc, report.base.bad_crc), (0, 0));
@@ -220,7 +206,6 @@ fn an_image_for_another_profile_is_noticed() {
     assert!(verdict.kinds().any(|violation| violation == Violation::FreshUnreadable), "{:?}", report.violations);
 }
 
-/// The recording called `name`, or `None` (reported, see [`not_run`]) where it is not available.
 fn recording(name: &str) -> Option<PathBuf> {
     let log = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/ubx").join(name);
     if log.exists() {
@@ -230,8 +215,7 @@ fn recording(name: &str) -> Option<PathBuf> {
     None
 }
 
-/// Plays `log` at every receiver and compares the positions that the base station shows with the log's contents, bit by
-/// bit.
+/// Plays `log` at every receiver. The base station must show the positions in the log, bit by bit.
 fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     let held = Log::open(&log).unwrap();
     setup.recordings = vec![Some(log); 3];
@@ -239,7 +223,7 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     assert_eq!(outcome.report.violations, [""; 0]);
     let mut shown: Vec<[u64; 3]> = vec![];
     for entry in outcome.base.history() {
-        // Reported-Position is extrapolated to its tick, so only the GPS objects have the receivers' own values.
+        // Reported-Position is extrapolated to its tick, so only the GPS objects have the receivers' values.
         for position in entry.gps.iter().flatten().filter(|position| position.valid) {
             let bits = [position.latitude, position.longitude, position.altitude].map(f64::to_bits);
             if !shown.contains(&bits) {
@@ -249,7 +233,7 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     }
     assert!(shown.len() >= at_least, "{} positions shown", shown.len());
     let mut held = held.positions().iter().map(|position| {
-        // The correct value is the float64 that is nearest to the decimal in the message.
+        // The correct value is the float64 nearest to the decimal number in the message.
         [
             f64::from(position.latitude_1e7) / 1e7,
             f64::from(position.longitude_1e7) / 1e7,
@@ -257,7 +241,6 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
         ]
         .map(f64::to_bits)
     });
-    // The shown values are in the log's order, and all of them are from the log.
     for bits in &shown {
         assert!(
             held.any(|position| position == *bits),
@@ -267,7 +250,6 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     }
 }
 
-/// A recording of `epochs` NAV-PVT messages at 1 Hz, each with a 3D fix.
 fn one_hertz(epochs: u32) -> Vec<u8> {
     let fix = |epoch| ubx::NavPvt {
         itow_ms: 100_000 + epoch * 1_000,
@@ -283,9 +265,8 @@ fn one_hertz(epochs: u32) -> Vec<u8> {
     (0..epochs).flat_map(|epoch| fix(epoch).encode()).collect()
 }
 
-/// A position is valid for one period of its receiver and 150 ms, which is 1.15 s at 1 Hz. HORUS takes a message's
-/// bytes in its next cycle (10 ms). The flight controller reads the invalid state after another cycle of HORUS (10 ms),
-/// the air time and its own control cycle (4 ms).
+/// A position is valid for one period of its receiver and 150 ms (1.15 s at 1 Hz). HORUS takes a message in its next
+/// cycle, and the flight controller reads the state after another cycle, the air time and its control cycle.
 #[test]
 fn reported_position_turns_invalid_in_time_if_all_receivers_fall_silent() {
     for gps in [1, 3] {
@@ -363,8 +344,7 @@ fn either_part_carries_the_link_with_and_without_i_txe() {
     }
 }
 
-/// This test is a sample of `cargo xtask sim --flips`: one bit of each of several registers. Some of them make a front
-/// end deaf or mute, and some have no effect.
+/// A sample of `cargo xtask sim --flips`: one bit of each of several registers, with and without an effect.
 #[test]
 fn a_bit_that_flips_in_a_front_end_costs_under_1500_ms() {
     let Some(setup) = setup(3, 100) else { return };
@@ -384,7 +364,6 @@ fn a_bit_that_flips_in_a_front_end_costs_under_1500_ms() {
     ];
     let takes = |_, bit: bench::faults::RegisterBit| BITS.contains(&(bit.in_space_b, bit.address, bit.bit));
     let flips = flips(&setup, takes, |_| ()).unwrap_or_else(|error| panic!("{error}"));
-    // The ST25R3916 has no register 2E in space B.
     assert_eq!(flips.0.len(), 4 * BITS.len() - 2);
     for flip in &flips.0 {
         assert!(flip.holds() && !flip.unsaid(), "{flip}");

@@ -1,4 +1,4 @@
-//! The tests of the link in one binary: each file is a module of it, so that the emulator is compiled once for all.
+//! The tests of the link in one binary, so that the emulator is compiled only once.
 
 mod babble;
 mod boards;

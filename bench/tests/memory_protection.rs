@@ -1,9 +1,8 @@
-//! Tests which accesses the memory protection units of both boards refuse, and how the log names the stop after the
-//! restart.
+//! Tests which accesses the memory protection units refuse, and how the log names the stop.
 //!
-//! A task of each release program is overwritten with a few instructions that no task may execute. The board must enter
-//! its safe state at once, its watchdog must restart it, and the next start must report the cause of the stop, in the
-//! log and as the code of `firmware_common::last_stop` in the telemetry.
+//! A task of each release program is overwritten with a few forbidden instructions. The board must enter its safe state
+//! at once, its watchdog must restart it, and the next start must report the cause, in the log and as the code of
+//! `firmware_common::last_stop` in the telemetry.
 
 use crate::{boards, reader};
 
@@ -16,35 +15,32 @@ use profile::LinkStatus;
 use reader::{MS, transact};
 use st25r3916_model::AirEvent;
 
-/// The longest time from a task's last check-in to the watchdog's reset, ns; `faults.rs` explains the number.
+/// The longest time from a task's last check-in to the watchdog's reset, ns; see `faults.rs`.
 const BITE: u64 = 200 * MS;
 
-/// The longest period of both overwritten tasks, ns. HORUS's task runs in every cycle of 10 ms; the DPR's task runs in
-/// every cycle too, or at the latest at the deadline of 12.5 ms.
+/// The longest period of both overwritten tasks, ns: a cycle of HORUS, or the DPR's deadline of 12.5 ms.
 const PERIOD: u64 = 15 * MS;
 
-/// The instruction `MOVW` or `MOVT` of `value` to register `to`, encodings T3 and T1 (ARMv7-M ARM A7.7.76, A7.7.79).
+/// `MOVW` or `MOVT` of `value` to register `to`, encodings T3 and T1 (ARMv7-M ARM A7.7.76, A7.7.79).
 fn mov(opcode: u16, to: u16, value: u16) -> [u16; 2] {
     [opcode | value >> 11 << 10 & 0x400 | value >> 12, (value >> 8 & 7) << 12 | to << 8 | value & 0xFF]
 }
 
-/// Instructions that set R0 to `value`.
 fn load_r0(value: u32) -> Vec<u16> {
     [mov(0xF240, 0, value as u16), mov(0xF2C0, 0, (value >> 16) as u16)].concat()
 }
 
-/// A forbidden action of a task.
 #[derive(Clone, Copy, Debug)]
 enum Misdeed {
     Read(u32),
     Write(u32),
     Execute(u32),
-    /// The task pushes registers until the stack is full, and continues beyond its end.
+    /// The task pushes registers until the stack is full, and beyond.
     Recurse,
 }
 
 impl Misdeed {
-    /// The instructions of the action. A branch to itself follows, so that a task whose access succeeds hangs.
+    /// The instructions of the action. A branch to itself follows, so that a task that is not stopped hangs.
     fn code(self) -> Vec<u8> {
         const LDR_R1_R0: u16 = 0x6801;
         const STR_R1_R0: u16 = 0x6001;
@@ -62,7 +58,6 @@ impl Misdeed {
     }
 }
 
-/// A row of a table: the forbidden action, the log's text about it, and the address in that text.
 type Row = (Misdeed, &'static str, &'static str);
 
 const DATA: &str = "memory protection, data access at ";
@@ -92,7 +87,6 @@ fn run<B: Board>(node: &mut Node<B>, ns: u64) {
     }
 }
 
-/// Runs HORUS and discards the events at its antenna.
 fn run_horus(node: &mut Node<Horus>, ns: u64) {
     let end = node.now() + ns;
     while node.now() < end {
@@ -101,7 +95,6 @@ fn run_horus(node: &mut Node<Horus>, ns: u64) {
     }
 }
 
-/// The log line in which the start after a stop reports the stop.
 fn last_stop<B: Board>(node: &mut Node<B>) -> String {
     let lines: Vec<String> = node.take_log().iter().map(ToString::to_string).collect();
     let found = lines.iter().find(|line| line.contains("the last stop: "));
@@ -118,7 +111,6 @@ fn check<B: Board>(node: &mut Node<B>, row: Row, task: &str, code: u32) {
     assert!(line.contains(&format!("code {code:#010x}")), "{misdeed:x?}: {line:?}");
 }
 
-/// The DPR's counter of this name.
 fn dpr_counter(node: &Node<Dpr>, name: &str) -> u32 {
     let place = dpr_fw::telemetry::Telemetry::NAMES.iter().position(|it| *it == name).unwrap();
     boards::counter(node, "DPR_TELEMETRY", 4 * place)
@@ -150,7 +142,7 @@ fn the_dpr_stops_at_each_forbidden_access_and_reports_it_later() {
         restarted(&mut dpr, |_| {});
         dpr.take_log();
         run(&mut dpr, 50 * MS);
-        // A single transaction may meet a busy DPR, but not two in a row.
+        // At most one of two transactions meets a busy DPR.
         let link = (0..2).find_map(|_| LinkStatus::verify(&transact(&mut dpr, LinkStatus::SIZE, 0)).ok().copied());
         let link = link.expect("Link-Status");
         assert!(link.status().unasked_reset(), "{row:x?}");
@@ -160,7 +152,6 @@ fn the_dpr_stops_at_each_forbidden_access_and_reports_it_later() {
     }
 }
 
-/// The offset of the code of the last stop in HORUS's telemetry.
 const HORUS_LAST_STOP: usize = core::mem::offset_of!(horus_tx_fw::telemetry::Telemetry, last_stop);
 
 #[test]

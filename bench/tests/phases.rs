@@ -1,9 +1,9 @@
-//! Places the flight controller's transactions in every phase relative to the end of a frame, in steps of 100 ns.
-//! Coincidences that an ordinary control cycle reaches once in minutes therefore all occur.
+//! Places the flight controller's transactions in every phase relative to a frame's end, in steps of 100 ns, because an
+//! ordinary control cycle reaches some coincidences once in minutes.
 //!
-//! Around the publication of an image each phase is tested with two patterns: a whole image whose transaction ends at
-//! that phase, with 96 bytes right after it, and 96 bytes that begin at that phase after a long silence. The crystals
-//! of the boards are wrong by 200 ppm in opposite directions; the phases do not depend on the crystals.
+//! Each phase around a publication has two patterns: a whole image whose transaction ends at the phase, with 96 bytes
+//! right after it; and 96 bytes that begin at the phase after a long silence. The boards' crystals are wrong by 200 ppm
+//! in opposite directions, on which the phases do not depend.
 
 use crate::boards;
 
@@ -16,19 +16,15 @@ use profile::ssi::timing;
 
 const US: i64 = 1_000;
 
-/// The first phase, ns from a frame's last bit. The publication comes 60 to 100 us after that bit, and the work that
-/// follows it (the scrub of three buffers) ends 240 us after that bit.
+/// The first phase, ns from a frame's last bit. The publication comes 60 to 100 µs and the scrub 240 µs after that bit.
 const FIRST: i64 = -60 * US;
 const LAST: i64 = 240 * US;
 
-/// The last phase with one or five receivers, ns from a frame's last bit; the sweep covers only the publication.
-/// Transactions still end in every phase up to 230 us, because one more in each cycle ends 100 or 110 us later, and
-/// they begin in every phase up to 131 us. The scrub that follows is the same code for any number of receivers and
-/// differs only in its length.
+/// The last phase with one or five receivers, ns from a frame's last bit. It covers only the publication, because the
+/// scrub after it is the same code for any number of receivers.
 const LAST_OF_PUBLICATION: i64 = 120 * US;
 
-/// The time from the end of a transaction to the beginning of the next, ns: 1 us more than the time within which the
-/// DPR promises to be ready.
+/// The time between two transactions, ns: 1 µs more than the DPR needs to be ready.
 const GAP: i64 = timing::GAP_NS as i64 + US;
 
 fn falls(after_ns: i64, bytes: usize) -> Placement {
@@ -39,8 +35,7 @@ fn falls(after_ns: i64, bytes: usize) -> Placement {
 fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64)) {
     let (Some(horus), Some(dpr)) = (image(gps, "horus-tx-fw.elf"), image(gps, "dpr-fw.elf")) else { return };
     let cycles = sweep.cycles();
-    // The sweep begins with the second frame. On a slower clock that frame comes up to four cycles later, so the run is
-    // longer.
+    // The sweep begins with the second frame, which comes up to four cycles later on a slower clock.
     let setup = Setup {
         crystals: Crystals { horus_ppb, dpr_ppb, flight_controller_ppb: 0 },
         sweep: Some(sweep.clone()),
@@ -57,7 +52,6 @@ fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64
     println!("  last bit to FRESH  {:?}", worst(|phase| phase.fresh_ns().unwrap_or(0)));
     println!("  SSI ready          {:?}", worst(Phase::ready_ns));
     println!("  SSI held           {:?}", worst(Phase::hold_ns));
-    // The first violation of each kind is printed with the events around it.
     for broken in &outcome.verdict.violations {
         let phase = outcome.phases.iter().rev().find(|phase| phase.frame_ended <= broken.first_at + 1_000_000);
         if let Some(phase) = phase {
@@ -65,16 +59,15 @@ fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64
         }
     }
     assert_eq!(outcome.report.violations, [""; 0], "{gps} receivers");
-    // All objects of the cycles with which the DPR finds the sequence are rejected, and no others.
+    // Only the objects of the cycles with which the DPR finds the sequence are rejected.
     let searched = u64::from(SEARCH_CYCLES) * (gps as u64 + 1);
     assert_eq!((outcome.report.ssi.bad_crc, outcome.report.dpr.objects_rejected), (0, searched), "{gps} receivers");
 }
 
-/// Sweeps transactions around the publication that frame number `frame` of the cycle, from 0, leads to, in every phase
-/// from [`FIRST`] to `last`.
+/// Sweeps transactions around the publication of frame `frame` of the cycle (from 0), up to the phase `last`.
 fn around_a_publication(gps: usize, frame: usize, last: i64, clock: Clock, crystals: (i64, i64)) {
     let whole = Placement { edge: Edge::Rises, after_ns: 0, bytes: None };
-    // A further transaction comes 0.7 ms after the phase's instant, so it certainly reads the published image.
+    // This transaction comes 0.7 ms later, so it reads the published image.
     let witness = falls(700 * US, 96);
     let patterns = vec![vec![whole, falls(GAP, 96), witness], vec![falls(0, 96), witness]];
     holds(gps, Sweep { frame, from_ns: FIRST, to_ns: last, step_ns: 100, patterns }, clock, crystals);
@@ -90,8 +83,7 @@ fn a_publication_with_three_receivers_may_meet_a_transaction_in_any_phase() {
     around_a_publication(3, 0, LAST, Clock::Fast, (200_000, -200_000));
 }
 
-/// On the pessimistic clock everything takes the longest that silicon may take, so the work that the scrub triggers
-/// also comes later.
+/// All work takes the longest that silicon may take.
 #[test]
 fn publications_on_the_pessimistic_clock_may_meet_transactions_in_any_phase() {
     around_a_publication(3, 0, LAST + 60 * US, Clock::Pessimistic, (-200_000, 200_000));
@@ -102,19 +94,17 @@ fn a_publication_with_five_receivers_may_meet_a_transaction_in_any_phase() {
     around_a_publication(5, 1, LAST_OF_PUBLICATION, Clock::Fast, (200_000, -200_000));
 }
 
-/// The DPR's idle task wakes at every event and does the work that is due once a second. In the silence between two
-/// frames it is woken by the end of the pause after a transaction, 96 to 106 us after the transaction's end. Another
-/// transaction that ends 109 to 127 us after the first, which is as early as possible, coincides with that work. The
-/// DPR's whole seconds move by 400 us a second relative to HORUS's cycle. In 25 s, therefore, the work of half of the
-/// seconds falls into that silence, each time at another distance from a frame.
+/// The DPR's idle task does certain work once a second, when an event wakes it. Between two frames it wakes when the
+/// pause after a transaction ends, 96 to 106 µs after that transaction. A second transaction that ends 109 to 127 µs
+/// after the first coincides with the work. The DPR's seconds move by 400 µs relative to HORUS's cycle each second, so
+/// 25 s have many distances from a frame.
 #[test]
 fn what_the_dpr_does_once_a_second_holds_no_transaction_up() {
     let pairs = |gap: i64| {
         let pair = |at: i64| [falls(at, 8), falls(at + i64::from(timing::SPACING_NS) + gap, 8)];
         (0..7).flat_map(|place| pair(place * 650 * US)).collect()
     };
-    // The number of patterns is a prime, so a different pattern is used in each second, which is 100 cycles after the
-    // one before.
+    // The number of patterns is prime, so successive seconds, 100 cycles apart, use different patterns.
     let patterns = (0..19).map(|pattern| pairs(pattern * US)).collect();
     let sweep = Sweep { frame: 0, from_ns: 300 * US, to_ns: 313_100, step_ns: 100, patterns };
     holds(3, sweep, Clock::Fast, (200_000, -200_000));

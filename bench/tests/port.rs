@@ -1,5 +1,5 @@
-//! Tests what a flight controller writes to the DPR's release program: uplinks and commands are read back, and
-//! forbidden writes are counted by kind.
+//! Tests what a flight controller writes to the DPR: uplinks and commands can be read back, and forbidden writes are
+//! counted by kind.
 
 use crate::{boards, reader};
 
@@ -24,8 +24,7 @@ fn pass(node: &mut Node<Dpr>, ns: u64) {
     }
 }
 
-/// Makes a transaction that writes `parts` and reads as many bytes, and lets 10 ms pass, in which an image is
-/// published.
+/// Writes `parts` in one transaction, and lets 10 ms pass, in which an image is published.
 fn write(node: &mut Node<Dpr>, parts: &[&[u8]]) {
     let mosi = parts.concat();
     let bytes = mosi.len();

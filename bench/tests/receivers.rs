@@ -1,6 +1,5 @@
-//! Tests receivers on a UART, on I2C and on SPI with the release programs: the values that they send are shown to the
-//! last bit. A fault of one interface costs neither a cycle nor another receiver, and its effect is over soon after the
-//! fault's end.
+//! Tests receivers on a UART, on I2C and on SPI: their values are shown to the last bit. A fault of one interface costs
+//! neither a cycle nor another receiver, and its effect ends soon after it.
 
 use crate::boards;
 
@@ -19,19 +18,16 @@ use gnss_sim::{Log, ubx};
 
 const MS: u64 = 1_000_000;
 
-/// The setup of a run with three receivers, or `None` if the firmwares were not built.
 fn setup(milliseconds: u64) -> Option<Setup> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
     Some(Setup::new(images, 3, milliseconds * MS))
 }
 
-/// Runs the setup and checks that nothing is violated and no cycle is lost.
 fn sound(setup: &Setup) -> Outcome {
     let outcome = run(setup, &mut ()).unwrap_or_else(|error| panic!("{error}"));
     let what = || setup.faults.episodes().iter().map(|episode| episode.fault.name()).collect::<Vec<_>>();
     assert_eq!(outcome.report.violations, [""; 0], "{:?}", what());
-    // HORUS starts within two cycles, or within four on the pessimistic clock, on which its test of the RAM takes 20
-    // ms.
+    // HORUS starts within two cycles. On the pessimistic clock its test of the RAM takes 20 ms, so it needs four.
     let started = if setup.clock == Clock::Pessimistic { 5 } else { 3 };
     let cycles = setup.duration_ns / (10 * MS);
     assert!(outcome.report.horus.frames_sent >= cycles - started, "{:?}: {:?}", what(), outcome.report.horus);
@@ -45,7 +41,7 @@ fn validity(outcome: &Outcome, receiver: usize) -> Vec<(u64, bool)> {
     outcome.base.history().map(|entry| (entry.at_ns, of(entry.gps))).collect()
 }
 
-/// A log of ten epochs, with NMEA messages, noise, and a damaged message in it.
+/// A log of ten epochs with NMEA messages, noise, and a damaged message.
 fn log() -> Vec<u8> {
     (0..10_i32)
         .flat_map(|epoch| {
@@ -53,7 +49,7 @@ fn log() -> Vec<u8> {
                 itow_ms: 100_000 + epoch as u32 * 100,
                 fix_type: 3,
                 flags: ubx::NavPvt::FLAG_FIX_OK,
-                // The latitude contains a 0xFF, which within a message is no filler.
+                // The latitude contains 0xFF, which is no filler within a message.
                 latitude_1e7: 0x1C4F_FFFF + epoch * 7,
                 longitude_1e7: 87_290_587 - epoch * 11,
                 height_mm: 470_001 + epoch,
@@ -96,9 +92,8 @@ fn a_recorded_log_gives_bit_exact_gps_objects_on_each_interface() {
             .map(|position| [position.latitude, position.longitude, position.altitude].map(f64::to_bits))
             .collect();
         shown.dedup();
-        // On SPI the first message may have waited behind a stuck line, which HORUS cannot exclude, so HORUS drops it.
-        // It also drops the second if the first burst is longer than one transfer, because then no filler after the
-        // first message shows that the receiver is empty.
+        // On SPI the first message may have waited behind a stuck line, so HORUS drops it, and the second too if no
+        // filler after the first shows that the receiver is empty.
         let first = if receiver == 2 { 1..=2 } else { 0..=0 };
         assert!(first.into_iter().any(|first| shown == held[first..]), "GPS{}: {shown:?} of {held:?}", receiver + 1);
     }
@@ -182,11 +177,9 @@ fn an_attitude_that_two_receivers_contradict_each_other_in_is_not_shown() {
     assert!(oriented(770, 900) < 1e-9);
 }
 
-/// The interval in which a receiver's bus fails, ns.
 const FAILS: std::ops::Range<u64> = 500 * MS..900 * MS;
-/// The longest time from the end of any fault of a bus to a valid position of its receiver, ns. HORUS tries a stuck bus
-/// again after at most 110 ms (decision 16). The receiver's next solution comes within 200 ms, and its stored messages
-/// are read before that solution. A cycle, the air and the way to the base station take 50 ms.
+/// The longest time from the end of a bus's fault to a valid position, ns. HORUS tries the bus again after at most 110
+/// ms (decision 16), the next solution comes within 200 ms, and the way to the base station takes 50 ms.
 const BACK: u64 = 360 * MS;
 
 fn of_bus(clock: Clock) {
@@ -251,32 +244,25 @@ fn endless_bus_errors_take_at_most_two_percent_of_the_processor() {
     assert_eq!(disturbed.resets().len(), 0);
 }
 
-/// The consequences of the failures of one kind of bus fault.
 #[derive(Clone, Copy, Debug, Default)]
 struct Table {
     failures: u64,
-    /// The number of these failures in which the receiver's position was not valid for a while.
     silenced: u64,
-    /// The longest time for which a receiver's position was not valid, and the longest time from a failure's end to a
-    /// valid position, ns.
+    /// The longest time without a valid position, and the longest from a fault's end to a valid position, ns.
     longest: u64,
     latest: u64,
-    /// The number of profiles in which the two receivers that did not fail may have disagreed.
     apart: u64,
 }
 
-/// Whether two correct receivers may disagree although they report a high accuracy: the distance between their
-/// positions exceeds the least limits of decision 15, less their possible motion during a message.
+/// Whether the distance of two correct receivers exceeds the least limits of decision 15, less their motion.
 fn may_disagree(one: Position, other: Position) -> bool {
     let north = (one.latitude - other.latitude).to_radians() * 6_371_000.0;
     let east = (one.longitude - other.longitude).to_radians() * 6_371_000.0 * one.latitude.to_radians().cos();
     north.hypot(east) > 5.0 - 1.0 || (one.altitude - other.altitude).abs() > 8.0 - 0.5
 }
 
-/// Injects `failures` faults of buses, one a second, each of a drawn kind at a drawn instant for a drawn time. Checks
-/// that nothing is violated, no cycle is lost, every other receiver stays valid, and Reported-Position stays valid
-/// where the other receivers agree. Returns the greatest error of Reported-Position, m; `None` if the firmwares were
-/// not built.
+/// Injects `failures` faults of buses, one a second. Nothing may be violated, no cycle lost, every other receiver must
+/// stay valid, and Reported-Position too if those agree. Returns its greatest error, m.
 fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; BusFault::ALL.len()]) -> Option<f64> {
     const SECOND: u64 = 1_000 * MS;
     const SETTLED: u64 = SECOND;
@@ -308,7 +294,7 @@ fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; Bu
             for other in &others {
                 assert!(of(entry, *other), "{}: GPS{} at {}", what(), other + 1, entry.at_ns);
             }
-            // Where the two other receivers disagree, HORUS cannot determine which of them is correct.
+            // If the other two receivers disagree, HORUS cannot determine which of them is correct.
             let apart = may_disagree(entry.gps[others[0]].unwrap(), entry.gps[others[1]].unwrap());
             row.apart += u64::from(apart);
             assert!(apart || entry.reported.is_some_and(|reported| reported.valid), "{}: at {}", what(), entry.at_ns);
@@ -339,8 +325,7 @@ fn tell(table: &[Table; BusFault::ALL.len()]) {
     }
 }
 
-/// The greatest error of Reported-Position against the aircraft's true position, m: the receivers' own errors, and the
-/// possible difference between two of them while a third is silent (`horus-tx-fw/tests/voted.rs`).
+/// The greatest error of Reported-Position, m (`horus-tx-fw/tests/voted.rs`).
 const RIGHT_M: f64 = 9.0;
 
 #[test]
@@ -355,7 +340,6 @@ fn whatever_bus_fails_at_whatever_instant_the_position_stays_valid_and_right() {
     assert_eq!(table.iter().map(|row| row.apart).sum::<u64>(), 0, "the others agree all the time in these");
 }
 
-/// This test injects a thousand faults of buses, where the test for every run injects 36.
 #[test]
 #[ignore = "takes two minutes: cargo xtask build && \
             LINK_IMAGES=$PWD/target/firmware cargo test -p bench --test all receivers:: -- --ignored --nocapture"]
@@ -372,20 +356,15 @@ fn a_thousand_failures_of_buses() {
     assert!(worst <= RIGHT_M, "{worst} m");
 }
 
-/// The longest time from a receiver's loss of its settings on a UART to its recovery, ns. The receiver starts (0.3 s);
-/// HORUS then receives nothing readable, tries the usual rate, waits half a second, sets the rate from 38 400 baud,
-/// waits 100 ms and more for the receiver, and configures it (decision 16).
+/// The longest time from a receiver's loss of its settings on a UART to its recovery, ns. HORUS tries the usual rate,
+/// then sets the rate from 38 400 baud and configures the receiver (decision 16).
 const CONFIGURED: u64 = 2_500 * MS;
 
-/// The longest time from the end of a stuck MISO to a valid position of its receiver, ns, if the reads of the stuck
-/// line have already removed all stored messages. The first message, within 200 ms, proves that the receiver is empty
-/// and is dropped (decision 16). The next solution comes 200 ms later, and a cycle, the air and the way to the base
-/// station take 50 ms.
+/// The longest time from the end of a stuck MISO to a valid position, ns, if no stored message is left. The first
+/// message (within 200 ms) only proves that the receiver is empty (decision 16), and the next comes 200 ms later.
 const PROVED: u64 = 450 * MS;
 
-/// A MISO that is stuck high when HORUS starts reads like that of a receiver without messages. The bytes that come when
-/// the fault ends have waited in the receiver since HORUS was switched off, for more than a second. They are 1.4 kB,
-/// some of which the reads during the fault have removed.
+/// The bytes that come when MISO is no longer stuck have waited in the receiver for more than a second.
 #[test]
 fn bytes_that_waited_behind_a_stuck_line_are_not_taken_for_new() {
     for reads in 0..6 {

@@ -1,6 +1,6 @@
-//! Tests every cause of a disturbance separately. While the cause lasts, nothing wrong is shown and Link-Status is
-//! correct. After its end the link works again within 5 cycles, or within 15 if a front end has to be set up anew. The
-//! judge checks both.
+//! Tests every cause of a disturbance separately. While it lasts, nothing wrong is shown and Link-Status is correct.
+//! Afterwards the link works again within 5 cycles, or within 15 if a front end has to be set up again. The judge
+//! checks both.
 
 use crate::boards;
 
@@ -12,22 +12,18 @@ use emulator_node::Clock;
 const MS: u64 = 1_000_000;
 /// The instant at which both boards have started and the link has been up for 200 ms, ns.
 const BEGINS: u64 = 303 * MS;
-/// The time from the end of a cause to the end of the run, ns: longer than the judge's limit for a recovery.
+/// The time from the end of a cause to the end of the run, ns: more than the limit for a recovery.
 const AFTER: u64 = 450 * MS;
 
 const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
 const RESTARTS: [PowerFault; 3] = [PowerFault::Pin, PowerFault::BrownOut, PowerFault::Watchdog];
 
-/// The outcome of a run with these faults, the last of which ends `length` after [`BEGINS`]; `None` if the firmwares
-/// were not built.
 fn outcome(faults: Faults, length: u64) -> Option<Outcome> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
     let setup = Setup { faults, ..Setup::new(images, 3, BEGINS + length + AFTER) };
     Some(run(&setup, &mut ()).unwrap_or_else(|error| panic!("{error}")))
 }
 
-/// Checks that nothing is violated and the link recovers within `cycles` cycles; `false` if the firmwares were not
-/// built.
 fn recovers(faults: Faults, length: u64, cycles: u64) -> bool {
     let words = format!("{faults:?}");
     let Some(outcome) = outcome(faults, length) else { return false };
@@ -49,8 +45,7 @@ fn the_link_recovers_from_any_fault_of_the_air_within_5_cycles() {
     let none = AirFaults::default();
     let frozen = AirFaults { frozen: true, ..none };
     for fault in [AirFaults { lost: 1.0, ..none }, frozen, AirFaults { field_off: true, ..none }] {
-        // The first three durations are within the 25 missed cycles after which a sequence can still continue, and the
-        // last one is longer.
+        // A sequence can continue after up to 25 missed cycles, which the last duration exceeds.
         for length in [5 * MS, 57 * MS, 241 * MS, 400 * MS] {
             if !recovers(one(Fault::Air(fault), length), length, 5) {
                 return;
@@ -72,8 +67,8 @@ fn the_link_recovers_from_misuse_of_the_ssi_within_5_cycles() {
 fn the_link_recovers_from_each_front_end_fault_within_15_cycles() {
     for board in BOARDS {
         for fault in ChipFault::ALL {
-            // With the first duration the fault is shorter than a cycle. With the second the firmware has just doubled
-            // its wait before it sets the front end up again, and with the third that wait is at its longest.
+            // The fault is shorter than a cycle, or ends just after the firmware doubled its wait before the next
+            // set-up, or during the longest wait.
             for length in [4 * MS, 140 * MS, 390 * MS] {
                 if !recovers(one(Fault::Chip(board, fault), length), length, 15) {
                     return;
@@ -141,8 +136,8 @@ fn the_link_recovers_from_a_front_end_fault_during_a_restart() {
 
 #[test]
 fn a_field_that_goes_while_the_listener_re_arms_is_told() {
-    // The interrupt that reports the loss of the field is discarded with the FIFO's content for 12 µs, about 120 µs
-    // after a frame's last bit. A frame ends 0.98 ms after the beginning of the cycle of this instant.
+    // For 12 µs, about 120 µs after a frame's last bit, the interrupt of a lost field is discarded with the FIFO's
+    // content.
     for after in (1_000..1_200).step_by(4) {
         let at = BEGINS + after * 1_000;
         let faults = Faults::none().with(at, at + 90 * MS, Fault::Power(Board::Horus, PowerFault::FrontEndOff));
@@ -153,8 +148,7 @@ fn a_field_that_goes_while_the_listener_re_arms_is_told() {
 
 #[test]
 fn a_message_that_is_served_late_leaves_no_interrupt_on() {
-    // HORUS sends the last byte of a message to GPS1 38 ms after its restart. The stuck interrupt line of the front end
-    // keeps HORUS from serving the UART for longer than two bytes take.
+    // HORUS's message to GPS1 ends 38 ms after its restart. The stuck line delays the UART by more than two bytes.
     for after in (36_000..40_000).step_by(60) {
         let stuck = BEGINS + after * 1_000;
         let faults = one(Fault::Power(Board::Horus, PowerFault::Pin), 0).with(

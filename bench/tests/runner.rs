@@ -1,5 +1,5 @@
-//! Tests the runner of `cargo xtask run`: any file is refused, or runs alone on a board and ends within the limit, with
-//! a clear message. A firmware's log is shown in any format.
+//! Tests the runner of `cargo xtask run`: a file is refused, or runs alone on a board and ends within the limit, with a
+//! clear message. A firmware's log is shown in any format.
 
 use crate::{boards, elf, thumb};
 
@@ -12,8 +12,6 @@ use stm32f429::{Oscillators, Stm32f429};
 use thumb::{COUNTER, FLASH, GPIOA, MAIN, RCC, STACK, Thumb, firmware, firmware_at};
 
 const MS: u64 = 1_000_000;
-
-// ---- files
 
 const ET_REL: u16 = 1;
 const EM_RISCV: u16 = 243;
@@ -68,12 +66,9 @@ fn an_image_that_does_not_fit_the_part_is_refused() {
     assert!(words.contains("has no memory"), "{words}");
     let words = refused(Target::Horus, vec![(u64::from(FLASH), vec![0; 4096])]);
     assert!(words.contains("no vector table at 0x00000000") && words.contains("begins at 0x08000000"), "{words}");
-    // The program is linked to run behind a bootloader that does not exist here.
     let words = refused(Target::Dpr, vec![(0x5_0000, vec![1; 64])]);
     assert!(words.contains("begins at 0x00050000"), "{words}");
 }
-
-// ---- endings
 
 fn kinds(outcome: &Outcome) -> Vec<FindingKind> {
     outcome.findings.iter().map(|finding| finding.kind).collect()
@@ -117,7 +112,7 @@ fn a_firmware_that_never_ends_is_stopped_at_the_time_limit() {
     assert!(!outcome.doing.contains("nothing is due"), "{}", outcome.doing);
 }
 
-/// The firmware `main` with a handler for one exception of the core, given by its number.
+/// The firmware `main` with a handler for the core's exception `number`.
 fn with_exception(main: &Thumb, number: usize, handler: (u32, &Thumb)) -> Firmware {
     let mut segments = firmware("exception", main, &[]).segments().to_vec();
     segments[0].1[4 * number..][..4].copy_from_slice(&(handler.0 | 1).to_le_bytes());
@@ -155,7 +150,7 @@ fn a_hard_fault_handler_that_only_loops_ends_the_run() {
     assert!(outcome.findings[0].text.contains("undefined instruction"), "{}", outcome.findings[0]);
 }
 
-/// The handler sends a report of the fault byte by byte over a UART, 87 us for each byte at 115 200 baud.
+/// The handler sends a report of the fault over a UART, 87 µs for each byte at 115 200 baud.
 #[test]
 fn the_handler_of_a_hard_fault_is_heard_to_its_end() {
     const USART2: u32 = 0x4000_4400;
@@ -164,7 +159,7 @@ fn the_handler_of_a_hard_fault_is_heard_to_its_end() {
     main.store(RCC + 0x30, 1).store(RCC + 0x40, 1 << 17).store(GPIOA + 0x20, 7 << 8).store(GPIOA, 0xA800_0020);
     main.store(USART2 + 8, 139).store(USART2 + 12, 1 << 13 | 1 << 3).raw(&[0xDE00]);
     let mut handler = Thumb::at(thumb::HANDLER);
-    // The loop sends r3 bytes: for each it waits for TXE and then sends.
+    // r3 counts the bytes; each is sent when TXE is set.
     handler.mov(3, 500).mov(0, USART2).mov(2, u32::from(b'x'));
     let again = handler.here();
     handler.ldr(1, 0, 0).test(1, 7).branch_if(thumb::If::CarryClear, again);
@@ -200,7 +195,7 @@ fn a_hard_fault_vector_to_reset_is_harmless_without_a_fault() {
     assert_eq!(kinds(&outcome), [FindingKind::HardFault, FindingKind::Lockup], "{outcome:?}");
 }
 
-/// The firmwares of this project enable MemManage, BusFault and UsageFault, and treat all of them like a HardFault.
+/// This project's firmwares enable MemManage, BusFault and UsageFault, and treat them like a HardFault.
 #[test]
 fn a_fault_is_reported_only_if_it_shares_the_hard_fault_handler() {
     const SHCSR: u32 = 0xE000_ED24;
@@ -208,7 +203,6 @@ fn a_fault_is_reported_only_if_it_shares_the_hard_fault_handler() {
     main.store(SHCSR, 7 << 16).raw(&[0xDE00]);
     let mut handler = Thumb::at(thumb::HANDLER);
     handler.branch(thumb::HANDLER);
-    // UsageFault is exception 6.
     let own = with_exception(&main, 6, (thumb::HANDLER, &handler));
     let outcome = on_horus(&own);
     assert_eq!((kinds(&outcome), outcome.stopped_itself), (vec![], true), "{outcome:?}");
@@ -219,7 +213,7 @@ fn a_fault_is_reported_only_if_it_shares_the_hard_fault_handler() {
     assert!(outcome.findings[0].text.contains("undefined instruction"), "{}", outcome.findings[0]);
 }
 
-/// The firmware moves VTOR to a table in RAM, as a boot loader and most systems with an RTOS do.
+/// The firmware moves VTOR to a table in RAM, as boot loaders and RTOSes do.
 #[test]
 fn a_hard_fault_behind_a_moved_vector_table_is_told() {
     const TABLE: u32 = 0x2000_0800;
@@ -265,7 +259,7 @@ fn a_firmware_that_only_restarts_ends_the_run_with_the_reason() {
 
 #[test]
 fn a_firmware_that_its_watchdog_restarts_for_ever_ends() {
-    // The reload value of 1 takes effect too late for the watchdog's first period, which is the whole 512 ms.
+    // The reload value of 1 takes effect only after the watchdog's first period of 512 ms.
     const IWDG: u32 = 0x4000_3000;
     let mut main = Thumb::at(MAIN);
     main.store(IWDG, 0x5555).store(IWDG + 8, 1).store(IWDG, 0xAAAA).store(IWDG, 0xCCCC).idle();
@@ -289,8 +283,6 @@ fn a_firmware_that_calls_its_host_for_ever_ends_at_the_limit() {
     assert!(outcome.lines.len() > 1);
 }
 
-// ---- findings
-
 #[test]
 fn a_finding_has_its_instant_and_peripheral_despite_a_change_of_clock() {
     const WAIT: u32 = 16_000;
@@ -299,7 +291,7 @@ fn a_finding_has_its_instant_and_peripheral_despite_a_change_of_clock() {
     let again = main.here();
     main.raw(&[0x3801]).branch_if(thumb::If::NotEqual, again);
     let store = main.here() + 16;
-    // The program uses a timer without its clock; then it switches the part to its 8 MHz crystal and continues.
+    // The program uses a timer without a clock, then switches to the 8 MHz crystal.
     main.store(thumb::TIM2, 1);
     main.store(RCC, 1 << 18 | 1 << 16 | 0x83).wait_for(RCC, 17).store(RCC + 8, 1).idle();
     let outcome = on_horus(&firmware("clocks", &main, &[]));
@@ -307,17 +299,16 @@ fn a_finding_has_its_instant_and_peripheral_despite_a_change_of_clock() {
     let finding = &outcome.findings[0];
     assert_eq!((finding.kind, finding.pc), (FindingKind::Refused, Some(u64::from(store))));
     assert!(finding.text.starts_with("TIM2: "), "{finding}");
-    // At 16 MHz the loop, whose turn takes two cycles, lasts 2 ms and a few instructions more.
+    // At 16 MHz a loop with two clock cycles per turn lasts 2 ms.
     assert!((2 * MS..2 * MS + 3_000).contains(&finding.at), "{finding}");
 }
 
 #[test]
 fn a_finding_in_a_release_image_names_the_firmwares_function_and_line() {
     let Some(path) = boards::image(3, "dpr-fw.elf") else { return };
-    // The program is that of the other board, so the code that it copies to RAM cannot be fetched at its link address.
+    // This is the other board's program, whose code in RAM cannot be fetched at its link address.
     let outcome = on_horus(&Firmware::read(&path).unwrap());
-    // The first instructions store to registers of the nRF52840. They are written in assembler, which has a name but no
-    // line numbers.
+    // The first instructions, which store to registers of the nRF52840, have a symbol but no line numbers.
     let place_of = |finding: &Finding| finding.symbol.clone().unwrap_or_default();
     let (assembler, rust): (Vec<_>, Vec<_>) =
         outcome.findings.iter().partition(|finding| place_of(finding).starts_with("__pre_init+"));
@@ -329,8 +320,6 @@ fn a_finding_in_a_release_image_names_the_firmwares_function_and_line() {
         assert!(place.contains("dpr_fw::") || place.contains("firmware_common::"), "{finding}");
     }
 }
-
-// ---- RTT
 
 const BLOCK: u32 = 0x2000_1000;
 const NAMES: u32 = FLASH + 0x4000;
@@ -361,7 +350,7 @@ fn logging(channels: &[Up<'_>], then: impl FnOnce(&mut Thumb)) -> Firmware {
             main.store(entry + at, word);
         }
     }
-    // The firmware writes all sixteen bytes of the identifier, because RAM holds arbitrary values before that.
+    // The firmware writes all sixteen bytes of the identifier, because RAM holds arbitrary values before.
     put(&mut main, BLOCK, b"SEGGER RTT\0\0\0\0\0\0");
     then(&mut main);
     main.idle();
@@ -442,18 +431,15 @@ fn the_test_images_stack_is_where_the_vector_table_says() {
     assert_eq!(on_horus(&image).status(), 124);
 }
 
-// ---- leads
-
-/// The address of the STM32F429's USART2, on the pins PA2 and PA3.
 const USART2: u32 = 0x4000_4400;
 
 #[test]
 fn a_uart_of_a_board_receives_and_sends_bytes() {
     let mut main = Thumb::at(MAIN);
     main.store(RCC + 0x30, 1).store(RCC + 0x40, 1 << 17);
-    // PA2 and PA3 have alternate function 7; the debug port's pins stay as they are after a reset.
+    // PA2 and PA3 get alternate function 7, and the debug port's pins stay as after a reset.
     main.store(GPIOA + 0x20, 0x7700).store(GPIOA, 0xA800_00A0);
-    // A clock of 16 MHz divided by 139 gives 115 108 baud; the UART, its transmitter and its receiver are enabled.
+    // 16 MHz / 139 is 115 108 baud.
     main.store(USART2 + 8, 139).store(USART2 + 0xC, 1 << 13 | 1 << 3 | 1 << 2);
     // The loop sends each received byte back, incremented by one.
     let again = main.here();

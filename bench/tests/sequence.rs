@@ -1,9 +1,7 @@
-//! Tests how the DPR's release program handles cycles that do not continue the ones before them: cycles that are
-//! repeated, reordered or early, and cycles of a HORUS that restarted or whose clock is wrong. The rules are in
-//! docs/design.md#sequence.
+//! Tests how the DPR handles cycles that do not continue the sequence: repeated, reordered or early ones, and those of
+//! a HORUS that restarted or whose clock is wrong. The rules are in docs/design.md#sequence.
 //!
-//! The frames that the test sends are intact in every bit: length, CRC-16, identifiers, CRCs. Only their timestamps and
-//! instants may be wrong.
+//! The frames of these tests are intact in every bit; only their timestamps and instants may be wrong.
 
 use crate::{boards, reader};
 
@@ -18,7 +16,6 @@ use stm32f429::Oscillators;
 /// The instant at which the test's first frame begins, ns; the DPR has started long before.
 const FIRST: u64 = 60 * MS;
 
-/// The number of valid objects of a cycle.
 const OBJECTS: u32 = 4;
 
 /// The longest time after the last bit of its frame for which an object may be readable, ns.
@@ -37,8 +34,7 @@ fn count(node: &Node<Dpr>, offset: usize) -> u32 {
     counter(node, "DPR_TELEMETRY", offset)
 }
 
-/// The longest time, ns, from the last bit of the last frame that carried certain data to a read of these data as
-/// valid. `sent` has the instants of last bits with their timestamps.
+/// The longest time, ns, from the last bit of the last frame with certain data (in `sent`) to a valid read of them.
 fn oldest(views: &[View], sent: &[(u64, u32)]) -> u64 {
     let shown = views.iter().flat_map(|view| view.valid.iter().map(|timestamp| (view.at, *timestamp)));
     let ages = shown.map(|(at, timestamp)| {
@@ -62,15 +58,14 @@ fn timestamps_20_10_20_10_and_so_on_show_nothing() {
     let intact = views.iter().filter_map(|view| view.link);
     assert!(intact.clone().count() + 5 >= views.len(), "it is read throughout");
     assert!(intact.clone().all(|link| link.status.out_of_sequence() && !link.status.link_up()));
-    // Every second frame has an earlier timestamp than the frame before it.
+    // Every second frame has an earlier timestamp than the one before it.
     assert!(intact.clone().next_back().is_some_and(|link| link.status.horus_restarted()));
     for view in &views {
         assert_eq!(view.valid, [0; 0], "at {} us", view.at / US);
     }
 }
 
-/// The frames of `sent` (instant of the first bit, timestamp), each with the instant of its end in place of that of its
-/// first bit.
+/// The frames of `sent` (instant of the first bit, timestamp), with the instant of the last bit instead of the first.
 fn ends(sent: &[(u64, u32)]) -> Vec<(u64, u32)> {
     sent.iter().map(|(at, timestamp)| (at + frame_ns(), *timestamp)).collect()
 }
@@ -78,8 +73,7 @@ fn ends(sent: &[(u64, u32)]) -> Vec<(u64, u32)> {
 #[test]
 fn frames_that_follow_each_other_too_early_are_noticed_and_not_shown() {
     let Some(mut node) = dpr() else { return };
-    // After ten correct cycles the frames follow one another with only 1 ms between the end of one and the beginning of
-    // the next, while their timestamps continue in steps of 10 ms.
+    // After ten correct cycles only 1 ms is between two frames, but their timestamps continue in steps of 10 ms.
     let mut at = FIRST;
     let mut sent = vec![];
     for cycle in 0..40 {
@@ -88,7 +82,7 @@ fn frames_that_follow_each_other_too_early_are_noticed_and_not_shown() {
         at += if cycle < 10 { 10 * MS } else { frame_ns() + MS };
     }
     let views = views(&mut node, at);
-    // The eleventh of the test's frames comes 10 ms after the tenth, so it is the last one that may be shown.
+    // The eleventh frame comes 10 ms after the tenth, so it is the last one that may be shown.
     let early = ends(&sent)[11].0;
     let newest = views.iter().flat_map(|view| &view.valid).max();
     assert_eq!(newest, Some(&200));
@@ -105,8 +99,7 @@ fn frames_that_follow_each_other_too_early_are_noticed_and_not_shown() {
     }
 }
 
-/// Sends one more frame than HORUS would, between frames 20 and 21: an exact copy of the frame that is `back` cycles
-/// before frame 21.
+/// Sends an additional frame between frames 20 and 21: a copy of the frame that is `back` cycles before frame 21.
 fn inserted(back: u32) -> Option<()> {
     let mut node = dpr()?;
     let stamp = |cycle: u32| 500 + 10 * cycle;
@@ -121,8 +114,8 @@ fn inserted(back: u32) -> Option<()> {
     }
     let views = views(&mut node, FIRST + 400 * MS);
     let inserted_end = insert.0 + frame_ns();
-    // Frame 21 is too early, 5 ms after the inserted frame, so the search for the sequence begins with frame 22. Frames
-    // 22, 23 and 24 advance as the search demands, and the third of them is shown.
+    // Frame 21 comes too early, 5 ms after the inserted one. The search takes frames 22, 23 and 24, the last of which
+    // is shown.
     let found = ends(&sent)[25].0;
     let during: Vec<_> = views.iter().filter(|view| (inserted_end + 150 * US..found).contains(&view.at)).collect();
     assert!(during.len() >= 10, "{back} back: {}", during.len());
@@ -136,7 +129,7 @@ fn inserted(back: u32) -> Option<()> {
     assert_eq!(first_again, Some(&stamp(24)), "{back} back");
     let age = oldest(&views, &ends(&sent));
     assert!(age <= STALE, "{back} back: {age} ns");
-    // Three frames at the start, the inserted frame, and frames 21 to 23 are not shown; 41 frames were sent.
+    // Of 41 frames, three at the start, the inserted one, and 21 to 23 are not shown.
     let accepted = count(&node, std::mem::offset_of!(Telemetry, objects_accepted));
     assert_eq!(accepted, (41 - 3 - 4) * OBJECTS, "{back} back");
     Some(())
@@ -172,15 +165,13 @@ fn a_repeated_frame_in_its_successors_place_is_not_shown() {
     assert!(frozen.count() >= 8);
     let age = oldest(&views, &ends(&sent));
     assert!(age <= STALE, "{age} ns");
-    // The step from the timestamp of frame 14 to that of frame 18 is four cycles but takes only 10 ms, which is too
-    // early. The search for the sequence therefore takes frames 19, 20 and 21.
+    // Frame 18 comes 10 ms after frame 14 with a step of four cycles, which is too early. The search takes frames 19 to
+    // 21.
     let newest: Vec<u32> = views.iter().filter_map(|view| view.valid.first().copied()).collect();
     assert_eq!(newest.iter().find(|timestamp| **timestamp > 640), Some(&(500 + 210)));
 }
 
-// ---- the real HORUS
-
-/// The sample's age at its frame's last bit, us: the send slot and the air time, which are constants of the profile.
+/// The sample's age at its frame's last bit, µs: the send slot and the air time, which are constants of the profile.
 const AGE_AT_END: u32 = match profile::air::age_at_end_us::<RECEIVERS>(0) {
     Some(age) => age,
     None => panic!("a frame of the cycle"),
@@ -210,15 +201,14 @@ fn link_status_has_the_age_of_the_sample_at_publication() {
     let fresh = relay.downstream.views.iter().filter_map(|view| view.link).filter(|link| link.status.all_accepted());
     let ages: Vec<u32> = fresh.map(|link| u32::from(link.age_100us) * 100).collect();
     assert!(ages.len() >= 50, "{}", ages.len());
-    // The publication comes at most 100 us after the last bit, and the age is rounded down to 100 us.
+    // The publication comes at most 100 µs after the last bit, and the age is rounded down to 100 µs.
     for age in ages {
         assert!((AGE_AT_END - 99..=AGE_AT_END + 100).contains(&age), "{age} us");
     }
 }
 
-/// The number, from 1, of the first frame after the restart at `restarted` that was read as valid. Valid reads before
-/// that are of the last frame before the restart. That frame is sent to its end from the front end's FIFO although
-/// HORUS has restarted, and its reads come within [`STALE`] of its end.
+/// The number, from 1, of the first frame after the restart at `restarted` that was read as valid. The front end sends
+/// the last frame before the restart to its end, so reads within [`STALE`] of it do not count.
 fn first_shown(reader: &Reader, restarted: u64) -> usize {
     let (before, since): (Vec<&Sent>, Vec<&Sent>) = reader.sent.iter().partition(|frame| frame.started < restarted);
     let last = before.last().expect("it sent before");
@@ -241,7 +231,7 @@ fn a_restarted_horus_is_shown_from_its_fourth_frame_on() {
         let nth = first_shown(reader, restarted);
         let silence = reader.sent.iter().find(|frame| frame.started > restarted).unwrap().started - restarted;
         println!("{why:?}: first frame {} us after the restart, frame {nth} is the first shown", silence / US);
-        // The search begins with frame 1. Frames 2, 3 and 4 advance as it demands, and the third of them is shown.
+        // The search for the sequence begins with frame 1 and takes frames 2, 3 and 4, the last of which is shown.
         assert_eq!(nth, 1 + usize::from(SEARCH_CYCLES), "{why:?}");
         let told = reader.views.iter().filter(|view| view.at > restarted).filter_map(|view| view.link);
         assert!(told.clone().any(|link| link.status.horus_restarted()), "{why:?}");
@@ -254,7 +244,7 @@ fn a_restarted_horus_is_shown_from_its_fourth_frame_on() {
 fn after_a_watchdog_restart_horus_is_shown_from_its_fourth_frame_on() {
     let Some(mut relay) = both(Oscillators::default()) else { return };
     go(&mut relay, 207 * MS);
-    // The change makes HORUS's task that parses the receivers' messages never end.
+    // HORUS's task that parses the receivers' messages never ends.
     let task = relay.a.address_of("CAN1_RX1").unwrap() & !1;
     let mut was = [0; 2];
     relay.a.read(task, &mut was).unwrap();
@@ -265,8 +255,7 @@ fn after_a_watchdog_restart_horus_is_shown_from_its_fourth_frame_on() {
         go(&mut relay, now);
         now += 5 * MS;
     }
-    // The firmware may have found the damage again in its start after the restart, and then waits for the watchdog once
-    // more.
+    // If the firmware finds the damage in its start, it waits for the watchdog once more.
     relay.a.write(task, &was).unwrap();
     go(&mut relay, now + 400 * MS);
     let restarted = relay.a.resets().last().unwrap().at;
@@ -289,7 +278,7 @@ fn a_horus_clock_off_by_3_percent_is_reported_within_2600_ms() {
         let after: Vec<&View> = reader.views.iter().filter(|view| view.at > told).collect();
         assert!(after.len() >= 50, "{ppb} ppb");
         let shown = after.iter().filter(|view| !view.valid.is_empty()).count();
-        // A read from a busy DPR, or between two cycles, is not valid; nearly all other reads are.
+        // A read from a busy DPR, or between two cycles, is not valid.
         assert!(shown * 10 >= after.len() * 9, "{ppb} ppb: {shown} of {} valid", after.len());
         assert!(after.iter().all(|view| view.link.is_none() || implausible(view)), "{ppb} ppb");
         let accepted = count(&relay.b, std::mem::offset_of!(Telemetry, objects_accepted)) as usize;

@@ -1,5 +1,5 @@
-//! Tests that a bench is plain data: a copy that runs on gives exactly the same result, byte for byte, as the original,
-//! on one thread and on two.
+//! Tests that a bench is plain data: a copy gives the same result as the original, byte for byte, on one thread and on
+//! two.
 
 use crate::boards;
 
@@ -19,7 +19,6 @@ fn setup() -> Option<Setup> {
     Some(Setup { seed: 5, faults, ..Setup::new(images, 3, END) })
 }
 
-/// The complete results of a run: its figures, what the base station shows, and both boards' registers and memory.
 fn outcome<C: Cost>(bench: Bench<C>) -> (String, [u64; 2]) {
     let digests = [bench.horus().digest(), bench.dpr().digest()];
     let finished = bench.finish(END);
@@ -39,8 +38,8 @@ fn on_one_thread_and_on_two_a_run_leaves_the_same_bytes() {
     assert_eq!(whole::<Pessimistic>(&setup, Threads::One), whole::<Pessimistic>(&setup, Threads::Two));
 }
 
-/// Instants at which copies are made: while both front ends are set up, between two frames, while a frame is on the air
-/// and its beginning is being read, at the frame's last bit, and while an image is published.
+/// The instants, ns, at which copies are made: while the boards start, between two frames, within a frame, at its last
+/// bit, and during a publication.
 const INSTANTS: [u64; 7] =
     [0, 6 * MS + 300 * US, 101 * MS, 147 * MS + 777, 149 * MS + 419 * US, 149 * MS + 503 * US, 213 * MS];
 
@@ -55,7 +54,7 @@ fn a_copy_taken_at_any_instant_runs_on_like_the_original() {
         copy.run_to(END, Threads::Two);
         assert_eq!(outcome(copy), expected, "a copy at {instant} ns");
     }
-    // The original ran to an instant, and copies of it ran on. Neither has changed the original's results.
+    // Copies that ran on have not changed the original's results.
     original.run_to(END, Threads::One);
     assert_eq!(outcome(original), expected);
 }
@@ -63,7 +62,7 @@ fn a_copy_taken_at_any_instant_runs_on_like_the_original() {
 #[test]
 fn a_run_in_pieces_has_the_event_log_of_a_whole_run() {
     let Some(setup) = setup() else { return };
-    // A frame that the air repeats must also reach the DPR at the right instant where the run is divided.
+    // A repeated frame must also reach the DPR at the right instant if the run is divided.
     let faults = Faults::of_air(AirFaults { lost: 0.1, repeated: 0.5, ..AirFaults::default() });
     let setup = Setup { faults, ..setup };
     let log = |ends: &[u64]| {
@@ -72,7 +71,7 @@ fn a_run_in_pieces_has_the_event_log_of_a_whole_run() {
         ends.iter().chain([&END]).for_each(|end| bench.run_to(*end, Threads::One));
         bench.finish(END).log
     };
-    // The base station's display is recorded every 10 ms, so a run may be divided at multiples of 10 ms only.
+    // The base station's display is recorded every 10 ms, so only multiples of 10 ms may divide a run.
     let ends: Vec<u64> = (1..26).map(|cycle| cycle * 10 * MS).collect();
     assert!(log(&ends) == log(&[]));
 }

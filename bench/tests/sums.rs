@@ -1,9 +1,9 @@
-//! Calculates the two deadlines of the DPR as sums: from the last bit to readable, and from the end of a transaction to
-//! ready for the next.
+//! Calculates two deadlines of the DPR as sums: from the last bit to readable, and from the end of a transaction to
+//! ready.
 //!
-//! An observed worst case is not a bound: independent tasks and instants delay the same path, and it can take hours
-//! until all of them coincide. So each part of a path is measured separately, at its longest, on each clock, and the
-//! parts are added up. The sums have to keep the bounds of docs/design.md#timing, and no run may exceed the sums.
+//! An observed worst case is not a bound, because it can take hours until all delays of a path coincide. Each part of a
+//! path is therefore measured separately, at its longest, on each clock, and the parts are added up. The sums must keep
+//! the bounds of docs/design.md#timing, and no run may exceed them.
 //!
 //! | path or share | how it is measured |
 //! |---|---|
@@ -12,8 +12,8 @@
 //! | the SSI's share | the longest runs of `ssi_end` and `ssi_pause`, with exception entry and return of both |
 //! | sections that mask | the longest time for which BASEPRI or PRIMASK masks a priority while a task below it runs |
 //!
-//! The processor is examined after each of its cycles. `cargo test -p bench --test all sums:: -- --nocapture` prints
-//! the tables of docs/timing.md#sums.
+//! The processor is examined after each of its clock cycles. `cargo test -p bench --test all sums:: -- --nocapture`
+//! prints the tables of docs/timing.md#sums.
 
 use crate::boards;
 
@@ -28,23 +28,22 @@ use cortex_m4::{Cost, Fast, Optimistic, Pessimistic, Register};
 use emulator_node::Threads;
 
 const MS: u64 = 1_000_000;
-/// The instant from which on the link is up and the processor is examined, ns.
+/// The instant, ns, from which the processor is examined. The link is up by then.
 const WARM: u64 = 300 * MS;
-/// How long the processor is examined, ns: one cycle of HORUS, so that everything done once per cycle is included.
+/// How long the processor is examined, ns: one cycle of HORUS.
 const LOOKED_AT: u64 = 10 * MS;
 /// The end of the log from which the flight controller's service times are taken, ns.
 const END: u64 = WARM + 500 * MS;
-/// An upper limit of the duration of a cycle of the DPR's processor, ns: its clock is 64 MHz.
+/// An upper limit of the DPR's clock period at 64 MHz, ns.
 const CYCLE: u64 = 15;
 /// The exceptions of the tasks `ssi_end` (SPIS1) and `ssi_pause` (TIMER3).
 const SSI: [u32; 2] = [16 + 4, 16 + 26];
-/// The values of BASEPRI that mask the SSI's priority 5 and the RFID side's priority 4. The three upper bits of BASEPRI
-/// give one of eight levels.
+/// The values of BASEPRI that mask the SSI's priority 5 and the RFID side's priority 4, in the three upper bits.
 const MASKS: [u32; 2] = [0x60, 0x80];
 
-/// What the DPR's processor did, examined after each of its cycles.
+/// What the DPR's processor did, clock cycle by clock cycle.
 struct Watched<C: Cost> {
-    /// For each change of the running exception, its instant (ns) and its number; 0 stands for the idle loop or sleep.
+    /// Each change of the running exception: its instant (ns) and number, 0 for the idle loop or sleep.
     runs: Vec<(u64, u32)>,
     /// For each of [`MASKS`], the longest time for which a task of lower priority masked that priority, ns.
     masked: [u64; 2],
@@ -52,8 +51,7 @@ struct Watched<C: Cost> {
     clock: PhantomData<C>,
 }
 
-/// Runs the link with `gps` receivers up to [`WARM`], then examines every cycle of the DPR's processor. The flight
-/// controller writes and reads in its control cycle, or follows `conduct`.
+/// Runs the link up to [`WARM`], then examines the DPR's processor. `conduct` replaces the ordinary transactions.
 fn watch<C: Cost>(gps: usize, conduct: Option<Conduct>) -> Option<Watched<C>> {
     let images = Images { horus: image(gps, "horus-tx-fw.elf")?, dpr: image(gps, "dpr-fw.elf")? };
     let mut setup = Setup { writes: true, ..Setup::new(images, gps, END) };
@@ -89,15 +87,12 @@ fn watch<C: Cost>(gps: usize, conduct: Option<Conduct>) -> Option<Watched<C>> {
     Some(Watched { runs, masked, log: bench.finish(END).log, clock: PhantomData })
 }
 
-/// Whether the exception is that of `rf_spi`, `rf_irq` or `rf_timer`: SPIM0, GPIOTE, TIMER0.
 fn is_of_the_rfid_side(exception: u32) -> bool {
     [16 + 3, 16 + 6, 16 + 8].contains(&exception)
 }
 
 impl<C: Cost> Watched<C> {
-    /// The longest run of an exception, ns: from its entry to the entry of another, or the return. A run in which FRESH
-    /// rises is left out, because it counts as the last piece of a frame's way. If it also serves a transaction that
-    /// has just ended, it takes less than the two runs that are in the sum.
+    /// The longest run of an exception, ns. A run in which FRESH rises counts as a part of a frame's way instead.
     fn longest(&self, exception: u32) -> u64 {
         let rises: Vec<u64> = self.frames().into_iter().map(|(_, rose)| rose).collect();
         let runs = self.runs.windows(2).filter(|pair| pair[0].1 == exception).map(|pair| pair[0].0..pair[1].0);
@@ -105,14 +100,11 @@ impl<C: Cost> Watched<C> {
         served.map(|run| run.end - run.start).max().unwrap_or(0)
     }
 
-    /// How long one service of the SSI preempts another task, ns: the sum of the longest runs for the end of a pause
-    /// and for the end of a transaction.
     fn share(&self) -> u64 {
         let around = (C::EXCEPTION_ENTRY + C::EXCEPTION_RETURN) * 1_000 / 64;
         SSI.iter().map(|&exception| self.longest(exception) + around).sum()
     }
 
-    /// For each frame, the instant of its last bit and that of the rise of FRESH after it, ns.
     fn frames(&self) -> Vec<(u64, u64)> {
         let mut heard = None;
         let frames = self.log.events.iter().filter_map(|event| match event.what {
@@ -126,8 +118,7 @@ impl<C: Cost> Watched<C> {
         frames.collect()
     }
 
-    /// The pieces of the time from a frame's last bit to FRESH, divided where the running task changes: the exception,
-    /// and the longest time of each piece.
+    /// The exceptions between a frame's last bit and FRESH, each with its longest time, ns.
     fn pieces(&self) -> Vec<(u32, u64)> {
         let mut pieces: BTreeMap<usize, (u32, u64)> = BTreeMap::new();
         let frames = self.frames();
@@ -146,7 +137,6 @@ impl<C: Cost> Watched<C> {
         pieces.into_values().collect()
     }
 
-    /// The longest time from the end of a transaction to the release of the buffers to the SPIS, ns.
     fn served(&self) -> u64 {
         let mut ended = None;
         let served = self.log.events.iter().filter_map(|event| match event.what {
@@ -161,7 +151,7 @@ impl<C: Cost> Watched<C> {
     }
 }
 
-/// Adds both sums up for `gps` receivers, and compares the sums with the bounds and with the observed times.
+/// Adds up both sums for `gps` receivers, and compares them with the bounds and with the observed times.
 fn add_up<C: Cost>(gps: usize) {
     let Some(quiet) = watch::<C>(gps, Some(Conduct::Silent)) else { return };
     let Some(usual) = watch::<C>(gps, None) else { return };
@@ -186,8 +176,7 @@ fn add_up<C: Cost>(gps: usize) {
         let worst = seen.frames().into_iter().map(|(last_bit, rose)| rose - last_bit).max().expect("a frame");
         assert!(worst <= readable, "{worst}");
     }
-    // The run with hostile transactions must have the tasks of the SSI preempt the handling of some frame, or the sum
-    // would not include them.
+    // If the SSI's tasks never preempted the handling of a frame, the sum would not include them.
     assert!(hostile.longest(SSI[0]) > 0 && hostile.longest(SSI[1]) > 0, "both tasks ran");
 }
 

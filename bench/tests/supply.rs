@@ -1,7 +1,7 @@
 //! Tests sagging supplies: the boards react correctly, and no object that HORUS never sent is shown as valid.
 //!
 //! `SUPPLY_SHAPES=1000 cargo test -p bench --test all -- --nocapture shapes` tries that number of drawn courses of
-//! voltage and prints the number.
+//! voltage.
 
 use crate::{boards, reader};
 
@@ -15,7 +15,6 @@ use reader::{MS, US, field_on, transact};
 use st25r3916_model::AirEvent;
 use stm32f429::{Oscillators, Stm32f429};
 
-/// Runs HORUS to `to` and returns the events at its antenna, each with its instant.
 fn run_horus(node: &mut Node<bench::boards::Horus>, to: u64) -> Vec<(u64, AirEvent)> {
     let mut air = vec![];
     while node.now() < to {
@@ -66,7 +65,7 @@ fn a_falling_supply_switches_horuss_field_off_before_it_resets_the_part() {
     node.supply(2_749_999, 0);
     assert!(!node.is_powered());
     run_horus(&mut node, 140 * MS);
-    // From 2.85 V on HORUS's part may start. Its firmware then stops at once, until the supply is high enough.
+    // HORUS may start from 2.85 V on, but its firmware stops at once until the supply is high enough.
     node.supply(2_850_000, 0);
     assert!(node.is_powered());
     assert_eq!(node.resets().last().map(|reset| reset.cause), Some(Reset::BrownOut));
@@ -91,7 +90,7 @@ fn a_falling_supply_takes_the_dprs_image_away_and_is_named() {
     let now = node.now();
     run_dpr(&mut node, now + 50 * US);
     assert!(silent(&mut node) && silent(&mut node));
-    // At the voltage that made the DPR stop, its start after the watchdog's reset does not complete either.
+    // The voltage that made the DPR stop also stops its start after the watchdog's reset.
     let now = node.now();
     run_dpr(&mut node, now + 300 * MS);
     assert!(silent(&mut node) && silent(&mut node));
@@ -112,8 +111,7 @@ fn a_supply_that_fails_while_the_dpr_logs_causes_no_panic() {
     field_on(&mut warm);
     run_dpr(&mut warm, 1_000 * MS);
     let mut interrupted = 0;
-    // The DPR writes its log line once a second, 20.04 ms after the second: the supply has been on for 17 ms when the
-    // part starts, and the check of its program, which takes longer for a longer program, comes first.
+    // The DPR writes its log line once a second, 20.04 ms after the second, because its start takes that long.
     for after in (1_020_000..1_020_100).step_by(2) {
         let mut node = warm.clone();
         run_dpr(&mut node, after * US);
@@ -133,7 +131,7 @@ fn a_supply_that_fails_while_the_dpr_logs_causes_no_panic() {
 fn ram_is_kept_above_1_4_v_and_lost_without_a_supply() {
     let Some(mut node) = boards::horus() else { return };
     run_horus(&mut node, 100 * MS);
-    // The bench, like a debug probe, clears the log's control block, which has one channel, at each start.
+    // The bench, like a debug probe, clears the log's control block (one channel) at each start.
     let block = usize::try_from(node.address_of("_SEGGER_RTT").unwrap() - 0x2000_0000).unwrap();
     let ram = |node: &Node<bench::boards::Horus>| {
         let mut bytes = vec![0; 192 << 10];
@@ -153,8 +151,7 @@ fn ram_is_kept_above_1_4_v_and_lost_without_a_supply() {
     assert!(lost(0) > 80 << 10);
 }
 
-/// Runs the link with `count` courses of voltage one after the other, for the supply of either board and for both
-/// supplies together. Returns the number of courses. `None` if the firmwares were not built.
+/// Runs the link with `count` courses of voltage of either supply or both. Returns their number.
 fn sagging(seed: u64, count: u64) -> Option<u64> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
     let mut rng = Rng::stream(seed, 0x5A6);
@@ -167,7 +164,6 @@ fn sagging(seed: u64, count: u64) -> Option<u64> {
         };
         let (mut end, shape) = (at, rng.word());
         for board in hit {
-            // Both supplies sag together, with the same course of voltage or with two.
             let shape = if rng.one_in(2) { shape } else { rng.word() };
             let from = at + rng.between(0, 10 * MS);
             let until = from + power::sag_length(shape);

@@ -1,5 +1,5 @@
-//! Tests the record of when each task runs: the exceptions and sleep of its core that a node records, and the signals
-//! that a trace derives from them.
+//! Tests the record of when each task runs: the exceptions and the sleep that a node records, and the signals that a
+//! trace derives from them.
 
 use crate::{boards, elf, player, thumb};
 
@@ -14,24 +14,21 @@ use thumb::{COUNTER, EXTI, HANDLER, MAIN, TIM2, Thumb, firmware};
 
 const MS: u64 = 1_000_000;
 
-/// The duration of a core cycle on the 16 MHz oscillator, rounded up, ns.
+/// The period of the 16 MHz oscillator, rounded up, ns.
 const CYCLE: u64 = 63;
 
-/// The exception numbers of the test firmware's two tasks.
 const TICK: u16 = 16 + TIM2_INTERRUPT;
 const HIT: u16 = 16 + EXTI3_INTERRUPT;
 
-/// A firmware whose task `tick` runs at every update of TIM2, every 10 ms, for about 1 ms. That task is less urgent
-/// than `hit`, which runs at each rising edge of PA3. The core sleeps in between.
+/// A firmware whose task `tick` runs every 10 ms for about 1 ms, and whose more urgent task `hit` runs at each rising
+/// edge of PA3.
 fn two_tasks() -> Node<Player> {
     two_tasks_with(0)
 }
 
-/// The firmware of [`two_tasks`] with its task `hit` at the priority `hit`.
 fn two_tasks_with(hit: u32) -> Node<Player> {
     let mut main = Thumb::at(MAIN);
-    // The stores give interrupt 28 (TIM2) priority 0x80 in NVIC_IPR7, and interrupt 9 (EXTI3) its priority in
-    // NVIC_IPR2.
+    // Interrupt 28 (TIM2) gets priority 0x80 in NVIC_IPR7, and interrupt 9 (EXTI3) its priority in NVIC_IPR2.
     main.exti3_on_pa3().store(0xE000_E41C, 0x80).store(0xE000_E408, hit << 8).tim2_every(160_000).idle();
     let mut tick = Thumb::at(HANDLER);
     tick.store(TIM2 + 0x10, 0).mov(0, 8_000);
@@ -62,7 +59,7 @@ fn task_changes_have_the_instants_of_exception_entry_and_return() {
         assert!(entered - rise <= 20 * CYCLE, "entered {} ns after its line", entered - rise);
         assert!((MS..MS + 100 * CYCLE).contains(&(left - entered)), "{} ns", left - entered);
     }
-    // The core sleeps all the time except at its start and at the three updates.
+    // The core is awake only at its start and at the three updates.
     let sleeps = node.take_sleeps();
     let asleep: Vec<bool> = sleeps.iter().map(|(_, asleep)| *asleep).collect();
     assert_eq!(asleep, [false, true, false, true, false, true, false, true]);
@@ -86,13 +83,12 @@ fn watching_tasks_changes_nothing_that_the_firmware_could_see() {
     assert_eq!(run(true), run(false));
 }
 
-/// The core starts at 16 MHz and changes to 8 MHz while it runs. Task changes before that have instants by the earlier
-/// clock.
+/// The core changes from 16 MHz to 8 MHz. Task changes before that have instants by the earlier clock.
 #[test]
 fn task_changes_before_a_change_of_clock_keep_the_earlier_clocks_time() {
     let mut main = Thumb::at(MAIN);
     main.store(thumb::RCC, 1 << 18 | 1 << 16 | 0x83).wait_for(thumb::RCC, 17);
-    // The firmware executes SVC, changes the clock and executes SVC again within the same millisecond.
+    // SVC, a change of the clock, and SVC again, within one millisecond.
     main.raw(&[0xDF00]).store(thumb::RCC + 0x08, 1).raw(&[0xDF00]).idle();
     let mut call = Thumb::at(HANDLER);
     call.count(COUNTER).ret();
@@ -137,7 +133,7 @@ fn a_task_that_is_preempted_stays_entered_while_another_runs() {
     let mut watch = TaskWatch::new(trace::Board::Horus, &mut node, &TABLE);
     let named: Vec<_> = watch.tasks().iter().map(|task| (task.to_string(), task.exception)).collect();
     assert_eq!(named, [("tick_TIM2".to_owned(), TICK), ("hit_EXTI3".to_owned(), HIT)], "the image has no third");
-    // The first edge on the pin comes in the middle of the second tick's task, the other one while the core sleeps.
+    // The first edge comes during the second tick's task, the other one while the core sleeps.
     node.advance(20 * MS + MS / 2);
     assert_eq!([0, 3, HIT, TICK].map(|exception| node.exception_priority(exception)), [256, -1, 0, 0x80]);
     node.drive(IN, Some(true));
@@ -169,7 +165,7 @@ fn a_task_that_is_preempted_stays_entered_while_another_runs() {
     assert!((20_500_000..20_500_000 + 20 * CYCLE).contains(&preempted.0), "{preempted:?}");
 }
 
-/// Two exceptions of one priority cannot preempt each other, so the second follows the first by tail-chaining.
+/// Two exceptions of one priority cannot preempt each other, so the second follows by tail-chaining.
 #[test]
 fn a_task_that_another_follows_by_tail_chaining_has_ended() {
     for table in [&TABLE[..], &TABLE[..1]] {
@@ -179,7 +175,7 @@ fn a_task_that_another_follows_by_tail_chaining_has_ended() {
         node.drive(IN, Some(true));
         node.advance(19 * MS);
         let states = over_time(watch.take(&mut node));
-        // A task that is not in the table has the signal of the other exceptions.
+        // A task outside the table has the signal of the other exceptions.
         let hit = if table.len() == 1 { "Other" } else { "Entered(1)" };
         let entered: Vec<(u64, u64)> = states
             .iter()

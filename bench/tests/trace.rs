@@ -1,4 +1,4 @@
-//! Tests traces in both formats: they are written from a few events and read back.
+//! Tests that traces in both formats can be read back.
 
 use crate::waves;
 
@@ -6,7 +6,6 @@ use std::path::PathBuf;
 
 use bench::trace::{Board, DPR, Error, HORUS, Mark, SSI, Task, TaskSignal, Trace, Wire, Word};
 
-/// The paths of the trace called `name` in both formats.
 fn files(name: &str) -> [PathBuf; 2] {
     ["vcd", "fst"].map(|ending| PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.{ending}")))
 }
@@ -37,7 +36,7 @@ fn a_decoder_reads_each_spi_byte_back_from_the_waves() {
             ]);
             trace.finish().unwrap();
             let waves = waves::read(&file);
-            // The values are sampled like in a logic decoder, on the rising or on the falling edge of the clock.
+            // The values are sampled on the rising or the falling edge of the clock, as by a logic decoder.
             let sampled = |group: &str, wire: &str, edge: &str| {
                 let data = changes(&waves, &format!("{group}.{group}_{wire}"));
                 let level = |at: u64| data.iter().take_while(|(when, _)| *when <= at).last().unwrap().1 == "1";
@@ -118,7 +117,7 @@ fn numbers_and_tasks_come_back_under_their_names() {
     }
 }
 
-/// The trace is so long that its file has more than one block; every change must be in one of the blocks.
+/// The file has several blocks, and every change must be in one of them.
 #[test]
 fn a_long_trace_loses_nothing_between_the_blocks_of_its_file() {
     let [_, file] = files("long");

@@ -2,28 +2,27 @@
 //!
 //! # Sources
 //!
-//! The rules follow the u-blox F9 and M9 interface descriptions, "Configuration interface" and UBX-CFG-VALSET,
-//! UBX-ACK-ACK, UBX-ACK-NAK. The public key lists of pyubx2 and of SparkFun's u-blox library have the same keys. The
-//! factory settings are those of the ZED-F9R data sheet (UBX-22024085), "Default interface settings". The dynamic
-//! models, and which one is the factory's, are those of the ZED-F9R and ZED-F9P integration manuals (UBX-20039643,
-//! UBX-18010802), CFG-NAVSPG-DYNMODEL.
+//! The rules follow the u-blox F9 and M9 interface descriptions ("Configuration interface", UBX-CFG-VALSET,
+//! UBX-ACK-ACK, UBX-ACK-NAK), with which the key lists of pyubx2 and of SparkFun's u-blox library agree. The factory
+//! settings are those of the ZED-F9R data sheet (UBX-22024085), "Default interface settings". The dynamic models and
+//! their factory setting are those of the ZED-F9R and ZED-F9P integration manuals (UBX-20039643, UBX-18010802),
+//! CFG-NAVSPG-DYNMODEL.
 //!
 //! # Rules
 //!
 //! - A message is applied whole or refused whole. It is refused for an unknown key, an impossible value, a layer that
-//!   does not exist, an item that is cut off, or more than 64 items.
-//! - There are two layers: RAM, which a restart clears, and the saved layer, which survives it. The latter stands for
-//!   battery-backed RAM and flash.
-//! - The keys of all of the receiver's ports are accepted, whichever port connects it; only those of that port have an
-//!   effect.
-//! - The dynamic model is stored and reported; it does not change the receiver's solutions.
-//! - A receiver without inertial sensors rejects the keys of NAV-ATT and ESF-INS, as its firmware does.
-//! - A message with a wrong checksum, and noise between messages, are ignored and not answered.
+//!   does not exist, an incomplete item, or more than 64 items.
+//! - There are two layers: RAM, which a restart clears, and a saved layer, which stands for battery-backed RAM and
+//!   flash.
+//! - The keys of all of the receiver's ports are accepted, but only those of the connected port have an effect.
+//! - The dynamic model is stored and reported, but does not change the solutions.
+//! - A receiver without inertial sensors refuses the keys of NAV-ATT and ESF-INS, as its firmware does.
+//! - A message with a wrong checksum, and noise between messages, are not answered.
 //!
 //! # Left out
 //!
-//! Left out are transactions, UBX-CFG-VALGET and UBX-CFG-VALDEL, the configuration messages of generation 8, and input
-//! over NMEA or RTCM. Any other message of class CFG is refused, and messages of other classes are ignored.
+//! Transactions, UBX-CFG-VALGET and UBX-CFG-VALDEL, the configuration messages of generation 8, and input over NMEA or
+//! RTCM. Any other message of class CFG is refused, and messages of other classes are ignored.
 
 use std::collections::BTreeMap;
 
@@ -40,7 +39,6 @@ pub const ACK: u8 = 0x01;
 /// The identifier of UBX-ACK-NAK within class ACK: the message was refused.
 pub const NAK: u8 = 0x00;
 
-/// The greatest number of items in one UBX-CFG-VALSET.
 const MOST_ITEMS: usize = 64;
 /// The longest message that a receiver accepts in this model, bytes: 64 items of eight bytes fit.
 const LONGEST: usize = 1024;
@@ -53,19 +51,18 @@ pub const RATE_NAV: u32 = 0x3021_0002;
 pub const NAVSPG_DYNMODEL: u32 = 0x2011_0021;
 /// The key of CFG-UART1-BAUDRATE, the bit rate of UART1, bit/s.
 pub const UART1_BAUDRATE: u32 = 0x4052_0001;
-/// The key of CFG-MSGOUT-UBX_NAV_PVT_I2C, the output rate of NAV-PVT on I2C. [`Port::output_key`] derives the key of
-/// another port from it.
+/// The key of CFG-MSGOUT-UBX_NAV_PVT_I2C, the output rate of NAV-PVT on I2C; see [`Port::output_key`].
 pub const MSGOUT_NAV_PVT: u32 = 0x2091_0006;
 /// The key of CFG-MSGOUT-UBX_NAV_ATT_I2C, the output rate of NAV-ATT on I2C.
 pub const MSGOUT_NAV_ATT: u32 = 0x2091_001F;
 /// The key of CFG-MSGOUT-UBX_ESF_INS_I2C, the output rate of ESF-INS on I2C.
 pub const MSGOUT_ESF_INS: u32 = 0x2091_0114;
-/// The number of the key for UBX within a group of keys for output protocols.
+/// The number of UBX within a group of keys for output protocols.
 pub const OUTPROT_UBX: u32 = 1;
-/// The number of the key for NMEA within a group of keys for output protocols.
+/// The number of NMEA within a group of keys for output protocols.
 pub const OUTPROT_NMEA: u32 = 2;
 
-/// The bit rates that a receiver's UART supports: data sheet, UART specifications, and interface description.
+/// The bit rates that a receiver's UART supports (data sheet, UART specifications; interface description).
 const BAUD_RATES: [u64; 8] = [9_600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 921_600];
 
 /// The port by which a receiver is connected.
@@ -83,8 +80,7 @@ impl Port {
     /// The ports that connect the link's receivers 1 to 5 to HORUS (docs/hardware.md).
     pub const OF: [Self; 5] = [Self::Uart1, Self::I2c, Self::Spi, Self::Uart1, Self::Uart1];
 
-    /// The number of ports whose keys a receiver accepts, including USB and UART2; each has one key in a group of
-    /// CFG-MSGOUT keys.
+    /// The number of keys in a group of CFG-MSGOUT keys, one for each port, with USB and UART2.
     const PLACES: u32 = 5;
 
     /// The key of a message's output rate on this port. `group` is the message's key on I2C.
@@ -110,7 +106,7 @@ impl Port {
     }
 }
 
-/// The output of a receiver, which follows from its configuration.
+/// A receiver's output, which follows from its configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Output {
     /// The time from one solution to the next, ms.
@@ -127,16 +123,13 @@ pub struct Output {
     pub bit_rate: u32,
 }
 
-/// The abilities of a receiver's hardware and firmware.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Abilities {
     pub(crate) attitude: bool,
     pub(crate) inertial: bool,
-    /// Whether the receiver has a fixed measurement period and refuses to change it.
     pub(crate) fixed_period: bool,
 }
 
-/// The configuration of a receiver, and the message that it is receiving.
 #[derive(Debug, Clone)]
 pub(crate) struct Configuration {
     port: Port,
@@ -144,12 +137,12 @@ pub(crate) struct Configuration {
     factory: BTreeMap<u32, u64>,
     saved: BTreeMap<u32, u64>,
     ram: BTreeMap<u32, u64>,
-    /// The bytes received so far, from the first one on that may begin a message.
+    /// The received bytes from the first one on that may begin a message.
     input: Vec<u8>,
 }
 
 impl Configuration {
-    /// Returns the factory settings. A receiver with a fixed period has that period instead of the factory's.
+    /// Returns the factory settings. A receiver with a fixed period has `period_ms` instead of the factory's period.
     pub(crate) fn new(port: Port, abilities: Abilities, period_ms: u32) -> Self {
         let mut factory = BTreeMap::new();
         for protocols in [0x1072_0000, 0x1074_0000, 0x107A_0000] {
@@ -164,13 +157,12 @@ impl Configuration {
         factory.insert(RATE_MEAS, if abilities.fixed_period { u64::from(period_ms) } else { 1_000 });
         factory.insert(RATE_NAV, 1);
         factory.insert(UART1_BAUDRATE, 38_400);
-        // The factory's dynamic model is the automotive one for receivers with inertial sensors, and the portable one
-        // for others.
+        // The factory's dynamic model is automotive with inertial sensors, otherwise portable.
         factory.insert(NAVSPG_DYNMODEL, if abilities.attitude || abilities.inertial { 4 } else { 0 });
         Self { port, abilities, factory, saved: BTreeMap::new(), ram: BTreeMap::new(), input: vec![] }
     }
 
-    /// Sets and saves the settings that HORUS would make, except for the dynamic model.
+    /// Sets and saves the settings that HORUS would make, except the dynamic model.
     pub(crate) fn configured(mut self, period_ms: u32, bit_rate: u32) -> Self {
         let port = self.port;
         let items = [
@@ -186,7 +178,7 @@ impl Configuration {
         self
     }
 
-    /// Restarts the receiver: the settings in RAM are lost, and with `factory` the saved ones too.
+    /// Restarts the receiver. The settings in RAM are lost and, with `factory`, the saved ones too.
     pub(crate) fn restart(&mut self, factory: bool) {
         self.ram.clear();
         self.input.clear();
@@ -195,12 +187,11 @@ impl Configuration {
         }
     }
 
-    /// Sets the dynamic model back to the saved one or, if none was saved, to the factory's.
+    /// Restores the saved dynamic model or, if none was saved, the factory's.
     pub(crate) fn forget_dynamic_model(&mut self) {
         self.ram.remove(&NAVSPG_DYNMODEL);
     }
 
-    /// The dynamic model, in the numbering of CFG-NAVSPG-DYNMODEL.
     pub(crate) fn dynamic_model(&self) -> u8 {
         u8::try_from(self.value(NAVSPG_DYNMODEL)).unwrap_or(u8::MAX)
     }
@@ -224,8 +215,7 @@ impl Configuration {
         }
     }
 
-    /// Processes a received byte; `None` stands for an unreadable one. Returns the answer to the message that the byte
-    /// completes, if there is one.
+    /// Processes a received byte, `None` for an unreadable one, and returns the answer, if any.
     pub(crate) fn hear(&mut self, byte: Option<u8>) -> Option<Vec<u8>> {
         let Some(byte) = byte else {
             self.input.clear();
@@ -261,16 +251,15 @@ impl Configuration {
         }
     }
 
-    /// Applies UBX-CFG-VALSET; returns `None` if the message is refused.
+    /// Applies the payload of UBX-CFG-VALSET; `None` if the message is refused.
     fn set(&mut self, payload: &[u8]) -> Option<()> {
-        // The payload of UBX-CFG-VALSET begins with version 0, the layers (RAM, battery-backed RAM, flash), and
-        // reserved bytes.
+        // The payload begins with version 0, the layers (RAM, battery-backed RAM, flash), and reserved bytes.
         let ([0, layers @ 1..=7, _, _], mut rest) = payload.split_first_chunk::<4>()? else { return None };
         let mut items = vec![];
         while !rest.is_empty() {
             let (key, after) = rest.split_first_chunk::<4>()?;
             let key = u32::from_le_bytes(*key);
-            // Bits 28 to 30 of a key give the size of its value: a bit (in a byte), 1, 2, 4 and 8 bytes.
+            // Bits 28 to 30 of a key give the size of its value: a bit (in a byte), 1, 2, 4 or 8 bytes.
             let size = match key >> 28 & 7 {
                 1 | 2 => 1,
                 3 => 2,
@@ -300,13 +289,11 @@ impl Configuration {
 
     fn can_be(&self, key: u32, value: u64) -> bool {
         match key {
-            // The shortest measurement period of receivers of this generation is 25 ms, which is 40 Hz (NEO-M9N: 25 Hz
-            // with several constellations).
+            // The shortest measurement period of this generation is 25 ms (NEO-M9N: 40 ms with several constellations).
             RATE_MEAS => !self.abilities.fixed_period && (25..=65_535).contains(&value),
             RATE_NAV => !self.abilities.fixed_period && (1..=127).contains(&value),
             UART1_BAUDRATE => BAUD_RATES.contains(&value),
-            // The accepted dynamic models are 0 (portable) and 2 to 9 (stationary to wrist). Some receivers lack the
-            // models with higher numbers.
+            // 0 is portable, and 2 to 9 are stationary to wrist. Some receivers lack the last ones.
             NAVSPG_DYNMODEL => matches!(value, 0 | 2..=9),
             _ if key >> 28 == 1 => value <= 1,
             _ => true,

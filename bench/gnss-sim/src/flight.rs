@@ -2,29 +2,26 @@
 //!
 //! # Design
 //!
-//! Three scalar plans describe the flight: height above the start, ground speed, and course. Each is a chain of quintic
-//! ramps (the minimum-jerk polynomial), constant in between, so every plan and its first two derivatives are
-//! continuous. The aircraft flies the way it points (yaw = course). The plans give the following directly, without any
-//! filter or simulation step:
+//! Three plans describe the flight over time: height above the start, ground speed, and course. Each is a chain of
+//! quintic ramps (the minimum-jerk polynomial) with constant values in between, so each plan and its first two
+//! derivatives are continuous. The aircraft flies the way it points (yaw = course). The plans give directly:
 //!
-//! - velocity: speed along the course, and the height's first derivative;
-//! - acceleration: speed's derivative along the course, speed × turn rate across it, and the height's second
+//! - the velocity: speed along the course, and the height's first derivative;
+//! - the acceleration: the speed's derivative along the course, speed × turn rate across it, and the height's second
 //!   derivative;
-//! - attitude: a rotorcraft can only push along its own vertical axis, so that axis points along the required force,
-//!   which is mass × (acceleration − gravity) plus drag. Pitch is negative (nose down) while it speeds up or cruises
-//!   against drag, roll is positive (right side down) in a right turn.
+//! - the attitude: a rotorcraft pushes along its own vertical axis only, so that axis points along the required force,
+//!   mass × (acceleration − gravity) plus drag. Pitch is negative (nose down) while it speeds up or cruises against
+//!   drag, roll is positive (right side down) in a right turn.
 //!
-//! The position is the integral of the velocity by five-point Gauss-Legendre quadrature. Sums over a fixed grid are
-//! calculated when the flight is planned, so every instant takes the same time. The result is a pure function of time
-//! and seed.
+//! The position is the integral of the velocity by five-point Gauss-Legendre quadrature over a table of sums on a fixed
+//! grid. Everything is a pure function of time and seed.
 //!
 //! # The length of a flight
 //!
-//! A flight is planned to fill the given duration with all its phases, so a run of 10 s shows a take-off and a landing
-//! as well as a run of ten minutes. A short flight is a low and slow hop, whose speed and height follow from the
-//! acceleration limits. A long flight climbs to [`HEIGHT_MAX`], cruises at [`SPEED_MAX`] and has more legs, which curve
-//! so that the aircraft stays within a few kilometres. For a duration below [`SHORTEST`] a flight of [`SHORTEST`] is
-//! planned, and the run shows its beginning. Before the flight's first instant and after its last one the aircraft
+//! A flight fills the given duration with all its phases, so a run of 10 s shows a take-off and a landing too. A short
+//! flight is low and slow, within the acceleration limits. A long flight climbs to [`HEIGHT_MAX`], cruises at
+//! [`SPEED_MAX`] and has more legs, which curve so that the aircraft stays within a few kilometres. For a duration
+//! below [`SHORTEST`] the run shows the beginning of a flight of [`SHORTEST`]. Before and after the flight the aircraft
 //! stands on the ground.
 
 use core::f64::consts::{PI, TAU};
@@ -49,8 +46,7 @@ pub const HEIGHT_MAX: f64 = 60.0;
 pub const ACCELERATION_MAX: f64 = 3.5;
 /// Shortest flight that is planned, s.
 pub const SHORTEST: f64 = 8.0;
-/// Longest flight that is planned, s: a day, because batteries are not simulated. For a longer duration a flight of
-/// this length is planned.
+/// Longest flight that is planned, s: a day.
 pub const LONGEST: f64 = 86_400.0;
 
 /// Standard gravity, m/s².
@@ -71,8 +67,7 @@ pub struct State {
     pub position: Geodetic,
     /// Position in the start's tangent plane, metres north, east, down.
     pub ned: [f64; 3],
-    /// Velocity to north, east and down, m/s. North and down are those of the start; a few kilometres away the local
-    /// directions differ from them by less than 1 mrad.
+    /// Velocity to north, east and down, m/s, in the directions of the start (within 1 mrad of the local ones).
     pub velocity: [f64; 3],
     /// Pitch, the nose above the horizon, rad, −π/2 ..= π/2.
     pub pitch: f64,
@@ -86,7 +81,7 @@ pub struct State {
     pub rates: [f64; 3],
 }
 
-/// A phase of a flight, as [`Flight::phase`] returns it.
+/// A phase of a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Phase {
     /// The aircraft stands on the ground before take-off.
@@ -107,24 +102,21 @@ pub enum Phase {
     Landed,
 }
 
-/// A planned flight, whose state at any instant can be calculated in any order at little cost.
+/// A planned flight, whose state can be calculated at any instant.
 #[derive(Debug, Clone)]
 pub struct Flight {
     plane: TangentPlane,
     planned: f64,
-    /// The end of each phase from `Standing` to `Landing`, s.
     phase_ends: [f64; 7],
     height: Plan,
     speed: Plan,
     course: Plan,
-    /// The distance flown to north and east at each multiple of `GRID`, m.
+    /// The distance flown north and east at each multiple of [`GRID`], m.
     sums: Vec<[f64; 2]>,
 }
 
 impl Flight {
-    /// Returns the flight of `seed` that begins at [`START`] and fills `seconds`.
-    ///
-    /// `seconds` is clamped to [`SHORTEST`] ..= [`LONGEST`]; NaN counts as the shortest.
+    /// Returns the flight of `seed` that begins at [`START`] and fills `seconds`, between [`SHORTEST`] and [`LONGEST`].
     #[must_use]
     pub fn new(seed: u64, seconds: f64) -> Self {
         Self::from_start(seed, seconds, START)
@@ -139,8 +131,7 @@ impl Flight {
             Uniform::new_inclusive(low, high).expect("the bounds of every draw are finite and ordered").sample(&mut rng)
         };
 
-        // On a short flight, each phase takes the share that is the first number in its line. The second number is the
-        // greatest duration of the phase, s. On a long flight the cruise fills the rest.
+        // A phase's share of a short flight, and its greatest duration, s. The cruise fills the rest of a long flight.
         let standing = (0.03 * planned).min(2.0);
         let climb = (0.22 * planned).min(28.0);
         let acceleration = (0.15 * planned).min(11.0);
@@ -156,7 +147,7 @@ impl Flight {
         });
         let [take_off, climbed, cruising, brake, hovering, descend, _] = phase_ends;
 
-        // The recipient's roof or garden is slightly higher or lower than the start.
+        // The recipient is slightly higher or lower than the start.
         let ground = draw(-0.1, 0.1);
         let height_gained = HEIGHT_MAX
             .min(ramp_limit(climb, CLIMB_MAX, ACCELERATION_MAX))
@@ -165,26 +156,24 @@ impl Flight {
         height.ramp(take_off, climb, height_gained);
         height.ramp(descend, landing, height_gained * (ground - 1.0));
 
-        // The ground speed is a first derivative itself, so its plan has a limit of the slope only.
+        // The ground speed is itself a first derivative, so only the slope of its plan has a limit.
         let speed_reached = SPEED_MAX.min(ACCELERATION_MAX * acceleration.min(braking) / RAMP_SLOPE);
         let mut speed = Plan::starting_at(0.0);
         speed.ramp(climbed, acceleration, speed_reached);
         speed.ramp(brake, braking, -speed_reached);
 
-        // Legs take about 15 s, and each ends in a turn: a wide turn, then a narrow one in the other direction, and so
-        // on. On a long flight two legs turn the aircraft by 45° on average, so the path has closed after sixteen legs.
-        // On a short flight the acceleration limit bounds both turns, which form an S.
+        // A leg takes about 15 s and ends in a turn, alternately wide and narrow, in opposite directions. On a long
+        // flight the path closes after sixteen legs, because two of them turn the aircraft by 45° on average.
         let mut course = Plan::starting_at(draw(-PI, PI));
         let side = if draw(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
         let legs = (cruise / 15.0).ceil().max(2.0);
         let leg = cruise / legs;
         let mut at = cruising;
-        // The number of legs is a whole number of at most LONGEST / 15, so its conversion to an integer is exact.
+        // There are at most LONGEST / 15 legs, so the conversion is exact.
         for number in 0..legs as u32 {
             let straight = leg * draw(0.25, 0.4);
             let turn = leg - straight;
             let wanted = if number % 2 == 0 { draw(54.0, 72.0) } else { -draw(12.0, 24.0) };
-            // Lateral acceleration is the product of speed and turn rate.
             let possible = ACCELERATION_MAX * turn / (RAMP_SLOPE * speed_reached);
             let angle = wanted.to_radians().clamp(-possible, possible);
             course.ramp(at + straight, turn, side * angle);
@@ -194,7 +183,7 @@ impl Flight {
         let mut flight =
             Self { plane: TangentPlane::new(start), planned, phase_ends, height, speed, course, sums: vec![[0.0; 2]] };
         let mut sum = [0.0; 2];
-        // The speed is zero from the instant `hovering` on, so later cells of the grid would add nothing to the sums.
+        // The speed is zero from the instant `hovering` on, so later cells of the table would add nothing.
         for cell in 0..(hovering / GRID).ceil() as usize {
             let from = cell as f64 * GRID;
             let [north, east] = flight.distance(from, from + GRID);
@@ -204,13 +193,13 @@ impl Flight {
         flight
     }
 
-    /// The tangent plane at the start, in which the flight was planned.
+    /// The tangent plane at the start of the flight.
     #[must_use]
     pub fn plane(&self) -> &TangentPlane {
         &self.plane
     }
 
-    /// The length of the flight, s, including the time on the ground at both ends.
+    /// The length of the flight, s, with the time on the ground at both ends.
     #[must_use]
     pub fn planned_seconds(&self) -> f64 {
         self.planned
@@ -248,7 +237,6 @@ impl Flight {
         }
     }
 
-    /// Position north, east and down of the start at `t`, m.
     fn ned(&self, t: f64) -> [f64; 3] {
         let t = t.clamp(0.0, self.planned);
         let cell = ((t / GRID) as usize).min(self.sums.len() - 1);
@@ -257,9 +245,9 @@ impl Flight {
         [north + more_north, east + more_east, -self.height.at(t)[0]]
     }
 
-    /// The distance flown to north and east between two instants, m, by five-point Gauss-Legendre quadrature.
+    /// The distance flown north and east between two instants, m, by five-point Gauss-Legendre quadrature.
     fn distance(&self, from: f64, to: f64) -> [f64; 2] {
-        /// The abscissae and weights of the quadrature on −1 ..= 1 (Abramowitz and Stegun, table 25.4).
+        /// Abscissae and weights on −1 ..= 1 (Abramowitz and Stegun, table 25.4).
         const RULE: [(f64, f64); 5] = [
             (-0.906_179_845_938_664, 0.236_926_885_056_189_1),
             (-0.538_469_310_105_683, 0.478_628_670_499_366_5),
@@ -282,9 +270,8 @@ impl Flight {
         let [_, climb, climb_rate] = self.height.at(t);
         let [speed, speed_rate, _] = self.speed.at(t);
         let [course, turn_rate, _] = self.course.at(t);
-        // The frame is level and points along the course: front, right, down.
+        // Front, right and down in the level frame along the course.
         let acceleration = [speed_rate, speed * turn_rate, -climb_rate];
-        // The force that the rotors must supply, for each unit of mass.
         let force = [acceleration[0] + DRAG * speed, acceleration[1], acceleration[2] - DRAG * climb - GRAVITY];
         let total = sqrt(force.iter().map(|f| f * f).sum());
         Pose {
@@ -297,7 +284,7 @@ impl Flight {
         }
     }
 
-    /// Turn rates about the body axes, rad/s: the derivative of the attitude, by a central difference.
+    /// Turn rates about the body axes, rad/s, as central differences of the attitude.
     fn rates(&self, t: f64) -> [f64; 3] {
         const STEP: f64 = 0.5e-3;
         let (before, now, after) = (self.pose(t - STEP), self.pose(t), self.pose(t + STEP));
@@ -309,21 +296,19 @@ impl Flight {
     }
 }
 
-/// The values at one instant that follow from the plans without integrating.
+/// The values at one instant that follow from the plans without an integral.
 struct Pose {
-    /// The course as a continuous angle beyond ±π, so that it can be differentiated.
+    /// The course as a continuous angle, which may exceed ±π.
     course: f64,
-    /// The velocity north, east, down.
     velocity: [f64; 3],
-    /// The acceleration front, right, down in the level frame along the course.
+    /// The acceleration front, right and down in the level frame along the course.
     acceleration: [f64; 3],
     pitch: f64,
     roll: f64,
 }
 
 impl Pose {
-    /// The acceleration in the body frame, rotated from the level frame: by the pitch about the right axis, then by the
-    /// roll about the front axis.
+    /// The acceleration in the body frame, rotated by the pitch first, then by the roll.
     fn body_acceleration(&self) -> [f64; 3] {
         let [x, y, z] = self.acceleration;
         let (sr, cr) = (sin(self.roll), cos(self.roll));
@@ -333,18 +318,16 @@ impl Pose {
     }
 }
 
-/// The largest change that a quintic ramp of `duration` can make. `slope` limits its first derivative, and `curve`
-/// limits its second derivative.
+/// The largest change by a quintic ramp of `duration` whose first two derivatives do not exceed `slope` and `curve`.
 fn ramp_limit(duration: f64, slope: f64, curve: f64) -> f64 {
     (slope * duration / RAMP_SLOPE).min(curve * duration * duration / RAMP_CURVE)
 }
 
-/// Brings an angle into −π ..= π.
 fn wrap(angle: f64) -> f64 {
     angle - TAU * libm::round(angle / TAU)
 }
 
-/// A quantity over time: quintic ramps one after the other, and constant values between them.
+/// A quantity over time: quintic ramps, with constant values between them.
 #[derive(Debug, Clone)]
 struct Plan {
     initial: f64,
@@ -364,19 +347,16 @@ impl Plan {
         Self { initial, ramps: Vec::new() }
     }
 
-    /// Adds a ramp, which must not start before the end of the last one.
     fn ramp(&mut self, start: f64, duration: f64, change: f64) {
         let (from, free) = self
             .ramps
             .last()
             .map_or((self.initial, f64::NEG_INFINITY), |last| (last.from + last.change, last.start + last.duration));
-        // The starts of ramps are sums of the same durations in different orders, so they are equal only up to
-        // rounding.
+        // The starts of ramps are sums of the same durations in different orders, so they are equal up to rounding.
         assert!(duration > 0.0 && start >= free - 1e-6, "ramps follow one another");
         self.ramps.push(Ramp { start: start.max(free), duration, from, change });
     }
 
-    /// The quantity's value and its first and second derivative at `t`.
     fn at(&self, t: f64) -> [f64; 3] {
         let Some(ramp) = self.ramps[..self.ramps.partition_point(|ramp| ramp.start <= t)].last() else {
             return [self.initial, 0.0, 0.0];

@@ -1,8 +1,8 @@
 //! WGS-84 positions and the local tangent plane in which a flight is planned.
 //!
-//! A flight of a few kilometres is planned in metres north, east and down of its start. The receivers report degrees
-//! and metres above the ellipsoid. The conversion between the two is the exact one (tangent plane, ECEF, geodetic), not
-//! a flat-earth scale factor: at 2 km the surface already lies 0.3 m below the plane.
+//! A flight is planned in metres north, east and down of its start, and receivers report degrees and metres above the
+//! ellipsoid. The conversion is exact (tangent plane, ECEF, geodetic), because 2 km away the surface already lies 0.3 m
+//! below the plane.
 
 use libm::{atan2, cos, sin, sqrt};
 
@@ -39,11 +39,9 @@ impl Geodetic {
         ]
     }
 
-    /// The position at earth-centred, earth-fixed coordinates in m.
-    ///
-    /// The latitude is found by fixed-point iteration. Each round gains a factor of e² ≈ 1/150, so eight rounds reach
-    /// the resolution of the float64 anywhere from the ground to the stratosphere. The iteration does not converge for
-    /// points within kilometres of the earth's axis.
+    /// Returns the position at earth-centred, earth-fixed coordinates, m, by fixed-point iteration. Each of eight
+    /// rounds gains a factor of e² ≈ 1/150, which reaches the resolution of the float64 from the ground to the
+    /// stratosphere, except within kilometres of the earth's axis.
     #[must_use]
     pub fn from_ecef([x, y, z]: [f64; 3]) -> Self {
         let p = sqrt(x * x + y * y);
@@ -52,29 +50,28 @@ impl Geodetic {
             let n = prime_vertical_radius(sin(lat));
             lat = atan2(z + E2 * n * sin(lat), p);
         }
-        // The height is calculated from both coordinates, so its rounding error is small at every latitude.
+        // With both coordinates the height's rounding error is small at every latitude.
         let n = prime_vertical_radius(sin(lat));
         let height = p * cos(lat) + z * sin(lat) - SEMI_MAJOR_AXIS * SEMI_MAJOR_AXIS / n;
         Self { latitude: lat.to_degrees(), longitude: atan2(y, x).to_degrees(), height }
     }
 }
 
-/// The radius of curvature in the prime vertical, m.
 fn prime_vertical_radius(sin_lat: f64) -> f64 {
     SEMI_MAJOR_AXIS / sqrt(1.0 - E2 * sin_lat * sin_lat)
 }
 
-/// The plane that touches the ellipsoid's parallel surface at an origin, with axes north, east, down.
+/// A plane that touches the surface of equal height at its origin, with axes north, east, down.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TangentPlane {
     origin: Geodetic,
     origin_ecef: [f64; 3],
-    /// The plane's axes north, east and down, one in each row, as unit vectors in ECEF.
+    /// The plane's axes north, east and down as unit vectors in ECEF, one in each row.
     axes: [[f64; 3]; 3],
 }
 
 impl TangentPlane {
-    /// The plane at `origin`.
+    /// Returns the plane at `origin`.
     #[must_use]
     pub fn new(origin: Geodetic) -> Self {
         let (lat, lon) = (origin.latitude.to_radians(), origin.longitude.to_radians());
@@ -92,7 +89,7 @@ impl TangentPlane {
         self.origin
     }
 
-    /// The position `ned` metres north, east and down of the origin.
+    /// Returns the position `ned` metres north, east and down of the origin.
     #[must_use]
     pub fn to_geodetic(&self, ned: [f64; 3]) -> Geodetic {
         let mut ecef = self.origin_ecef;
@@ -104,7 +101,7 @@ impl TangentPlane {
         Geodetic::from_ecef(ecef)
     }
 
-    /// The coordinates of `position` in the plane: metres north, east and down of the origin.
+    /// Returns the coordinates of `position`: metres north, east and down of the origin.
     #[must_use]
     pub fn to_ned(&self, position: Geodetic) -> [f64; 3] {
         let [x, y, z] = position.to_ecef();
@@ -151,7 +148,7 @@ mod tests {
         // A point 2 km away on the plane is d²/2R = 0.31 m above the surface of equal height.
         let away = plane.to_geodetic([2_000.0, 0.0, 0.0]);
         assert!((away.height - 470.0 - 0.313).abs() < 0.002, "{away:?}");
-        // One arc minute of latitude at 45° is approximately 1852 m by the definition of the sea mile.
+        // A sea mile, 1852 m, is about one arc minute of latitude at 45°.
         let north = plane.to_geodetic([1_853.0, 0.0, 0.0]);
         assert!((north.latitude - origin.latitude - 1.0 / 60.0).abs() < 2e-5);
         for ned in [[10.0, -20.0, -60.0], [-3_000.0, 1_500.0, -120.0]] {

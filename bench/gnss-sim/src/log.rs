@@ -2,30 +2,28 @@
 //!
 //! # The contents
 //!
-//! A log is played exactly: all bytes of the file in their order, UBX, NMEA, RTCM, damaged messages and noise alike.
-//! The log is parsed only to find out *when* its bytes were sent.
+//! All bytes of the file are played in their order: UBX, NMEA, RTCM, damaged messages and noise. The log is parsed only
+//! to find out *when* its bytes were sent.
 //!
 //! # The timing
 //!
 //! A receiver sends one burst for each navigation epoch, and every UBX NAV message has its epoch (`iTOW`, GPS time of
-//! week in ms). The file is divided where a message begins a new epoch. The pieces are sent at the intervals of their
-//! `iTOW`:
+//! week in ms). The file is divided where a message begins a new epoch, and the pieces are sent at the intervals of
+//! their `iTOW`:
 //!
-//! - The bytes before the first epoch are sent [`FIRST_BURST_NS`] after reset, followed by the first epoch.
-//! - A NAV message with a right checksum whose `iTOW` is later than the current epoch's begins the next epoch. The
-//!   week's roll-over is a step like any other. A step longer than [`GAP_MAX_MS`] (a tunnel, or a recording that was
-//!   resumed) is shortened to that length.
-//! - A NAV-PVT whose `iTOW` is *not* later (a receiver that does not know the time, or several logs in one file) begins
-//!   an epoch as well, [`PERIOD_WITHOUT_TIME_MS`] after the one before. Other late messages belong to the epoch in
-//!   which they arrive.
-//! - Bytes that are not a NAV message belong to the epoch before them.
+//! - The bytes before the first epoch, and the first epoch, are sent [`FIRST_BURST_NS`] after reset.
+//! - A NAV message with a right checksum and a later `iTOW` begins the next epoch, also over the roll-over of the week.
+//!   A step longer than [`GAP_MAX_MS`] (a tunnel, or a resumed recording) is shortened to that length.
+//! - A NAV-PVT whose `iTOW` is *not* later (a receiver without the time, or several logs in one file) begins an epoch
+//!   too, [`PERIOD_WITHOUT_TIME_MS`] after the one before. Other late messages do not.
+//! - All other bytes belong to the epoch before them.
 //! - A burst never starts before the burst ahead of it has left the UART.
 //!
 //! # The positions
 //!
-//! [`Log::positions`] lists the positions in the log: NAV-PVT messages of 92 bytes (protocol version 15 and later) with
-//! a right checksum, `gnssFixOK` set, `invalidLlh` clear, and a fix that has a position. A log without any such
-//! position is refused when it is opened, with the reason.
+//! [`Log::positions`] lists the valid positions: NAV-PVT messages of 92 bytes (protocol version 15 and later) with a
+//! right checksum, `gnssFixOK` set, `invalidLlh` clear, and a fix that has a position. A log without such a position is
+//! refused with the reason.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -34,17 +32,16 @@ use std::path::{Path, PathBuf};
 
 use crate::ubx::{self, Frame, NavPvt, WEEK_MS};
 
-/// The instant at which a log's first byte is sent, ns after reset. By that instant the firmware receives, so it misses
-/// no position of the log.
+/// The instant at which a log's first byte is sent, ns after reset: late enough for the firmware to receive it.
 pub const FIRST_BURST_NS: u64 = 100_000_000;
 
-/// The longest pause between two epochs, ms. A longer pause is shortened to this length.
+/// The longest pause between two epochs, ms, to which longer ones are shortened.
 pub const GAP_MAX_MS: u32 = 5_000;
 
-/// The pause before an epoch whose time of week does not tell how long the pause was, ms.
+/// The pause before an epoch whose time of week does not give its distance from the epoch before, ms.
 pub const PERIOD_WITHOUT_TIME_MS: u32 = 1_000;
 
-/// The length of the longest log that is read, bytes. The log of a day at 1 Mbit/s is shorter.
+/// The length of the longest log that is read, bytes: more than a day at 1 Mbit/s.
 pub const LENGTH_MAX: u64 = 1 << 30;
 
 /// The reason why a log cannot be played.
@@ -84,7 +81,7 @@ pub enum LogError {
     NoPosition {
         /// The path of the file.
         path: PathBuf,
-        /// What the log contains in place of a position.
+        /// The contents of the log.
         counts: LogCounts,
     },
 }
@@ -102,7 +99,7 @@ pub struct LogCounts {
     pub nmea: usize,
     /// The number of RTCM 3 messages with a right CRC.
     pub rtcm: usize,
-    /// The number of bytes that belong to no whole message: those of damaged or cut-off messages, and noise.
+    /// The number of bytes outside whole messages: those of damaged or incomplete messages, and noise.
     pub unknown_bytes: usize,
 }
 
@@ -122,8 +119,7 @@ pub struct RecordedPosition {
 impl RecordedPosition {
     /// Longitude, degrees: the float64 nearest to the decimal number in the message.
     ///
-    /// The value is a quotient and not the product with 1e-7: a division of two exactly represented numbers is
-    /// correctly rounded, while 1e-7 itself is not exact. This defines the value to its last bit.
+    /// It is a quotient, because a division of two exact numbers is rounded correctly, while 1e-7 is not exact.
     #[must_use]
     pub fn longitude(&self) -> f64 {
         f64::from(self.longitude_1e7) / 1e7
@@ -141,7 +137,7 @@ impl RecordedPosition {
         f64::from(self.height_mm) / 1e3
     }
 
-    /// The position in a UBX message, if it is a NAV-PVT message with a valid position.
+    /// The position in `frame`, if that is a NAV-PVT message with a valid position.
     #[must_use]
     pub fn from_frame(frame: &Frame<'_>) -> Option<Self> {
         if (frame.class, frame.id) != (ubx::CLASS_NAV, NavPvt::ID) || frame.payload.len() != NavPvt::PAYLOAD {
@@ -151,7 +147,7 @@ impl RecordedPosition {
             Some(i32::from_le_bytes(frame.payload.get(offset..offset + 4)?.try_into().ok()?))
         };
         let byte = |offset: usize| frame.payload.get(offset).copied();
-        // The fix types are 1 dead reckoning, 2 2D, 3 3D, 4 GNSS and dead reckoning; 5 is time only.
+        // 1 is dead reckoning, 2 2D, 3 3D, 4 GNSS and dead reckoning; 5 is time only.
         let fixed = matches!(byte(20)?, 1..=4);
         let ok = byte(21)? & NavPvt::FLAG_FIX_OK != 0 && byte(78)? & NavPvt::FLAG3_INVALID_LLH == 0;
         (fixed && ok).then_some(())?;
@@ -191,7 +187,7 @@ impl Log {
     ///
     /// # Errors
     ///
-    /// [`LogError`], except its variant `Unreadable`.
+    /// [`LogError`], except [`LogError::Unreadable`].
     pub fn from_bytes(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Self, LogError> {
         let path = path.as_ref();
         if bytes.is_empty() {
@@ -251,9 +247,8 @@ impl Log {
         &self.bytes
     }
 
-    /// The instant of each burst (ns after reset) and its bytes, in order. There is at least one burst, none is empty,
-    /// and all together are [`Self::bytes`]. The UART may still be busy with the burst before, which the receiver takes
-    /// into account.
+    /// The bursts in order, each as its instant (ns after reset) and its bytes. There is at least one, and none is
+    /// empty.
     pub fn bursts(&self) -> impl ExactSizeIterator<Item = (u64, &[u8])> {
         self.bursts.iter().map(|(at, range)| (*at, &self.bytes[range.clone()]))
     }
@@ -272,24 +267,21 @@ impl Log {
     }
 }
 
-/// Divides a log into epochs.
 #[derive(Debug, Default)]
 struct Cutter {
-    /// The time of week of the current epoch, ms.
     epoch: Option<u32>,
-    /// Whether a NAV-PVT of the current epoch has arrived already.
     has_pvt: bool,
-    /// For each epoch but the first, the time from the first epoch to it, ns, and the offset of its first byte.
+    /// The beginning of each epoch but the first: the time since the first epoch, ns, and the offset in the log.
     cuts: Vec<(u64, usize)>,
     now_ns: u64,
 }
 
 impl Cutter {
-    /// Processes a NAV message of the epoch `itow` that begins at `offset` of the log.
+    /// Processes a NAV message of the epoch `itow` at `offset` of the log.
     fn message(&mut self, offset: usize, itow: u32, is_pvt: bool) {
         if let Some(epoch) = self.epoch {
             let step = (itow + WEEK_MS - epoch) % WEEK_MS;
-            // An `iTOW` that is more than half a week ahead counts as earlier.
+            // An `iTOW` more than half a week ahead counts as earlier.
             let ahead = step > 0 && step <= WEEK_MS / 2;
             let pause = if ahead {
                 step.min(GAP_MAX_MS)
@@ -307,16 +299,15 @@ impl Cutter {
     }
 
     fn bursts(self, length: usize) -> Vec<(u64, Range<usize>)> {
-        // The bytes before the first epoch are in one burst with those of the first epoch.
+        // The bytes before the first epoch belong to its burst.
         let starts = std::iter::once((0, 0)).chain(self.cuts.iter().copied());
         let ends = self.cuts.iter().map(|(_, offset)| *offset).chain([length]);
         starts.zip(ends).map(|((at, start), end)| (FIRST_BURST_NS + at, start..end)).collect()
     }
 }
 
-/// The length of the NMEA sentence with a right checksum at the start of `bytes`; `None` if there is none. A sentence
-/// consists of `$`, at most 255 printable characters (u-blox sends proprietary sentences beyond the standard's 82),
-/// `*hh`, CR and LF.
+/// The length of the NMEA sentence with a right checksum at the start of `bytes`, if there is one: `$`, at most 255
+/// printable characters (u-blox exceeds the standard's 82), `*hh`, CR and LF.
 fn nmea_at_start_of(bytes: &[u8]) -> Option<usize> {
     const LONGEST: usize = 255;
     let body = bytes.strip_prefix(b"$")?;
@@ -330,10 +321,10 @@ fn nmea_at_start_of(bytes: &[u8]) -> Option<usize> {
     (told == u32::from(sum)).then_some(1 + star + 5)
 }
 
-/// The length of the RTCM 3 message with a right CRC at the start of `bytes`; `None` if there is none (RTCM 10403:
-/// 0xD3, 6 zero bits, 10 bits of length, CRC-24Q).
+/// The length of the RTCM 3 message with a right CRC at the start of `bytes`, if there is one (RTCM 10403: 0xD3, 6 zero
+/// bits, 10 bits of length, CRC-24Q).
 fn rtcm_at_start_of(bytes: &[u8]) -> Option<usize> {
-    // The `crc` crate's catalogue lists CRC-24Q under LTE's name for it: polynomial 0x864CFB, start value 0.
+    // CRC-24Q (polynomial 0x864CFB, start value 0) has LTE's name in the `crc` crate.
     const CRC_24Q: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_24_LTE_A);
     let [0xd3, high, low, ..] = *bytes else {
         return None;

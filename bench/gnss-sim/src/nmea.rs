@@ -1,11 +1,8 @@
-//! NMEA sentences as a u-blox receiver sends them from the factory: RMC, VTG and GGA of NMEA 0183 version 4.1x.
-//!
-//! GLL, GSA, GSV and TXT, which the receiver also sends, are left out: HORUS reads no NMEA sentence, and the other
-//! three already represent all input that is not UBX.
+//! NMEA sentences of a u-blox receiver with its factory settings: RMC, VTG and GGA of NMEA 0183 version 4.1x. GLL, GSA,
+//! GSV and TXT are left out, because HORUS only has to ignore NMEA.
 
 use crate::ubx::NavPvt;
 
-/// The sentences of one solution.
 pub(crate) fn sentences(pvt: &NavPvt) -> Vec<u8> {
     let time = format!("{:02}{:02}{:02}.{:02}", pvt.hour, pvt.minute, pvt.second, pvt.nano.max(0) / 10_000_000);
     let date = format!("{:02}{:02}{:02}", pvt.day, pvt.month, pvt.year % 100);
@@ -36,11 +33,11 @@ pub(crate) fn sentences(pvt: &NavPvt) -> Vec<u8> {
     .collect()
 }
 
-/// An angle as text of NMEA: the degrees in `digits` digits, and then the minutes.
+/// An angle in NMEA's form: the degrees in `digits` digits, then the minutes.
 fn angle(degrees_1e7: i32, digits: usize) -> String {
     let angle = degrees_1e7.unsigned_abs();
     let minutes = f64::from(angle % 10_000_000) * 60.0 / 1e7;
-    // Minutes that rounding to five digits would turn into 60 are set to the greatest number below 60.
+    // Rounding to five digits must not give 60 minutes.
     let minutes = minutes.min(59.999_99);
     format!("{:0digits$}{minutes:08.5}", angle / 10_000_000)
 }

@@ -2,28 +2,25 @@
 //!
 //! # Design
 //!
-//! A receiver is an iterator of [`Burst`]s, ordered in time: the bytes that it puts on its line without a gap, and the
-//! instant of the first start bit. It calculates a burst on request and keeps only the state before the burst that is
-//! due, so a run of any length needs no memory. It uses its bit rate only to keep a burst from starting while the one
-//! before is still on the line.
+//! A receiver is an iterator of [`Burst`]s in order of time. It calculates a burst on request and keeps only the state
+//! before the burst that is due, so a run of any length needs no memory. Its bit rate only keeps a burst from starting
+//! while the one before is on the line.
 //!
-//! A generated receiver starts as if HORUS had configured it before and it had saved the configuration;
-//! [`Receiver::with_factory_settings`] gives one without it. Its input ([`Receiver::hear`]) may change its output: the
-//! burst that was due is then calculated again.
+//! A generated receiver starts as if HORUS had configured it before; [`Receiver::with_factory_settings`] returns one
+//! without that. Its input ([`Receiver::hear`]) may change its output, and the burst that was due is then calculated
+//! again.
 //!
-//! # The errors of a generated receiver, which real ones have too
+//! # The errors of a generated receiver
 //!
-//! - It calculates solutions at its own rate, for epochs that are multiples of its period in GPS time. Reset occurs at
-//!   a random instant of GPS time, so the receivers' epochs are aligned with each other but not with the 10 ms cycle of
-//!   HORUS.
-//! - Its clock is kept within ±0.5 ms of GPS time by steps of 1 ms, as in u-blox receivers: it drifts, and jumps. A
-//!   solution is for the instant at which that clock shows the epoch.
-//! - Its position has a wandering bias (first-order Gauss-Markov, from satellite geometry and atmosphere) and white
-//!   noise. Its velocity, attitude and acceleration have white noise; attitude and acceleration also have a constant
-//!   error (from the mounting).
-//! - The solution leaves the receiver some time after its epoch (40 to 80 ms, by model), with jitter.
+//! - It calculates solutions for epochs that are multiples of its period in GPS time. Reset occurs at a random instant
+//!   of GPS time, so epochs are not aligned with the 10 ms cycle of HORUS.
+//! - Its clock drifts and is kept within ±0.5 ms of GPS time by steps of 1 ms, as in u-blox receivers. A solution is
+//!   for the instant at which that clock shows the epoch.
+//! - Its position has a wandering bias (first-order Gauss-Markov) and white noise. Its velocity, attitude and
+//!   acceleration have white noise; attitude and acceleration also have a constant error from the mounting.
+//! - A solution leaves the receiver 40 to 80 ms after its epoch, by model, with jitter.
 //!
-//! Receivers of an odd number carry inertial sensors and send NAV-ATT and ESF-INS; the others only send NAV-PVT.
+//! Receivers of an odd number have inertial sensors and send NAV-ATT and ESF-INS; the others only send NAV-PVT.
 
 use std::sync::Arc;
 
@@ -48,7 +45,7 @@ const BITS_PER_BYTE: u64 = 10;
 const WEEK: i64 = 2_372;
 /// The GPS time of week at which reset occurs, rounded down to a second, ms: Wednesday, 10:00.
 const START_OF_RUN_MS: u64 = (3 * 24 + 10) * 3_600_000;
-/// The number of seconds by which GPS time is ahead of UTC since 2017 (IERS Bulletin C 52).
+/// The seconds by which GPS time is ahead of UTC since 2017 (IERS Bulletin C 52).
 const LEAP_SECONDS: i64 = 18;
 /// The height of the ellipsoid above mean sea level near Winterthur, m (EGM96).
 const GEOID: f64 = 47.5;
@@ -60,7 +57,7 @@ const BIAS_TIME: f64 = 60.0;
 pub struct Burst {
     /// The instant at which the start bit of the first byte begins, ns after reset.
     pub at_ns: u64,
-    /// The bytes. There are none if the receiver has a solution, but is configured to send no message with it.
+    /// The bytes; none if no message is configured for a solution.
     pub bytes: Vec<u8>,
 }
 
@@ -71,16 +68,15 @@ pub struct Model {
     pub period_ms: u32,
     /// The mean time from an epoch to the first byte of the epoch's solution, ms.
     pub delay_ms: f64,
-    /// The standard deviation of a solution's delay, ms. No delay deviates from the mean by more than three times this
-    /// value.
+    /// The standard deviation of a solution's delay, ms. The deviation is limited to three times this value.
     pub delay_jitter_ms: f64,
     /// Whether the receiver sends NAV-ATT.
     pub attitude: bool,
     /// Whether the receiver sends ESF-INS.
     pub inertial: bool,
-    /// The standard deviations of the wandering bias and of the white noise, on each horizontal axis, m.
+    /// The standard deviations of the wandering bias and of the white noise on each horizontal axis, m.
     pub horizontal_m: (f64, f64),
-    /// The standard deviations of the wandering bias and of the white noise, on the vertical axis, m.
+    /// The standard deviations of the wandering bias and of the white noise on the vertical axis, m.
     pub vertical_m: (f64, f64),
 }
 
@@ -134,24 +130,19 @@ impl Model {
         },
     ];
 
-    /// The model of receiver number `index`, from 1, as the objects GPS1 to GPS5 are numbered. The sixth is like the
-    /// first, and so on.
+    /// The model of receiver number `index`, from 1. The sixth is like the first, and so on.
     #[must_use]
     pub fn fitted(index: usize) -> Self {
         Self::FITTED[index.wrapping_sub(1) % Self::FITTED.len()]
     }
 }
 
-/// A receiver: an iterator of its bursts, in order. A generated receiver never ends; a recorded one ends with its log.
-///
-/// A clone with the same inputs and calls yields the same bursts.
+/// A receiver: an iterator of its bursts in order. A clone with the same inputs yields the same bursts.
 #[derive(Debug, Clone)]
 pub struct Receiver {
     source: Source,
     bit_rate: u32,
-    /// The instant from which on the line is idle again, ns after reset.
     idle_ns: u64,
-    /// The next burst to be sent; `None` until it is requested for the first time.
     due: Option<Burst>,
 }
 
@@ -162,30 +153,26 @@ enum Source {
 }
 
 impl Receiver {
-    /// Returns receiver number `index` (from 1), which observes `flight` with noise drawn from `seed`.
-    ///
-    /// The only thing that all receivers of one `seed` share is the GPS time of the reset.
+    /// Returns receiver number `index` (from 1), which observes `flight` with errors drawn from `seed`.
     #[must_use]
     pub fn generated(index: usize, seed: u64, flight: Arc<Flight>) -> Self {
         Self::with_model(Model::fitted(index), index, seed, flight)
     }
 
-    /// Returns a receiver like that of [`Self::generated`] with the given model.
+    /// Returns a receiver like [`Self::generated`] does, but of the given model.
     #[must_use]
     pub fn with_model(model: Model, index: usize, seed: u64, flight: Arc<Flight>) -> Self {
         Self::from_source(Source::Generated(Box::new(Generated::new(model, index, seed, flight))))
     }
 
-    /// Returns the receiver with its connection by `port`, which determines the part of the configuration that applies
-    /// to it.
+    /// Returns the receiver connected by `port`, whose part of the configuration then applies.
     #[must_use]
     pub fn connected_by(mut self, port: Port) -> Self {
         self.rebuild(|generated| generated.port = port);
         self
     }
 
-    /// Returns the receiver with its factory settings, as after a loss of its saved settings: 38 400 bit/s, NMEA only,
-    /// one solution a second.
+    /// Returns the receiver with its factory settings: 38 400 bit/s, NMEA only, one solution a second.
     #[must_use]
     pub fn with_factory_settings(mut self) -> Self {
         self.restart(0, true);
@@ -207,7 +194,6 @@ impl Receiver {
         self
     }
 
-    /// Applies `change` to a generated receiver and derives its configuration and output anew.
     fn rebuild(&mut self, change: impl FnOnce(&mut Generated)) {
         if let Source::Generated(generated) = &mut self.source {
             change(generated);
@@ -217,9 +203,8 @@ impl Receiver {
         }
     }
 
-    /// Processes a byte that arrives at `at_ns`, ns after reset; `None` stands for an unreadable byte. If the byte
-    /// completes a message that is answered, this returns the answer, in UBX. The answer is sent along with the
-    /// receiver's output, at the bit rate that applies from then on. A recorded receiver answers nothing.
+    /// Processes a byte, `None` for an unreadable one, that arrives at `at_ns` (ns after reset). Returns the answer, if
+    /// any, which is sent at the bit rate that applies from then on.
     pub fn hear(&mut self, at_ns: u64, byte: Option<u8>) -> Option<Vec<u8>> {
         let Source::Generated(generated) = &mut self.source else { return None };
         let answer = generated.configuration.hear(byte)?;
@@ -227,8 +212,7 @@ impl Receiver {
         Some(answer)
     }
 
-    /// Restarts the receiver at `at_ns`, ns after reset. It loses its unsaved settings and, with `factory`, the saved
-    /// ones too. A recorded receiver continues its log.
+    /// Restarts the receiver at `at_ns` (ns after reset) without its unsaved and, with `factory`, its saved settings.
     pub fn restart(&mut self, at_ns: u64, factory: bool) {
         if let Source::Generated(generated) = &mut self.source {
             generated.configuration.restart(factory);
@@ -236,15 +220,14 @@ impl Receiver {
         }
     }
 
-    /// Makes the receiver lose its unsaved dynamic model; it keeps all other settings.
+    /// Makes the receiver lose its unsaved dynamic model and no other setting.
     pub fn forget_dynamic_model(&mut self) {
         if let Source::Generated(generated) = &mut self.source {
             generated.configuration.forget_dynamic_model();
         }
     }
 
-    /// The dynamic model of the receiver's filter, in the numbering of CFG-NAVSPG-DYNMODEL; `None` for a recorded
-    /// receiver.
+    /// The dynamic model in the numbering of CFG-NAVSPG-DYNMODEL; `None` for a recorded receiver.
     #[must_use]
     pub fn dynamic_model(&self) -> Option<u8> {
         match &self.source {
@@ -253,7 +236,7 @@ impl Receiver {
         }
     }
 
-    /// Adapts the receiver to a configuration that may have changed at `at_ns`, ns after reset.
+    /// Adapts the output to a configuration that may have changed at `at_ns` (ns after reset).
     fn reconfigured(&mut self, at_ns: u64) {
         let Source::Generated(generated) = &mut self.source else { return };
         if generated.configuration.output() == generated.output {
@@ -270,7 +253,7 @@ impl Receiver {
         self.bit_rate = generated.output.bit_rate;
     }
 
-    /// The output for which the receiver is configured; `None` for a recorded receiver.
+    /// The output that is configured; `None` for a recorded receiver.
     #[must_use]
     pub fn output(&self) -> Option<Output> {
         match &self.source {
@@ -279,7 +262,7 @@ impl Receiver {
         }
     }
 
-    /// The instant at which the receiver's next burst begins, ns after reset; `None` if there is no further burst.
+    /// The instant of the receiver's next burst, ns after reset; `None` if there is none.
     pub fn next_at(&mut self) -> Option<u64> {
         if self.due.is_none() {
             let mut burst = match &mut self.source {
@@ -300,7 +283,7 @@ impl Receiver {
         self.due.as_ref().map(|burst| burst.at_ns)
     }
 
-    /// A receiver that plays `log`.
+    /// Returns a receiver that plays `log`.
     #[must_use]
     pub fn recorded(log: Arc<Log>) -> Self {
         Self::from_source(Source::Recorded { log, next: 0 })
@@ -328,8 +311,7 @@ impl Receiver {
         self.bit_rate
     }
 
-    /// The instant at which the last byte of the last valid position in `burst` has been sent on the line, ns after
-    /// reset; `None` if the burst holds no valid position.
+    /// The instant, ns after reset, at which the last valid position in `burst` has been sent; `None` if there is none.
     #[must_use]
     pub fn last_solution_ns(&self, burst: &Burst) -> Option<u64> {
         let mut last = None;
@@ -367,26 +349,22 @@ impl Iterator for Receiver {
     }
 }
 
-/// A receiver that observes a flight.
 #[derive(Debug, Clone)]
 struct Generated {
     model: Model,
     port: Port,
     fixed_period: bool,
     configuration: Configuration,
-    /// The output that follows from the configuration.
     output: Output,
-    /// The number of solutions that the receiver has calculated so far.
     solutions: u32,
-    /// The receiver's state before it calculated the next burst, from which that burst can be calculated again.
+    /// The state before the next burst, from which that burst can be calculated again.
     before: Option<Box<Generated>>,
     flight: Arc<Flight>,
     noise: ChaCha8Rng,
-    /// The GPS time of week at which reset occurs, ns.
     reset_ns: u64,
-    /// The number of the next epoch, counted from the start of the week.
+    /// The number of the next epoch, from the start of the week.
     epoch: u64,
-    /// How far the receiver's clock is ahead of GPS time at reset, ns; ±0.5 ms.
+    /// How far the receiver's clock is ahead of GPS time at reset, ns; at most ±0.5 ms.
     clock_ns: f64,
     /// The drift of the receiver's clock, parts per billion.
     clock_ppb: f64,
@@ -401,8 +379,7 @@ struct Generated {
 
 impl Generated {
     fn new(model: Model, index: usize, seed: u64, flight: Arc<Flight>) -> Self {
-        // Each receiver draws its noise from a stream of its own, so the noise of two receivers with one seed is
-        // independent. What all receivers share is drawn from stream 0.
+        // Stream 0 gives what all receivers share, and each receiver draws its noise from a stream of its own.
         let mut shared = ChaCha8Rng::seed_from_u64(seed);
         shared.set_stream(0);
         let mut noise = ChaCha8Rng::seed_from_u64(seed);
@@ -446,10 +423,10 @@ impl Generated {
         self.configuration = configuration(&self.model, self.port, self.fixed_period);
     }
 
-    /// Derives the output from the configuration again, for the time from `at_ns` (ns after reset) on.
+    /// Derives the output from the configuration for the time from `at_ns` (ns after reset) on.
     fn follow_configuration(&mut self, at_ns: u64) {
         self.output = self.configuration.output();
-        // The next epoch is the first one that lies after `at_ns` whatever the error of the receiver's clock is.
+        // The next epoch must lie after `at_ns` whatever the error of the receiver's clock is.
         let period_ns = u64::from(self.output.period_ms) * 1_000_000;
         self.epoch = (self.reset_ns + at_ns + 1_000_000).div_ceil(period_ns);
     }
@@ -460,12 +437,12 @@ impl Generated {
         self.epoch += 1;
         let nominal_ns = epoch_ms * 1_000_000 - self.reset_ns;
         let clock_ns = self.clock_error_ns(nominal_ns);
-        // The receiver's clock is ahead by `clock_ns`, so the receiver takes the measurement early.
+        // A clock that is ahead takes the measurement early.
         let measured_ns = nominal_ns as f64 - clock_ns;
         let truth = self.flight.state(measured_ns / 1e9);
         let seen = self.observe(&truth);
 
-        // The jitter is limited to three standard deviations, so that no solution overtakes the one before.
+        // The limit of three standard deviations keeps solutions in order.
         let jitter = normal(&mut self.noise).clamp(-3.0, 3.0) * self.model.delay_jitter_ms;
         let sent_ns = measured_ns + (self.model.delay_ms + jitter) * 1e6;
         let bytes = self.messages(epoch_ms, clock_ns, &seen);
@@ -473,13 +450,12 @@ impl Generated {
         Burst { at_ns: libm::round(sent_ns) as u64, bytes }
     }
 
-    /// The error of the receiver's clock, ns. It drifts, and is stepped by 1 ms when it leaves ±0.5 ms.
+    /// The error of the receiver's clock, ns, which drifts and is stepped by 1 ms when it leaves ±0.5 ms.
     fn clock_error_ns(&self, since_reset_ns: u64) -> f64 {
         let free = self.clock_ns + self.clock_ppb * since_reset_ns as f64 / 1e9;
         free - 1e6 * libm::round(free / 1e6)
     }
 
-    /// The state of the aircraft as this receiver observes it, with the receiver's errors.
     fn observe(&mut self, truth: &State) -> State {
         let mut normal = || normal(&mut self.noise);
         let keep = libm::exp(-f64::from(self.output.period_ms) / 1e3 / BIAS_TIME);
@@ -504,7 +480,7 @@ impl Generated {
         }
     }
 
-    /// The bytes of those messages of a solution that the receiver is configured to send.
+    /// Encodes those messages of a solution that the receiver is configured to send.
     fn messages(&self, epoch_ms: u64, clock_ns: f64, seen: &State) -> Vec<u8> {
         let itow_ms = u32::try_from(epoch_ms % u64::from(WEEK_MS)).expect("a week is shorter than 2^32 ms");
         let pvt = self.nav_pvt(epoch_ms, itow_ms, clock_ns, seen);
@@ -593,13 +569,11 @@ fn configuration(model: &Model, port: Port, fixed_period: bool) -> Configuration
     Configuration::new(port, abilities, model.period_ms).configured(model.period_ms, BIT_RATE)
 }
 
-/// Rounds `value` to the nearest integer of a field of 32 bits.
 fn rounded(value: f64) -> i32 {
-    // A conversion by `as` limits a float to the range of the integer; no value of a flight comes near the limit.
     libm::round(value) as i32
 }
 
-/// Converts a heading of −360 ..= 360 degrees to the unit and range of the UBX field, 0 ..= 360 × 1e5.
+/// Converts a heading of −360 ..= 360 degrees to the UBX field, 0 ..= 360 × 1e5.
 fn heading_1e5(degrees: f64) -> i32 {
     rounded(if degrees < 0.0 { degrees + 360.0 } else { degrees } * 1e5)
 }

@@ -1,9 +1,8 @@
 //! UBX, the protocol of u-blox receivers: framing, and the three messages that HORUS reads.
 //!
 //! The source is the u-blox 8 / u-blox M8 receiver description including protocol specification (UBX-13003221), chapter
-//! UBX Protocol: frame structure, checksum, NAV-PVT, NAV-ATT and ESF-INS. The F9 interface descriptions agree with it
-//! on all of these. Fields are little-endian and in the units of the protocol; their names are those of the
-//! specification in Rust's spelling.
+//! UBX Protocol; the F9 interface descriptions agree with it. Fields are little-endian and in the protocol's units, and
+//! their names are those of the specification.
 
 /// The two bytes that begin a frame: 0xB5 and, in ISO 8859-1, a small b.
 pub const SYNC: [u8; 2] = [0xb5, 0x62];
@@ -77,17 +76,14 @@ impl<'a> Frame<'a> {
     }
 
     /// GPS time of week of the navigation epoch, ms, if this is a message of class NAV that has one.
-    ///
-    /// Most NAV messages start with the time of week. A few start with a version before it; NAV-RESETODO and unknown
-    /// messages have no time of week.
     #[must_use]
     pub fn itow_ms(&self) -> Option<u32> {
         let offset = match (self.class, self.id) {
-            // In these messages of class NAV the time of week comes first: POSECEF, POSLLH, STATUS, DOP, ATT, SOL, PVT,
-            // VELECEF, VELNED, TIMEGPS, TIMEUTC, CLOCK, TIMEGLO, TIMEBDS, TIMEGAL, TIMELS, TIMEQZSS, NMI.
+            // The time of week is first in POSECEF, POSLLH, STATUS, DOP, ATT, SOL, PVT, VELECEF, VELNED, TIMEGPS,
+            // TIMEUTC, CLOCK, TIMEGLO, TIMEBDS, TIMEGAL, TIMELS, TIMEQZSS, NMI.
             (CLASS_NAV, 0x01..=0x07 | 0x11 | 0x12 | 0x20..=0x28) => 0,
-            // The time of week also comes first in SVINFO, DGPS, SBAS, ORB, SAT, COV, GEOFENCE, EELL, SLAS, SIG,
-            // AOPSTATUS, EOE.
+            // The time of week is first in SVINFO, DGPS, SBAS, ORB, SAT, COV, GEOFENCE, EELL, SLAS, SIG, AOPSTATUS,
+            // EOE.
             (CLASS_NAV, 0x30..=0x32 | 0x34..=0x36 | 0x39 | 0x3d | 0x42 | 0x43 | 0x60 | 0x61) => 0,
             // The time of week follows a version in ODO, HPPOSECEF, HPPOSLLH, SVIN, RELPOSNED.
             (CLASS_NAV, 0x09 | 0x13 | 0x14 | 0x3b | 0x3c) => 4,
@@ -116,15 +112,14 @@ pub struct NavPvt {
     pub minute: u8,
     /// Second, 0 ..= 60 (UTC).
     pub second: u8,
-    /// Flags of the time: bit 0 the date is valid, bit 1 the time of day is valid, bit 2 the time of day is fully
-    /// resolved, bit 3 the magnetic declination is valid.
+    /// Flags of the time: bit 0 date valid, bit 1 time of day valid, bit 2 time of day fully resolved, bit 3 magnetic
+    /// declination valid.
     pub valid: u8,
     /// Time accuracy estimate, ns.
     pub time_accuracy_ns: u32,
     /// Fraction of the second, ns, −1e9 ..= 1e9.
     pub nano: i32,
-    /// The type of the fix: 0 none, 1 dead reckoning, 2 two-dimensional, 3 three-dimensional, 4 GNSS and dead
-    /// reckoning, 5 time only.
+    /// The type of the fix: 0 none, 1 dead reckoning, 2 2D, 3 3D, 4 GNSS and dead reckoning, 5 time only.
     pub fix_type: u8,
     /// Flags of the fix: bit 0 gnssFixOK, bit 1 differential corrections used, bit 5 vehicle heading valid.
     pub flags: u8,
@@ -169,11 +164,11 @@ impl NavPvt {
     pub const PAYLOAD: usize = 92;
     /// The number of bytes of the message on the wire.
     pub const WIRE: usize = Self::PAYLOAD + OVERHEAD;
-    /// The bit of `flags` that says that the fix is valid within the receiver's accuracy masks.
+    /// The bit of `flags` for a fix that is valid within the receiver's accuracy masks.
     pub const FLAG_FIX_OK: u8 = 1;
-    /// The bit of `flags` that says that the heading of the vehicle is valid.
+    /// The bit of `flags` for a valid heading of the vehicle.
     pub const FLAG_HEADING_OF_VEHICLE: u8 = 1 << 5;
-    /// The bit of `flags3` that says that longitude, latitude, height and hMSL are invalid.
+    /// The bit of `flags3` for invalid longitude, latitude, height and hMSL.
     pub const FLAG3_INVALID_LLH: u8 = 1;
 
     /// The encoded message.
@@ -236,7 +231,7 @@ impl NavAtt {
     pub fn encode(&self) -> Vec<u8> {
         let mut p = Vec::with_capacity(Self::PAYLOAD);
         p.extend(self.itow_ms.to_le_bytes());
-        // The message begins with version 0 and three reserved bytes.
+        // Version 0 and three reserved bytes.
         p.extend([0; 4]);
         for angle in [self.roll_1e5, self.pitch_1e5, self.heading_1e5] {
             p.extend(angle.to_le_bytes());
@@ -252,9 +247,9 @@ impl NavAtt {
 pub struct EsfIns {
     /// GPS time of week, ms, of the navigation epoch.
     pub itow_ms: u32,
-    /// The turn rates about the body axes front, right and down, 1e-3 deg/s; all of them are valid.
+    /// The turn rates about the body axes front, right and down, 1e-3 deg/s; all are valid.
     pub rates_1e3: [i32; 3],
-    /// The accelerations along the body axes front, right and down without gravity, 1e-2 m/s²; all of them are valid.
+    /// The accelerations along the body axes front, right and down without gravity, 1e-2 m/s²; all are valid.
     pub accelerations_1e2: [i32; 3],
 }
 
@@ -265,8 +260,7 @@ impl EsfIns {
     pub const PAYLOAD: usize = 36;
     /// The number of bytes of the message on the wire.
     pub const WIRE: usize = Self::PAYLOAD + OVERHEAD;
-    /// The first field of the message: version 1 in bits 0 to 7, and in bits 8 to 13 the flags that say that all six
-    /// values are valid.
+    /// Version 1 in bits 0 to 7, and in bits 8 to 13 the flags of six valid values.
     const BITFIELD: u32 = 0x3f01;
 
     /// The encoded message.

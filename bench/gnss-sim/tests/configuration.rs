@@ -16,7 +16,7 @@ fn receiver(index: usize, port: Port) -> Receiver {
     Receiver::generated(index, 1, Arc::new(Flight::new(1, 60.0))).connected_by(port)
 }
 
-/// UBX-CFG-VALSET with these keys and values. Each value has the number of bytes that its key requires.
+/// UBX-CFG-VALSET with these keys and values, each value in the size that its key requires.
 fn valset(layers: u8, items: &[(u32, u64)]) -> Vec<u8> {
     let mut payload = vec![0, layers, 0, 0];
     for (key, value) in items {
@@ -165,7 +165,7 @@ fn a_message_with_a_key_that_is_not_known_is_refused_whole() {
     refused(&mut receiver, &[(Port::Uart1.protocol_key(OUTPROT_UBX), 2)]);
     refused(&mut receiver, &[]);
     refused(&mut receiver, &[(RATE_MEAS, 200); 65]);
-    // Three messages are refused: one has no layer, one has an unknown version, and one has an item that is cut off.
+    // The refused messages have no layer, an unknown version, and an incomplete item.
     let cut = [0, 1, 0, 0, 1, 0, 0x21, 0x30, 5];
     assert_eq!(tell(&mut receiver, 0, &valset(0, &[(RATE_MEAS, 200)])), answer(NAK));
     assert_eq!(tell(&mut receiver, 0, &ubx::frame(CLASS_CFG, VALSET, &[7, 1, 0, 0])), answer(NAK));
@@ -196,7 +196,7 @@ fn damaged_messages_are_not_answered_and_the_next_is_found() {
     let noise = [&bad[..], b"\xB5\xB5\x62\x06\x8A\xFF\xFF$GNGGA", &good].concat();
     assert_eq!(tell(&mut receiver, 0, &noise), answer(ACK));
     assert_eq!(receiver.output().unwrap().period_ms, 200);
-    // An unreadable byte ends the message that it belongs to.
+    // An unreadable byte breaks its message.
     let half = good.len() / 2;
     assert!(tell(&mut receiver, 0, &good[..half]).is_empty());
     assert_eq!(receiver.hear(0, None), None);

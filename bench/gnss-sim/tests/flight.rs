@@ -19,7 +19,7 @@ fn difference(a: [f64; 3], b: [f64; 3]) -> f64 {
     length(&[a[0] - b[0], a[1] - b[1], a[2] - b[2]])
 }
 
-/// A vector of the body frame, converted to north, east, down by yaw, pitch and roll in the aerospace sequence.
+/// Converts a vector of the body frame to north, east, down by yaw, pitch and roll in the aerospace sequence.
 fn to_ned(state: &State, [x, y, z]: [f64; 3]) -> [f64; 3] {
     let (sr, cr) = state.roll.sin_cos();
     let (sp, cp) = state.pitch.sin_cos();
@@ -82,8 +82,8 @@ fn nothing_jumps() {
 
 #[test]
 fn the_rotors_push_along_the_body_axis() {
-    // Accelerometers measure acceleration minus gravity. Without drag that difference lies on the body's vertical axis
-    // alone. With drag, the air also pushes back along the direction of flight.
+    // Accelerometers measure acceleration minus gravity, which lies along the body's vertical axis. Drag adds a
+    // component against the direction of flight.
     let flight = Flight::new(5, 240.0);
     let mut tilted = 0;
     for t in instants(&flight) {
@@ -100,7 +100,7 @@ fn the_rotors_push_along_the_body_axis() {
 
 #[test]
 fn turn_rates_turn_the_attitude() {
-    // Over a small step of time the body frame turns by rate × step about its own axes.
+    // In a small step of time the body frame turns by rate × step about its own axes.
     const H: f64 = 1e-3;
     let flight = Flight::new(6, 60.0);
     for t in instants(&flight) {
@@ -158,7 +158,7 @@ fn it_starts_where_it_should_and_stays_within_reach() {
 #[test]
 fn a_flight_is_a_function_of_seed_and_time() {
     let (a, again, other) = (Flight::new(7, 30.0), Flight::new(7, 30.0), Flight::new(8, 30.0));
-    // The states must be the same if the instants are queried in another order.
+    // The order of the queries must not matter.
     let forth: Vec<_> = instants(&a).map(|t| a.state(t)).collect();
     let mut back: Vec<_> = instants(&a).collect::<Vec<_>>().into_iter().rev().map(|t| again.state(t)).collect();
     back.reverse();

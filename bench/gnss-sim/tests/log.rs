@@ -25,7 +25,7 @@ fn log(pieces: &[&[u8]]) -> Result<Log, LogError> {
     Log::from_bytes("made.ubx", pieces.concat())
 }
 
-/// For each burst of the log, the time from the first burst to it, ms, and its length, bytes.
+/// For each burst, the time from the first burst, ms, and its length, bytes.
 fn schedule(log: &Log) -> Vec<(u64, usize)> {
     log.bursts().map(|(at, bytes)| ((at - FIRST_BURST_NS) / 1_000_000, bytes.len())).collect()
 }
@@ -56,12 +56,11 @@ fn a_log_is_scheduled_despite_gaps_and_time_that_stands_still() {
     let log = log(&[
         &pvt(WEEK_MS - 200, 1).encode(),
         &pvt(0, 2).encode(),
-        // The next message comes an hour later.
         &pvt(3_600_000, 3).encode(),
-        // The next message has the time of the last one again. The message after it has an earlier time.
+        // This message has the same time as the last one, and the next has an earlier time.
         &pvt(3_600_000, 4).encode(),
         &pvt(1_000, 5).encode(),
-        // A late message of an earlier epoch begins no epoch.
+        // This message of an earlier epoch begins no epoch.
         &NavAtt { itow_ms: 500, ..NavAtt::default() }.encode(),
         &pvt(1_200, 6).encode(),
     ])
@@ -89,7 +88,7 @@ fn damaged_messages_neither_count_nor_tell_the_time() {
     damaged[30] ^= 0x10;
     let mut headless = pvt(9_500, 3).encode();
     headless[1] = 0x77;
-    // A frame that announces more bytes than follow it must not hide the next message.
+    // A frame that announces more bytes than follow must not hide the next message.
     let announced = [0xb5, 0x62, 0x01, 0x07, 0xff, 0xff];
     let log = log(&[&pvt(1_000, 1).encode(), &damaged, &headless, &announced, &pvt(1_100, 4).encode()])
         .expect("it holds positions");
@@ -100,7 +99,7 @@ fn damaged_messages_neither_count_nor_tell_the_time() {
 
 #[test]
 fn rtcm_and_nmea_are_counted_as_such_and_not_searched_for_ubx() {
-    // The message RTCM 1005 is the example in RTCM 10403.3. The NMEA sentence cannot contain the bytes of a UBX frame.
+    // The message RTCM 1005 is the example in RTCM 10403.3.
     let rtcm = [
         0xd3, 0x00, 0x13, 0x3e, 0xd7, 0xd3, 0x02, 0x02, 0x98, 0x0e, 0xde, 0xef, 0x34, 0xb4, 0xbd, 0x62, 0xac, 0x09,
         0x41, 0x98, 0x6f, 0x33, 0x36, 0x0b, 0x98,
@@ -124,7 +123,7 @@ fn only_fixes_that_a_receiver_vouches_for_are_positions() {
         &without(|m| m.fix_type = 5),
         &without(|m| m.flags = 0),
         &without(|m| m.flags3 = NavPvt::FLAG3_INVALID_LLH),
-        // In protocol version 14 and earlier, NAV-PVT has 84 bytes.
+        // NAV-PVT has 84 bytes in protocol version 14 and earlier.
         &ubx::frame(0x01, 0x07, &pvt(3_000, 3).encode()[6..90]),
         &pvt(4_000, 4).encode(),
     ])
@@ -135,7 +134,7 @@ fn only_fixes_that_a_receiver_vouches_for_are_positions() {
 
 #[test]
 fn a_position_is_the_float_nearest_to_its_decimal_number() {
-    // For this value, the product with 1e-7 and the quotient differ in the last bit.
+    // For this value the quotient and the product with 1e-7 differ in the last bit.
     let log = log(&[&pvt(1_000, -22_402_964).encode()]).expect("it holds a position");
     let position = log.positions()[0];
     assert_eq!(position.longitude().to_bits(), (-2.240_296_4_f64).to_bits());
@@ -169,7 +168,7 @@ fn logs_that_cannot_be_played_say_why() {
 
 #[test]
 fn a_receiver_plays_the_log_without_overlap_on_its_line() {
-    // Bursts of 10 kB that are due every 100 ms exceed 460 800 bit/s, so they queue, in order.
+    // 10 kB every 100 ms exceed 460 800 bit/s, so bursts queue in order.
     let big = ubx::frame(0x0a, 0x04, &[0x55; 10_000]);
     let log = log(&[&pvt(1_000, 1).encode(), &big, &pvt(1_100, 2).encode(), &big, &pvt(2_000, 3).encode()])
         .expect("it holds positions");
@@ -205,7 +204,7 @@ fn a_real_recording_plays_second_by_second() {
     let played: Vec<_> = Receiver::recorded(Arc::new(log.clone())).flat_map(|burst| burst.bytes).collect();
     assert_eq!(played, log.bytes());
 
-    // Another parser, the crate `ublox`, finds the same positions.
+    // The crate `ublox` must find the same positions.
     let mut parser = ublox::ParserBuilder::new().with_protocol::<ublox::proto27::Proto27>().with_vec_buffer();
     let mut found = parser.consume_ubx(log.bytes());
     let mut theirs = Vec::new();

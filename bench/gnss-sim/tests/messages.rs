@@ -1,4 +1,4 @@
-//! Tests that the `ublox` crate, which others wrote, reads the values that this crate encodes.
+//! Tests that the `ublox` crate reads the values that this crate encodes.
 
 use gnss_sim::ubx::{self, EsfIns, Frame, NavAtt, NavPvt};
 use ublox::{
@@ -134,8 +134,8 @@ fn esf_ins_reads_back_field_by_field() {
 
 #[test]
 fn framing_is_that_of_a_poll_request_of_the_specification() {
-    // The frame is a poll of NAV-PVT, which has an empty payload. Its checksum was calculated by hand: 01+07+00+00 = 08
-    // and 01+08+08+08 = 19 (hexadecimal).
+    // A poll of NAV-PVT, which has no payload. The checksum by hand: 01+07+00+00 = 08 and 01+08+08+08 = 19
+    // (hexadecimal).
     assert_eq!(ubx::frame(0x01, 0x07, &[]), [0xb5, 0x62, 0x01, 0x07, 0x00, 0x00, 0x08, 0x19]);
 }
 

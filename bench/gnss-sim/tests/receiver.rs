@@ -22,11 +22,10 @@ fn bursts(index: usize, seed: u64, flight: &Arc<Flight>) -> Vec<Burst> {
         .collect()
 }
 
-/// A receiver's solutions as the parser of the crate `ublox` reads them.
+/// A receiver's solutions as the crate `ublox` reads them.
 #[derive(Debug, Default)]
 struct Seen {
-    /// The positions: time of week (ms), latitude, longitude, height, and the burst's instant, ns after reset, for
-    /// each.
+    /// For each position, the time of week (ms), latitude, longitude, height, and the burst's instant, ns after reset.
     positions: Vec<(u32, f64, f64, f64, u64)>,
     /// The attitudes: (roll, pitch, heading), degrees.
     attitudes: Vec<[f64; 3]>,
@@ -90,8 +89,7 @@ fn positions_are_the_flights_within_what_the_receiver_promises() {
         let mut errors = Vec::new();
         for (_, latitude, longitude, height, at_ns) in &seen.positions {
             let told = gnss_sim::Geodetic { latitude: *latitude, longitude: *longitude, height: *height };
-            // The difference between a solution's age and the model's delay is at most 10 ms, from the jitter of the
-            // delay and the error of the clock. That is 0.16 m at 16 m/s.
+            // The delay's jitter and the clock's error are at most 10 ms, which is 0.16 m at 16 m/s.
             let then = *at_ns as f64 / 1e9 - model.delay_ms / 1e3;
             let truth = flight.state(then).ned;
             let ned = flight.plane().to_ned(told);
@@ -136,8 +134,7 @@ fn attitude_and_acceleration_are_the_flights() {
 #[test]
 fn delay_and_clock_phase_belong_to_the_receiver() {
     let flight = flight();
-    // All receivers share the GPS time of the reset. So the instants at which iTOW is zero, as seen through two
-    // receivers, differ only by delay and clock.
+    // All receivers share the GPS time of the reset, so their instants of iTOW zero differ only by delay and clock.
     let origin = |index: usize| -> Vec<f64> {
         let seen = read(&bursts(index, 4, &flight));
         seen.positions.iter().map(|p| p.4 as f64 / 1e6 - f64::from(p.0)).collect()
@@ -172,7 +169,7 @@ fn the_clock_in_the_message_is_utc_at_the_time_of_week() {
 fn bursts_follow_one_another_without_overlap() {
     let flight = flight();
     for index in 1..=5 {
-        // At 9600 bit/s the line of the 25 Hz receiver is overloaded: bursts queue and stay in order.
+        // At 9600 bit/s the line of a 25 Hz receiver is overloaded, and bursts queue in order.
         for bit_rate in [BIT_RATE, 9_600] {
             let receiver = Receiver::generated(index, 6, Arc::clone(&flight)).at_bit_rate(bit_rate);
             let mut idle = 0;
@@ -189,7 +186,6 @@ fn the_noise_of_a_receiver_depends_on_its_seed_and_place_alone() {
     let flight = flight();
     assert_eq!(bursts(2, 7, &flight), bursts(2, 7, &flight));
     assert_ne!(bursts(2, 7, &flight), bursts(2, 8, &flight));
-    // Two receivers have the same model.
     let model = Model::fitted(1);
     let take = |index| Receiver::with_model(model, index, 7, Arc::clone(&flight)).take(20).collect::<Vec<_>>();
     assert_ne!(take(1), take(2));
@@ -210,7 +206,7 @@ fn the_last_solution_of_a_burst_has_arrived_with_its_last_byte() {
     let mut bytes = b"$GNGLL,noise*00\r\n".to_vec();
     bytes.extend(&fix);
     let solved = bytes.len();
-    // A message without a position follows, and then one that is cut short.
+    // A message without a position follows, then an incomplete one.
     bytes.extend(none.iter().chain(&fix[..fix.len() - 1]));
     let burst = Burst { at_ns: 7_000, bytes };
     assert_eq!(receiver.last_solution_ns(&burst), Some(7_000 + receiver.line_time_ns(solved)));

@@ -12,7 +12,6 @@ pub const SSI: SpisWires =
     SpisWires { sck: Pin::new(1, 1), mosi: Pin::new(1, 2), miso: Pin::new(1, 3), csn: Pin::new(1, 4) };
 /// The pin on which the DPR announces a new image.
 pub const FRESH: Pin = Pin::new(1, 5);
-/// The front end's wires at the DPR.
 const DPR_FRONT_END: Wires = Wires {
     sck: Pin::new(1, 15),
     mosi: Pin::new(1, 13),
@@ -23,7 +22,7 @@ const DPR_FRONT_END: Wires = Wires {
 /// The DPR's board.
 #[derive(Clone, Debug)]
 pub struct Dpr {
-    /// The front end.
+    /// The DPR's front end.
     pub front_end: FrontEnd,
     powered: bool,
     fresh: bool,
@@ -31,7 +30,7 @@ pub struct Dpr {
 }
 
 impl Dpr {
-    /// Returns the DPR's board with its SSI deselected. With `watched` the traffic of its front end is recorded.
+    /// Returns the DPR's board with its SSI deselected. With `watched` the front end's bus traffic is recorded.
     #[must_use]
     pub fn new(chip: Chip, watched: bool) -> Self {
         Self {

@@ -1,8 +1,7 @@
-//! The ST25R3916 on a board: the chip's model on the SPI bus of a part.
+//! The ST25R3916 on a board: the chip's model, wired to the SPI of a microcontroller.
 //!
-//! The levels of the part's pins determine what the chip receives: without a clock on the wired pin it receives
-//! nothing, and a wrong clock polarity or phase shifts bits. The chip's model holds the chip's state; this module holds
-//! the wires and records their traffic for a trace.
+//! The levels of the microcontroller's pins determine what the chip receives: without a clock on the wired pin it
+//! receives nothing, and a wrong clock polarity or phase shifts the bits.
 
 use emulator_part::{Pad, Pin, SpiFrame, SpiMode};
 use st25r3916_model::{AirEvent, Chip};
@@ -16,15 +15,13 @@ use emulator_node::Input;
 pub enum Crossing {
     /// Chip select fell (`true`) or rose.
     Select(bool),
-    /// A byte from the part to the chip and the byte that the chip sent back in the same eight clocks. The instant of
-    /// the crossing is the end of the eighth clock.
+    /// A byte to the chip and the byte from the chip, recorded at the end of their eighth clock.
     Byte(u8, u8),
-    /// The chip's interrupt output rose (`true`) or fell. The output falls within the byte that clears the interrupt;
-    /// the fall is recorded at that byte's end.
+    /// The chip's interrupt output rose (`true`), or fell within the byte at whose end the fall is recorded.
     Irq(bool),
 }
 
-/// The part's pins that the chip is wired to.
+/// The microcontroller's pins that the chip is wired to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wires {
     /// SCK, the clock.
@@ -33,30 +30,26 @@ pub struct Wires {
     pub mosi: Pin,
     /// MISO, the controller's input.
     pub miso: Pin,
-    /// Chip select, active low. The board has a pull-up on it, so an undriven pin does not select the chip.
+    /// Chip select, active low. A pull-up on the board keeps the chip deselected while the pin is not driven.
     pub cs: Pin,
     /// The chip's interrupt output.
     pub irq: Pin,
 }
 
-/// The front end of a board: the chip, the wires to it, and the recorded traffic.
+/// The front end of a board: the chip, the wires to the chip, and the recorded traffic on them.
 #[derive(Clone, Debug)]
 pub struct FrontEnd {
     chip: Chip,
     wires: Wires,
-    /// The antenna's output.
     emission: Emission,
-    /// The faults of the chip and of the lines to it.
     faults: ChipFaults,
-    /// The level that the chip drives on its interrupt output, and the level that was last passed to the board.
     irq: (bool, Option<bool>),
-    /// The recorded bus traffic, each crossing with its instant (ns); `None` where no traffic is recorded.
+    /// The recorded bus traffic, each crossing with its instant, ns. `None` if the traffic is not recorded.
     crossings: Option<Vec<(u64, Crossing)>>,
 }
 
 impl FrontEnd {
-    /// Returns a chip that is powered from the start of the run. With `watched` the bus traffic is recorded for
-    /// [`FrontEnd::take_crossings`].
+    /// Returns a powered front end. With `watched` the bus traffic is recorded for [`FrontEnd::take_crossings`].
     #[must_use]
     pub fn new(chip: Chip, wires: Wires, watched: bool) -> Self {
         let emission = Emission::new(chip.config().seed);
@@ -64,7 +57,6 @@ impl FrontEnd {
         Self { chip, wires, emission, faults, irq: (false, None), crossings: watched.then(Vec::new) }
     }
 
-    /// Calls `act` on the chip at `at` (ns) and collects the events that the antenna then emits.
     fn call<T>(&mut self, at: u64, act: impl FnOnce(&mut Chip, u64) -> T) -> T {
         self.chip.advance(at);
         let now = self.chip.now();
@@ -78,19 +70,19 @@ impl FrontEnd {
         self.call(self.chip.now(), |chip, _| act(chip))
     }
 
-    /// Read access to the chip.
+    /// Returns the chip for reading.
     #[must_use]
     pub fn chip(&self) -> &Chip {
         &self.chip
     }
 
-    /// Begins `fault` at `now` (ns).
+    /// Begins `fault` of the front end at `now` (ns).
     pub fn begin_fault(&mut self, now: u64, fault: FrontEndFault) {
         let carrier = self.chip.field_on();
         self.emission.begin(now, fault, carrier);
     }
 
-    /// Ends `fault` at `now` (ns).
+    /// Ends `fault` of the front end at `now` (ns).
     pub fn end_fault(&mut self, now: u64, fault: FrontEndFault) {
         let carrier = self.chip.field_on();
         self.emission.end(now, fault, carrier);
@@ -108,7 +100,7 @@ impl FrontEnd {
         self.chip.withhold(self.faults.withheld());
     }
 
-    /// Flips one bit of the chip's registers: the bit at index `place`, modulo the number of bits.
+    /// Flips the bit at index `place`, modulo the number of bits, of the chip's registers.
     pub fn flip(&mut self, place: u64) {
         let bits = RegisterBit::all_of(&self.chip);
         let place = usize::try_from(place % bits.len() as u64).unwrap_or(0);
@@ -117,7 +109,7 @@ impl FrontEnd {
         }
     }
 
-    /// Whether the antenna has emitted an event that was not taken yet.
+    /// Whether the antenna has emitted an event that [`FrontEnd::take_air`] has not taken yet.
     #[must_use]
     pub fn has_air(&self) -> bool {
         self.chip.has_air() || self.emission.next_at() <= self.chip.now()
@@ -131,16 +123,15 @@ impl FrontEnd {
         std::iter::from_fn(|| emission.take(chip.now())).collect()
     }
 
-    /// Passes `event` of the air to the antenna at `at` (ns), which may be later than the chip's present time.
+    /// Passes `event` of the air to the antenna at `at` (ns), which must not be before the chip's present time.
     pub fn hear(&mut self, at: u64, event: &AirEvent) {
         self.with(|chip| chip.hear(at, event));
     }
 
-    /// The next instant at which the chip changes its state without an input or its antenna emits a delayed event, ns.
+    /// The next instant, ns, at which the chip acts without an input or its antenna emits a delayed event.
     #[must_use]
     pub fn next_event(&self) -> u64 {
-        // Events that have already left the antenna do not count, because they are taken before the chip's time
-        // advances.
+        // The bench takes the antenna's events up to the present before it advances time.
         let held_back = Some(self.emission.next_at()).filter(|at| *at > self.chip.now());
         self.chip.next_event().unwrap_or(u64::MAX).min(held_back.unwrap_or(u64::MAX))
     }
@@ -156,7 +147,7 @@ impl FrontEnd {
         }
     }
 
-    /// Applies the level that the part drives on `pin` at `at` (ns).
+    /// Applies the level that the microcontroller drives on `pin` at `at` (ns).
     pub fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
         let selected = pad == Pad::Driven(false);
         if pin != self.wires.cs || selected == self.chip.is_selected() {
@@ -167,8 +158,8 @@ impl FrontEnd {
         note(&mut self.crossings, at, Crossing::Select(selected));
     }
 
-    /// Clocks an SPI frame of the part from `begins` to `ends` (ns). Returns the bits that MISO carried, or `None`
-    /// where the chip does not drive MISO or drives another pin than the one that the part reads.
+    /// Transfers an SPI frame from `begins` to `ends` (ns). Returns the bits on MISO, `None` if the chip does not drive
+    /// it.
     pub fn spi(&mut self, begins: u64, ends: u64, frame: &SpiFrame) -> Option<u32> {
         let Wires { sck, mosi, miso, .. } = self.wires;
         if !self.chip.is_selected() || !frame.sck.contains(&Some(sck)) {
@@ -180,7 +171,7 @@ impl FrontEnd {
             SpiMode::Mode2 => st25r3916_model::SpiMode::Mode2,
             SpiMode::Mode3 => st25r3916_model::SpiMode::Mode3,
         };
-        // The chip's own pull-down holds MOSI low where the part does not drive it.
+        // The chip's pull-down holds an undriven MOSI low.
         let mosi = if frame.mosi.contains(&Some(mosi)) { frame.data } else { 0 };
         let clocked = st25r3916_model::SpiFrame { begins_ns: begins, ends_ns: ends, mode, bits: frame.bits, mosi };
         let Self { chip, crossings, .. } = self;
@@ -193,30 +184,27 @@ impl FrontEnd {
         self.faults.miso(answer)
     }
 
-    /// Returns the instants, ns, at which chip select rose at the end of each transfer since the last call that held a
-    /// transmit command. The chip carries out a command at that edge, so it is the last instant that the firmware
-    /// controls.
+    /// Returns each rise of chip select, ns, after a transmit command since the last call. At that edge the chip
+    /// carries out the command, so the edge is the last instant that the firmware controls.
     pub fn take_transmits(&mut self) -> Vec<u64> {
         let mut transmits = self.chip.take_transmits();
         transmits.extend(self.emission.take_commands());
         transmits
     }
 
-    /// Takes the bus traffic recorded since the last call; empty where no traffic is recorded.
+    /// Takes the bus traffic recorded since the last call, each crossing with its instant, ns.
     pub fn take_crossings(&mut self) -> Vec<(u64, Crossing)> {
         self.crossings.as_mut().map(std::mem::take).unwrap_or_default()
     }
 }
 
-/// Records a crossing at `at` (ns).
 fn note(crossings: &mut Option<Vec<(u64, Crossing)>>, at: u64, crossing: Crossing) {
     if let Some(crossings) = crossings {
         crossings.push((at, crossing));
     }
 }
 
-/// Records the edges of the chip's interrupt output. The output falls within the byte that clears the interrupt, so an
-/// edge may be earlier than the chip's present time.
+/// Records the edges of the chip's interrupt output, which may be earlier than the chip's present time.
 fn note_irq(chip: &mut Chip, crossings: &mut Option<Vec<(u64, Crossing)>>) {
     if chip.has_irq_edges() {
         for edge in chip.take_irq_edges() {

@@ -1,4 +1,4 @@
-//! The HORUS side: NUCLEO-F429ZI with its front end and its receivers.
+//! The NUCLEO-F429ZI of HORUS with its front end and its receivers.
 
 use emulator_part::{I2cAnswer, I2cEvent, Pad, Pin, SpiFrame, UartFrame};
 use horus_tx_fw::timing::GNSS_BAUD;
@@ -10,31 +10,27 @@ use super::receivers::Receivers;
 use crate::faults::{InputFault, state_inputs::INPUTS};
 use emulator_node::{Board, Input};
 
-/// The front end's wires on the HORUS side.
 const HORUS_FRONT_END: Wires =
     Wires { sck: pin('A', 5), mosi: pin('A', 7), miso: pin('A', 6), cs: pin('D', 14), irq: pin('A', 3) };
-/// The pin on which the 10 ms timer shows its ticks: the pin falls at each tick.
+/// The pin on which HORUS's 10 ms timer shows its ticks: the pin falls at each tick.
 const TICK: Pin = pin('B', 10);
 
-/// The pairs of pins of HORUS's state inputs: one pin of a pair is high while relay, motor cut or emergency measure is
-/// active, the other while it is inactive.
+/// The two pins of each input: one is high while the input is active, the other while it is inactive.
 const INPUT_PINS: [[Pin; 2]; INPUTS] =
     [[pin('E', 2), pin('E', 4)], [pin('E', 5), pin('E', 6)], [pin('D', 3), pin('D', 4)]];
 
-/// One state input.
 #[derive(Clone, Copy, Debug)]
 struct StateInput {
-    /// The levels of the input's two pins: first the one that is high while the input is active.
+    /// The levels of the input's two pins: first the pin that is high while the input is active.
     levels: (bool, bool),
-    /// The next instant at which both pins of a chattering input change over, and the interval between such instants,
-    /// ns.
+    /// The next change of a chattering contact, and the interval between two changes, ns.
     chatters: Option<(u64, u64)>,
 }
 
 /// A change of the levels of a state input's two pins.
 #[derive(Clone, Copy, Debug)]
 pub struct InputChange {
-    /// The instant of the change, ns.
+    /// The instant at which the levels changed, ns.
     pub at: u64,
     /// The input's index, from 0.
     pub input: usize,
@@ -44,27 +40,24 @@ pub struct InputChange {
     pub inactive: bool,
 }
 
-/// The HORUS side.
+/// HORUS's board.
 #[derive(Clone, Debug)]
 pub struct Horus {
-    /// The front end.
+    /// HORUS's front end.
     pub front_end: FrontEnd,
     /// The receivers' interfaces.
     pub receivers: Receivers,
-    /// Whether the part has received the levels of the idle lines, which are high.
     powered: bool,
-    /// The level of the pin TICK.
     tick: bool,
     ticks: Vec<u64>,
     inputs: [StateInput; INPUTS],
     input_changes: Vec<InputChange>,
-    /// Inputs whose pin levels have not been passed to the part yet.
+    /// The indices of the inputs whose new levels are still to be passed on.
     untold: Vec<usize>,
 }
 
 impl Horus {
-    /// The board with `receivers` receivers that have sent nothing yet. With `watched` the traffic of its front end is
-    /// recorded.
+    /// Returns HORUS's board with `receivers` silent receivers. With `watched` the front end's traffic is recorded.
     #[must_use]
     pub fn new(chip: Chip, receivers: usize, watched: bool) -> Self {
         Self {
@@ -79,7 +72,7 @@ impl Horus {
         }
     }
 
-    /// Puts state input `input` into the state `says` from `at` (ns) on; `None` makes the input inactive.
+    /// Applies `says` to state input `input` from `at` (ns) on; `None` makes the input inactive.
     pub fn set_input(&mut self, at: u64, input: usize, says: Option<InputFault>) {
         let Some(state) = self.inputs.get_mut(input) else { return };
         state.chatters = match says {
@@ -100,16 +93,15 @@ impl Horus {
         std::mem::take(&mut self.input_changes)
     }
 
-    /// Passes `bytes` of receiver `index` (from 0) to its interface at `at` (ns). A UART sends them at once, or when
-    /// its earlier bytes have been sent; the function returns that instant. On a bus the part can read the bytes from
-    /// `at` on.
+    /// Passes `bytes` to the interface of receiver `index` (from 0) at `at` (ns). Returns the instant, ns, at which a
+    /// UART sends the first of them. On a bus they can be read from `at` on.
     pub fn say(&mut self, at: u64, index: usize, bytes: &[u8]) -> u64 {
         let frames = bytes.iter().map(|&byte| UartFrame::eight_n_one(byte, GNSS_BAUD));
         self.receivers.offer(at, index, bytes);
         self.receivers.send(at, index, frames)
     }
 
-    /// Takes the 10 ms timer's ticks since the last call: the instant, in ns, at which each drove the pin TICK low.
+    /// Takes the instants, ns, of the 10 ms timer's ticks since the last call.
     pub fn take_ticks(&mut self) -> Vec<u64> {
         std::mem::take(&mut self.ticks)
     }
@@ -121,7 +113,7 @@ impl Board for Horus {
     fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
         if pin == TICK && pad.level() != self.tick {
             self.tick = pad.level();
-            // A reset releases the pin TICK, which is no tick.
+            // A reset releases the pin, which also changes its level but is not a tick.
             if pad == Pad::Driven(false) {
                 self.ticks.push(at);
             }

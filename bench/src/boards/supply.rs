@@ -1,4 +1,4 @@
-//! Supply, reset and crystal of a board, and the effects of a [`PowerFault`] on them.
+//! Applies a [`PowerFault`] to the supply, the reset pin or the crystal of a board.
 
 use cortex_m4::Cost;
 use emulator_node::{Board, FromOutside, Node};
@@ -9,26 +9,24 @@ use super::{Dpr, Horus};
 use crate::faults::PowerFault;
 use crate::faults::power::RAILS_UV;
 
-/// The lowest supply of a front end, µV (DS13541, operating conditions). Below this voltage the data sheet promises
-/// nothing; the model switches the chip off.
+/// The lowest supply of a front end, µV (DS13541, operating conditions). The model switches the chip off below it.
 const FRONT_END_UV: u32 = 2_400_000;
 
 /// A board whose front end has a supply that can fail.
 pub trait Powered: Board {
-    /// The front end.
+    /// The board's front end.
     fn front_end(&mut self) -> &mut FrontEnd;
 
-    /// Read access to the chip of the board's front end.
+    /// Returns the chip of the board's front end for reading.
     fn chip(&self) -> &Chip;
 
     /// Makes the board's crystal work (`works`) or fail from now on.
     fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool);
 
-    /// Whether the firmware of `part` can do nothing but wait for the watchdog after a reset.
+    /// Whether the firmware of `part` can only wait for the watchdog after a reset.
     fn cannot_start(part: &Self::Part) -> bool;
 }
 
-/// The start-up time of the DPR's crystal, ns.
 const CRYSTAL_STARTS: u64 = 360_000;
 
 impl Powered for Horus {
@@ -36,7 +34,7 @@ impl Powered for Horus {
         node.input(|part, view, at| if works { part.restore_hse(at, view) } else { part.fail_hse(at, view) });
     }
 
-    /// The DPR runs on its internal oscillator where its crystal does not start, so its firmware always starts.
+    /// The DPR always starts, because its firmware uses the internal oscillator if the crystal does not start.
     fn cannot_start(_: &Self::Part) -> bool {
         false
     }
@@ -69,7 +67,7 @@ impl Powered for Dpr {
 }
 
 impl PowerFault {
-    /// Begins the fault of supply or reset on `node`'s board now.
+    /// Begins this fault of supply, reset or crystal on `node`'s board now.
     pub fn begin<B: Powered, C: Cost>(self, node: &mut Node<B, C>) {
         match self {
             Self::Off(_) => {
@@ -78,7 +76,7 @@ impl PowerFault {
             }
             Self::CrystalDead => B::crystal(node, false),
             Self::FrontEndOff => supply_front_end(node, false),
-            // A sagging supply has no step at its beginning: its voltages come one by one.
+            // Each voltage of a sag is applied later as an event of its own.
             Self::Sag(_) => {}
             Self::Pin => node.restart(FromOutside::Pin),
             Self::BrownOut => node.restart(FromOutside::BrownOut),
@@ -86,7 +84,7 @@ impl PowerFault {
         }
     }
 
-    /// Ends the fault on `node`'s board now.
+    /// Ends this fault on `node`'s board now.
     pub fn end<B: Powered, C: Cost>(self, node: &mut Node<B, C>) {
         match self {
             Self::Off(seed) => {
@@ -94,7 +92,7 @@ impl PowerFault {
                 node.power_on(seed);
             }
             Self::CrystalDead => B::crystal(node, true),
-            // The front end has no supply while the board has none.
+            // The front end stays without supply while the whole board has none.
             Self::FrontEndOff if node.is_powered() => supply_front_end(node, true),
             Self::Sag(seed) => supply(node, RAILS_UV[0], seed),
             Self::FrontEndOff | Self::Pin | Self::BrownOut | Self::Watchdog => {}

@@ -1,4 +1,4 @@
-//! The AHB-AP of a Cortex-M4: a MEM-AP (ADI C2) whose accesses are accesses of the part's bus (TRM 8).
+//! The AHB-AP of a Cortex-M4: a MEM-AP (ADI C2) that accesses the bus of the microcontroller (TRM 8).
 //!
 //! | register | here |
 //! |---|---|
@@ -8,7 +8,6 @@
 
 use cortex_m4::Width;
 
-/// The bus that the access port reaches.
 pub(super) trait Target {
     /// Reads at `address`; `None` where the bus answers with an error.
     fn read(&mut self, address: u32, width: Width) -> Option<u32>;
@@ -25,15 +24,12 @@ const BD3: u8 = 0x1C;
 const BASE: u8 = 0xF8;
 const IDR: u8 = 0xFC;
 
-/// The value of CSW after a reset (TRM): the Prot bits have their reset values, accesses are permitted, and the size is
-/// a word.
+/// The value of CSW after a reset (TRM): accesses are permitted, and their size is a word.
 const CSW_RESET: u32 = 0x4380_0042;
-/// The bits of CSW that can be written: MasterType, HPROT1, AddrInc, Size.
 const CSW_WRITABLE: u32 = 1 << 29 | 1 << 25 | 3 << 4 | 7;
 /// The bits of TAR that its automatic increment changes (ADI C2.2.2).
 const INCREMENT: u32 = 0x3FF;
 
-/// The change of TAR after an access.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Step {
     Off,
@@ -41,7 +37,6 @@ enum Step {
     Packed,
 }
 
-/// The registers of the access port.
 #[derive(Clone, Debug)]
 pub(super) struct MemoryAp {
     csw: u32,
@@ -71,7 +66,7 @@ impl MemoryAp {
         }
     }
 
-    /// The number of bus accesses that one access of DRW makes: more than one where accesses are packed (ADI C2.2.7).
+    /// The number of bus accesses that one access to DRW makes. There are several for a packed transfer (ADI C2.2.7).
     const fn accesses(&self) -> u32 {
         match self.step() {
             Step::Packed => 4 / self.width().bytes(),
@@ -131,7 +126,7 @@ impl MemoryAp {
     }
 }
 
-/// The byte lane of an access, as a shift in bits.
+/// The shift, in bits, of the byte lane that carries an access of this address and width.
 const fn shift(address: u32, width: Width) -> u32 {
     8 * (address & 3 & !(width.bytes() - 1))
 }
@@ -140,7 +135,7 @@ const fn shift(address: u32, width: Width) -> u32 {
 mod tests {
     use super::*;
 
-    /// A memory of four kilobytes at address 0; every other address answers with an error.
+    /// A memory of 4 kB at address 0. Every other address answers with an error.
     struct Memory(Vec<u8>);
 
     impl Target for Memory {

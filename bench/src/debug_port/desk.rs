@@ -1,7 +1,6 @@
-//! Either board of the link alone on a desk, with its front end, outside any field and with nothing else connected.
+//! Either board of the link alone on a desk, with its front end outside any RFID field and nothing else connected.
 //!
-//! The boards' cores use the pessimistic clock, because the bounds of the test suites that run on the boards must hold
-//! on it.
+//! The cores use the pessimistic clock, because the on-target test suites must meet their time bounds on it.
 
 use cortex_m4::Pessimistic;
 use emulator_part::Part;
@@ -16,19 +15,19 @@ use emulator_node::Node;
 /// One of the two boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Desk {
-    /// The nRF52840-DK. By default its part has build code AAF0, whose debug port is locked when the part is new.
+    /// nRF52840-DK. Its microcontroller has build code AAF0, so the debug port of a new one is locked.
     Dpr,
     /// NUCLEO-F429ZI.
     Horus,
 }
 
-/// Switches a board on and returns its debug port. The board's part holds `kept` from before, or is new.
+/// Switches a board on and returns its debug port.
 ///
-/// `kept` is the result of an earlier [`Wire::kept`] and has [`kept_bytes`] bytes; for another length the function
-/// returns `None`.
+/// The microcontroller's memory holds `kept`, the result of an earlier [`Wire::kept`], or is that of a new
+/// microcontroller. Returns `None` if `kept` does not have [`kept_bytes`] bytes.
 #[must_use]
 pub fn switch_on(desk: Desk, kept: Option<&[u8]>) -> Option<Box<dyn Wire>> {
-    // The expansion boards supply the front end's chip from the 5 V of their header.
+    // The boards supply the front end's chip with 5 V.
     let chip = Chip::new(Config { vdd_mv: 5000, ..Config::default() });
     Some(match desk {
         Desk::Dpr => {
@@ -43,7 +42,7 @@ pub fn switch_on(desk: Desk, kept: Option<&[u8]>) -> Option<Box<dyn Wire>> {
     })
 }
 
-/// The number of bytes that the part of a board keeps without its supply.
+/// The number of bytes that a board's microcontroller keeps without supply.
 #[must_use]
 pub fn kept_bytes(desk: Desk) -> usize {
     let kept = match desk {
@@ -63,7 +62,7 @@ where
     Some(DebugPort::new(Node::programmed(part, board)))
 }
 
-/// Restores a part's memory from `kept`; `None` where the length differs.
+/// Restores the memory that a microcontroller keeps without supply; `None` if the length of `kept` is wrong.
 pub(crate) fn restore<P: Debugged + Part>(part: &mut P, kept: &[u8]) -> Option<()> {
     let mut rest = kept;
     for &(address, size) in P::KEPT {

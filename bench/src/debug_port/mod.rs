@@ -2,7 +2,7 @@
 //!
 //! The sources are ARM's *Debug Interface Architecture Specification ADIv5.0 to ADIv5.2* (IHI 0031, "ADI" below), the
 //! ARMv7-M Architecture Reference Manual (chapter C1), the Cortex-M4 Technical Reference Manual (100166, "TRM") and the
-//! parts' manuals. No debug tool was a source, because the model is there to check such tools.
+//! microcontrollers' manuals. No debug tool was a source, because the model serves to check such tools.
 //!
 //! | covered | by |
 //! |---|---|
@@ -16,14 +16,14 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | JTAG, dormant state, SWD protocol version 2 | both parts have a DP of version 1: no answer |
+//! | JTAG, dormant state, SWD protocol version 2 | both DPs have version 1 and give no answer |
 //! | pushed verify and compare (TRNMODE, TRNCNT), overrun detection | no tool here uses them; TRNMODE reads 0 |
-//! | WAIT | every access is over before the next request can come: 46 clocks of SWCLK are many of the core's |
-//! | the DWT's comparators and the AHB-AP at a reset that resets debug components | they stay; no tool here sets any |
-//! | the time of the wires | [`DebugPort::pass`]: the driver of the port knows its clock and its own latency |
+//! | WAIT | a request takes 46 clocks of SWCLK, in which the core completes every access |
+//! | a reset of the DWT's comparators and of the AHB-AP with the debug components | no tool here sets any |
+//! | the time that a transfer takes | the driver knows its clock and latency, and calls [`DebugPort::pass`] |
 //!
-//! TAR's increment stays within 1 KiB, which is all that ADI C2.2.2 promises. On Cortex-M3 and M4 the increment is said
-//! to reach 4 KiB, on which OpenOCD relies; with this model a tool that relies on it fails.
+//! ADI C2.2.2 promises that TAR increments within 1 KiB, and this model does not exceed that. OpenOCD relies on 4 KiB,
+//! which Cortex-M3 and M4 are said to have; a tool that does so fails with this model.
 
 mod access_port;
 mod desk;
@@ -45,8 +45,8 @@ pub enum Request {
     ReadPort(u8),
     /// Write the debug port's register at this address: 0, 4, 8 or 0xC.
     WritePort(u8, u32),
-    /// Read the selected access port's register at this address of the selected bank. The answer comes with the next
-    /// read of an access port, or with a read of RDBUFF.
+    /// Read an access port's register in the selected bank. The next read of an access port or of RDBUFF has the
+    /// result.
     ReadAccess(u8),
     /// Write the selected access port's register at this address of the selected bank.
     WriteAccess(u8, u32),
@@ -57,15 +57,15 @@ pub enum Request {
 pub enum Ack {
     /// The transfer is done. The word is the result of a read.
     Ok(u32),
-    /// A sticky flag is set, or a domain has no power: the request had no effect.
+    /// A sticky flag is set, or a power domain has no power. The request had no effect.
     Fault,
-    /// No answer came: neither the port nor the part drives the line.
+    /// No answer came, because the port drives nothing on the line.
     Nothing,
 }
 
-/// The wires of a board's debug port, for any part and clock.
+/// The wires of a board's debug port, for any microcontroller and clock.
 pub trait Wire: Send + std::fmt::Debug {
-    /// The part's name, as its maker writes it.
+    /// The microcontroller's name, as its maker writes it.
     fn part_name(&self) -> &'static str;
 
     /// Sends these bits on SWDIO, the lowest first, one in each clock of SWCLK.
@@ -74,7 +74,7 @@ pub trait Wire: Send + std::fmt::Debug {
     /// Makes one transfer.
     fn transfer(&mut self, request: Request) -> Ack;
 
-    /// Pulls the part's reset pin low, or releases it.
+    /// Pulls the microcontroller's reset pin low, or releases it.
     fn reset_pin(&mut self, low: bool);
 
     /// Lets `ns` nanoseconds of virtual time pass on the board.
@@ -86,24 +86,23 @@ pub trait Wire: Send + std::fmt::Debug {
     /// Takes the findings about the board's firmware since the last call.
     fn take_findings(&mut self) -> Vec<Finding>;
 
-    /// Every restart of the part since the board was switched on.
+    /// Every restart of the microcontroller since the board was switched on.
     fn resets(&self) -> &[ResetAt];
 
-    /// The memory that the part keeps without its supply, one range after the other in the order of [`Debugged::KEPT`].
+    /// The memory that the microcontroller keeps without supply, in the order of [`Debugged::KEPT`].
     fn kept(&self) -> Vec<u8>;
 
-    /// Makes a bit of flash read `value` whatever is programmed there. Returns whether `address` is in flash.
+    /// Makes a bit of flash read `value` regardless of what is programmed there. Returns whether `address` is in flash.
     fn stick_flash(&mut self, address: u32, bit: u8, value: bool) -> bool;
 }
 
-/// The state of the debug port's protocol on its two wires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Line {
-    /// JTAG, the state in which an SWJ-DP is after power-on (ADI B5.2.1).
+    /// JTAG, which an SWJ-DP selects at power-on (ADI B5.2.1).
     Jtag,
-    /// SWD is selected, or a protocol error occurred: the port waits for a line reset (ADI B4.2.5).
+    /// SWD is selected or a protocol error has occurred, and the port waits for a line reset (ADI B4.2.5).
     Lost,
-    /// A line reset has ended: the port answers only a read of DPIDR (ADI B4.3.3).
+    /// A line reset has ended, and the port answers only a read of DPIDR (ADI B4.3.3).
     Reset,
     /// The port answers all requests.
     Open,
@@ -115,7 +114,7 @@ const LINE_RESET: u32 = 50;
 const TO_SWD: u16 = 0xE79E;
 const TO_JTAG: u16 = 0xE73C;
 
-/// The identifier of an SW-DP of version 1, by Arm, as Cortex-M4 parts have it (TRM; RM0090 38.8.3).
+/// The identifier of an SW-DP of version 1 by Arm (TRM; RM0090 38.8.3).
 const DPIDR: u32 = 0x2BA0_1477;
 
 /// The bits of the register CTRL/STAT (ADI B2.2.2).
@@ -129,29 +128,24 @@ const DEBUG_POWER_REQUEST: u32 = 1 << 28;
 const DEBUG_POWER_ACK: u32 = 1 << 29;
 const SYSTEM_POWER_REQUEST: u32 = 1 << 30;
 const SYSTEM_POWER_ACK: u32 = 1 << 31;
-/// The bits of CTRL/STAT that a write sets: MASKLANE, TRNCNT, and the two power requests. These parts do not have
-/// CDBGRSTREQ.
+/// The bits of CTRL/STAT that a write sets: MASKLANE, TRNCNT, and the two power requests.
 const CONTROL_KEPT: u32 = 0x00FF_FF00 | DEBUG_POWER_REQUEST | SYSTEM_POWER_REQUEST;
-/// The value of DLCR (ADI B2.2.3): the turnaround takes one clock.
 const DLCR: u32 = 0x40;
 
-/// A board with the debug port of its part.
+/// A board with the debug port of its microcontroller.
 #[derive(Clone, Debug)]
 pub struct DebugPort<B: Board, C: Cost> {
     node: Node<B, C>,
     line: Line,
-    /// Three properties of the bits on SWDIO: the number of successive ones up to now, the number of bits since the
-    /// last line reset, and the latest sixteen bits.
     ones: u32,
     since_reset: u32,
     latest: u16,
     control: u32,
     select: u32,
-    /// The result of the last read of an access port, and that of the last read of any kind.
+    /// The result of the last read of an access port.
     read_buffer: u32,
     resend: u32,
     memory_ap: MemoryAp,
-    /// Whether the part is held in reset.
     held: bool,
     pin_low: bool,
     stuck: Option<(u32, u8, bool)>,
@@ -161,7 +155,7 @@ impl<B: Alone, C: Cost> DebugPort<B, C>
 where
     B::Part: Debugged,
 {
-    /// Returns the debug port of the board `node`, with no debugger connected yet.
+    /// Returns the debug port of `node`'s board, with no debugger connected yet.
     #[must_use]
     pub fn new(node: Node<B, C>) -> Self {
         Self {
@@ -181,18 +175,17 @@ where
         }
     }
 
-    /// The board behind the port.
+    /// The board that the port belongs to.
     #[must_use]
     pub fn node(&self) -> &Node<B, C> {
         &self.node
     }
 
-    /// Mutable access to the board behind the port.
+    /// The board that the port belongs to, for changes.
     pub fn node_mut(&mut self) -> &mut Node<B, C> {
         &mut self.node
     }
 
-    /// Sends one bit on SWDIO.
     fn bit(&mut self, bit: bool) {
         self.latest = self.latest >> 1 | u16::from(bit) << 15;
         self.since_reset = self.since_reset.saturating_add(1);
@@ -201,8 +194,7 @@ where
             self.since_reset = 0;
             if self.line != Line::Jtag {
                 self.line = Line::Reset;
-                // A line reset selects the banks that are selected after power-up, and leaves flags and power requests
-                // (ADI B4.3.3).
+                // A line reset selects the banks of power-up, but keeps flags and power requests (ADI B4.3.3).
                 self.select &= !0xF;
             }
         }
@@ -225,8 +217,7 @@ where
             }
         }
         self.line = Line::Open;
-        // While a sticky flag is set, the port answers only reads of DPIDR and CTRL/STAT and writes of ABORT (ADI
-        // B4.2.4).
+        // While a sticky flag is set, only DPIDR, CTRL/STAT and ABORT can be accessed (ADI B4.2.4).
         let always =
             matches!(request, Request::ReadPort(0) | Request::WritePort(0, _)) || request == Request::ReadPort(4);
         if self.control & STICKY != 0 && !always {
@@ -276,7 +267,6 @@ where
         }
     }
 
-    /// The value of CTRL/STAT. A power domain has power as soon as it is requested.
     fn status(&self) -> u32 {
         let acknowledged = |request, ack| if self.control & request != 0 { ack } else { 0 };
         self.control
@@ -302,7 +292,7 @@ where
         }
     }
 
-    /// The whole address of an access port's register, with the bank that SELECT selects.
+    /// The 8-bit address of an access port's register, made of the bank that SELECT selects and the address in it.
     const fn access_register(&self, address: u8) -> u8 {
         (self.select & 0xF0) as u8 | address & 0xC
     }
@@ -311,8 +301,7 @@ where
         (self.select >> 24) as u8
     }
 
-    /// Reads a register of the selected access port; `None` where the access failed. An absent register reads zero (ADI
-    /// B2.2.11).
+    /// Reads a register of the selected access port; one that does not exist reads zero (ADI B2.2.11).
     fn access_read(&mut self, register: u8) -> Option<u32> {
         match self.selected() {
             0 if !self.node.part().is_open() => Some(0),
@@ -352,22 +341,18 @@ where
         self.reset_debug();
     }
 
-    /// Gives the debug registers that the last reset of the part resets their values after power-on. The core has not
-    /// executed an instruction since that reset.
+    /// Gives the debug registers their power-on values, if the last reset resets them.
     fn reset_debug(&mut self) {
-        /// The writes that reset the debug registers: DHCSR with its key, FP_CTRL with its key, DEMCR (ARMv7-M C1.6.2,
-        /// C1.11.3, C1.6.5).
+        /// Writes that reset DHCSR, FP_CTRL (both with their keys) and DEMCR (ARMv7-M C1.6.2, C1.11.3, C1.6.5).
         const RESET: [(u32, u32); 3] = [(0xE000_EDF0, 0xA05F_0000), (0xE000_2000, 2), (0xE000_EDFC, 0)];
         if self.node.resets().last().is_some_and(|reset| B::Part::resets_debug(reset.cause)) {
             for (address, value) in RESET {
-                // The debug registers always exist, so a write to them succeeds.
                 let _ = self.node.access_port_write(address, Width::Word, value);
             }
         }
     }
 
-    /// Whether the core answers at `address`. While the part is held in reset, the core answers only in its private
-    /// peripheral space, which has its debug registers.
+    /// Whether a debugger can access `address`. A reset that is held leaves only the private peripheral space.
     fn reachable(&self, address: u32) -> bool {
         !self.held || address >> 20 == 0xE00
     }
@@ -379,7 +364,7 @@ where
             && (byte[0] >> bit & 1 != 0) != value
         {
             byte[0] ^= 1 << bit;
-            // The write succeeds, because the byte at the same address was just read.
+            // The write succeeds, because a byte was just read from the same address.
             self.node.write(u64::from(address), &byte).expect("memory");
         }
     }
@@ -414,7 +399,7 @@ where
     }
 
     fn transfer(&mut self, request: Request) -> Ack {
-        // A transfer ends a sequence of one bits, so the sequence is no line reset.
+        // A transfer contains zero bits, so it ends a sequence of ones that could become a line reset.
         self.ones = 0;
         self.since_reset = u32::MAX;
         self.answer(request)
@@ -433,7 +418,7 @@ where
     }
 
     fn pass(&mut self, ns: u64) {
-        // The time of a part that is held in reset stands still, because the part does not run.
+        // The board's time stands still while the microcontroller is held in reset.
         if self.held {
             return;
         }

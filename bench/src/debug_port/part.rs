@@ -1,4 +1,4 @@
-//! What a part adds to the debug port of its core, and what its resets do to it.
+//! What a microcontroller adds to the debug port of its core.
 
 use emulator_part::{Part, Reset};
 use nrf52840::{CtrlRequest, Nrf52840};
@@ -7,51 +7,50 @@ use stm32f429::Stm32f429;
 use crate::boards::{Dpr, Horus};
 use emulator_node::{Bare, Board};
 
-/// What a write to one of the part's own access ports did to the part's reset.
+/// The effect of a write to one of the microcontroller's own access ports on its reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PinReset {
     /// The reset is unchanged.
     Unchanged,
-    /// The part is held in reset.
+    /// The microcontroller is held in reset.
     Hold,
-    /// The part starts, by a soft reset.
+    /// The microcontroller starts by a soft reset.
     Release,
 }
 
-/// A part with a debug port.
+/// A microcontroller with a debug port.
 pub trait Debugged: Part {
-    /// The memory that the part keeps without its supply, flash first: address and size of each range.
+    /// The memory that the microcontroller keeps without supply, flash first: address and size of each range.
     const KEPT: &'static [(u32, usize)];
 
-    /// Whether a debugger reaches the part's AHB-AP.
+    /// Whether a debugger can access the microcontroller's AHB-AP.
     fn is_open(&self) -> bool {
         true
     }
 
-    /// Whether the part has a reset pin in its present configuration.
+    /// Whether a reset pin is configured.
     fn has_reset_pin(&self) -> bool {
         true
     }
 
-    /// Whether a reset for this cause also resets the core's debug registers. ARMv7-M C1.6.5 promises that only of a
-    /// power-on reset.
+    /// Whether a reset for this cause also resets the debug registers. ARMv7-M C1.6.5 promises it for power-on only.
     fn resets_debug(cause: Reset) -> bool {
         matches!(cause, Reset::PowerOn | Reset::BrownOut)
     }
 
-    /// Reads a register of an access port beside the AHB-AP.
+    /// Reads a register of an access port other than the AHB-AP.
     fn read_port(&self, ap: u8, register: u8) -> u32 {
         let _ = (ap, register);
         0
     }
 
-    /// Writes a register of an access port beside the AHB-AP at the part's cycle `at`.
+    /// Writes a register of an access port other than the AHB-AP at clock cycle `at`.
     fn write_port(&mut self, ap: u8, register: u8, value: u32, at: u64) -> PinReset {
         let _ = (ap, register, value, at);
         PinReset::Unchanged
     }
 
-    /// Advances the part to its cycle `at` with a debugger connected.
+    /// Advances the microcontroller to its clock cycle `at` with a debugger connected.
     fn port_advances(&mut self, at: u64) {
         let _ = at;
     }
@@ -64,14 +63,13 @@ impl Debugged for Nrf52840 {
         self.access_port_open()
     }
 
-    /// Whether UICR.PSELRESET selects a reset pin: both of its words must agree and be connected (PS 4.5, 5.3.7).
+    /// UICR.PSELRESET selects a reset pin if both of its words are equal and not "disconnected" (PS 4.5, 5.3.7).
     fn has_reset_pin(&self) -> bool {
         let words = self.memory(0x1000_1200, 8).unwrap_or_default();
         words.len() == 8 && words[..4] == words[4..] && words[3] & 0x80 == 0
     }
 
-    /// Every reset of the nRF52840 resets the debug registers, except a soft reset and the reset by a lock-up (PS
-    /// 5.3.7.8, *Reset behavior*: "Debug").
+    /// Only a soft reset and the reset by a lock-up keep the nRF52840's debug registers (PS 5.3.7.8, "Debug").
     fn resets_debug(cause: Reset) -> bool {
         !matches!(cause, Reset::Software | Reset::Lockup)
     }
@@ -98,13 +96,13 @@ impl Debugged for Nrf52840 {
 }
 
 impl Debugged for Stm32f429 {
-    /// The memory that an STM32F429 keeps: its flash, and the option bytes of the first bank (RM0090 3.9).
+    /// An STM32F429 keeps its flash and the option bytes of the first bank (RM0090 3.9).
     const KEPT: &'static [(u32, usize)] = &[(0x0800_0000, 2 << 20), (0x1FFF_C000, 16)];
 }
 
-/// A board whose debug port works without any other board of the link.
+/// A board whose debug port works without the rest of the link.
 pub trait Alone: Board {
-    /// Discards the signals that leave the board.
+    /// Discards the signals that the board sends.
     fn forget_outgoing(&mut self) {}
 }
 

@@ -1,5 +1,4 @@
-//! Faults of the base station: it reports wrongly which objects of a profile it shows, how old they are, or which
-//! alarms are raised.
+//! Faults of the base station: it shows wrong objects or wrong ages, or raises no alarm.
 
 use profile::Layout;
 
@@ -28,8 +27,7 @@ impl BaseFault {
         }
     }
 
-    /// Returns the objects that the faulty base station shows as valid, where a sound one shows `shown` (bit 0
-    /// Reported-Position, bit n GPSn).
+    /// Returns the objects that are shown as valid instead of `shown` (bit 0 Reported-Position, bit n GPSn).
     #[must_use]
     pub fn shows(self, shown: u8, layout: Layout) -> u8 {
         match self {

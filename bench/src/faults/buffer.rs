@@ -1,7 +1,6 @@
 //! Faulty bits in the DPR's buffers, into which frames are received and from which images are read.
 //!
-//! A random word picks the faulty bit when the fault begins, uniformly over all buffers of a kind. The symbols of the
-//! program give the buffers' addresses.
+//! A random word picks the faulty bit, uniformly over all buffers of a kind.
 
 use bench_judge::disturbance::Memory;
 use cortex_m4::Cost;
@@ -20,7 +19,6 @@ pub enum Buffers {
 }
 
 impl Buffers {
-    /// The firmware's variable that holds all buffers of this kind.
     const fn variable(self) -> &'static str {
         match self {
             Self::Receive => "__rtic_internal_local_init_receive",
@@ -29,12 +27,12 @@ impl Buffers {
     }
 }
 
-/// A fault of a bit of the DPR's buffers. The word in each variant picks the bit.
+/// A fault of one bit of the DPR's buffers. The word in each variant picks the bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BufferFault {
-    /// The picked bit flips once, when the episode begins.
+    /// The bit flips once, when the episode begins.
     Flips(Buffers, u64),
-    /// The picked bit reads this value until the episode's end, even after a write of the other value.
+    /// The bit reads this value until the episode's end, even after a write of the other value.
     Stuck(Buffers, bool, u64),
 }
 
@@ -59,7 +57,7 @@ impl BufferFault {
         }
     }
 
-    /// Whether the fault lasts as long as its episode; a flip takes place when the episode begins.
+    /// Whether the fault lasts until the end of its episode. A flip occurs once, at the beginning.
     #[must_use]
     pub const fn lasts(self) -> bool {
         matches!(self, Self::Stuck(..))
@@ -86,7 +84,7 @@ impl BufferFault {
         }
     }
 
-    /// Ends the fault on `node` now: a stuck bit keeps its value until the next write.
+    /// Ends the fault on `node` now. A bit that was stuck keeps its value until the next write.
     pub fn end<B: Board, C: Cost>(self, node: &mut Node<B, C>) {
         if self.lasts() {
             node.input(|part, _, _| part.stick(None));
@@ -94,7 +92,6 @@ impl BufferFault {
     }
 }
 
-/// The byte's address, and the number of the bit in it, that `word` picks from all of `buffers`.
 fn place<B: Board, C: Cost>(node: &Node<B, C>, buffers: Buffers, word: u64) -> Result<(u32, u8), Error> {
     let symbol = buffers.variable();
     let missing = || Error::NoSymbol { firmware: node.firmware().name().to_owned(), symbol: symbol.to_owned() };

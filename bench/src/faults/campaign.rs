@@ -1,8 +1,8 @@
 //! Campaigns of upsets: each upset is tried on its own copy of a bench, and its effect is classed.
 //!
-//! A campaign runs a [`Subject`] once from its beginning. At instants spread over that run it copies the subject: one
-//! copy, the reference, has no upset, and each trial's copy has one upset. The judge's verdicts on trial and reference,
-//! and the bytes that the flight controller has read in both, give the trial's class.
+//! A campaign runs a [`Subject`] and copies it at several instants. One copy, the reference, has no upset, and the copy
+//! of each trial has one. The trial's class follows from what the judge reports and the flight controller reads in
+//! both.
 //!
 //! | class | what the flight controller read |
 //! |---|---|
@@ -44,13 +44,13 @@ pub struct RunOutcome {
 /// The settings of a campaign.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// The kinds of upset, which the trials take in turn. A kind that is not an upset is left out.
+    /// The kinds of upset, which the trials use in turn. Kinds of fault that are not upsets are ignored.
     pub kinds: Vec<Kind>,
-    /// The boards that take turns at being upset.
+    /// The boards, which the trials upset in turn.
     pub boards: Vec<Board>,
     /// The number of trials.
     pub count: usize,
-    /// The number of trials that share an instant and the reference of that instant; at least 1.
+    /// The number of trials at the same instant, which share one reference; at least 1.
     pub per_instant: usize,
     /// The range from which the instants of the upsets are drawn, virtual ns.
     pub between: (u64, u64),
@@ -65,9 +65,9 @@ pub struct Options {
 pub enum Class {
     /// The flight controller read the same bytes as without the upset.
     Masked,
-    /// The flight controller read other bytes, but nothing invalid was shown as valid.
+    /// The flight controller read other bytes, but no invalid data were shown as valid.
     Detected,
-    /// Something invalid was shown as valid.
+    /// Invalid data were shown as valid.
     Dangerous,
 }
 
@@ -85,8 +85,7 @@ impl Class {
         }
     }
 
-    /// Returns the class of a trial that ended in `outcome`, where the reference of the same instant ended in
-    /// `reference`.
+    /// Returns the class of a trial with `outcome`; `reference` is the outcome at the same instant without an upset.
     #[must_use]
     pub fn of(reference: &RunOutcome, outcome: &RunOutcome) -> Self {
         let of_outcome = &outcome.verdict.violations;
@@ -105,9 +104,9 @@ impl Class {
 }
 
 /// Whether `violation` means that invalid data were shown as valid to the flight controller or at the base station.
-/// Where the judge finds wrong contents of an object, it does not report whether the object was shown, so such a
-/// violation counts as dangerous. Wrong flags of Link-Status, a wrong state of HORUS, a wrong timestamp and a wrong
-/// uplink count too, because a reader acts on them as on a position.
+///
+/// Wrong contents of an object count, because the judge does not report whether the object was shown. Wrong flags of
+/// Link-Status, a wrong state of HORUS, a wrong timestamp and a wrong uplink count do too, because readers act on them.
 #[must_use]
 pub const fn is_dangerous(violation: Violation) -> bool {
     matches!(
@@ -150,13 +149,13 @@ pub struct Trial {
     pub board: Board,
     /// The upset.
     pub upset: Upset,
-    /// The class of its effect.
+    /// The class of the upset's effect.
     pub class: Class,
-    /// The violations of the trial that the reference does not have.
+    /// The violations of the trial that did not occur in the reference.
     pub violations: Vec<Violation>,
 }
 
-/// The trials of a campaign.
+/// A campaign that has been run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Campaign {
     /// The campaign's trials, in order of their instants.
@@ -177,7 +176,6 @@ impl Campaign {
         let (from, to) = options.between;
         let mut rng = Rng::new(options.seed);
         for instant in 0..instants {
-            // The run is divided into equal parts, and each part gets one random instant.
             let part = |nth: u64| from + (u128::from(to - from) * u128::from(nth) / u128::from(instants)) as u64;
             let at = rng.between(part(instant), part(instant + 1).saturating_sub(1).max(part(instant)));
             subject.run_to(at);
@@ -188,7 +186,6 @@ impl Campaign {
                 Some((board, Upset::drawn(kind, &mut rng, &subject.targets(board))?))
             });
             let upsets: Vec<(Board, Upset)> = drawn.collect();
-            // Copies do not depend on each other, so each copy runs on its own thread.
             let copies = std::iter::once(None).chain(upsets.iter().copied().map(Some)).map(|upset| {
                 let mut copy = subject.clone();
                 if let Some((board, upset)) = upset {
@@ -223,7 +220,7 @@ impl Campaign {
         self.trials.iter().filter(is_one).count()
     }
 
-    /// The trials that showed something invalid as valid.
+    /// The trials that showed invalid data as valid.
     pub fn dangerous(&self) -> impl Iterator<Item = &Trial> + '_ {
         self.trials.iter().filter(|trial| trial.class == Class::Dangerous)
     }
@@ -265,8 +262,7 @@ mod tests {
     const HORUS_RAM: std::ops::Range<u32> = 0x2000_0000..0x2000_0100;
     const DPR_RAM: std::ops::Range<u32> = 0x2000_8000..0x2000_8100;
 
-    /// A test double of a bench, with at most one upset. The lowest bits of the upset's address choose its effect:
-    /// none, other bytes read, or an old object shown.
+    /// A test double with at most one upset, whose address chooses its effect: none, other bytes, or an old object.
     #[derive(Clone, Debug, Default)]
     struct Bench<'a> {
         now: u64,
@@ -303,7 +299,7 @@ mod tests {
             if let Some(outcomes) = self.outcomes {
                 outcomes.fetch_add(1, Ordering::Relaxed);
             }
-            // This test bench has a violation in every copy, with and without an upset.
+            // This double has a violation in every copy, with and without an upset.
             let always = (Violation::ShownStale, 2);
             match self.upset {
                 Some((_, _, Upset::Ram { address, .. })) if address % 4 == 1 => outcome(&[always], 8),
@@ -391,8 +387,7 @@ mod tests {
         assert!(instants.is_sorted());
         instants.dedup();
         assert_eq!(instants.len(), 25);
-        // The range of instants is divided into intervals of 320 ns. Each interval has one instant, and each instant
-        // has one reference.
+        // The range is divided into intervals of 320 ns. Each interval has one instant, and each instant one reference.
         for (nth, at) in instants.iter().enumerate() {
             let from = 1_000 + 320 * nth as u64;
             assert!((from..from + 320).contains(at), "{at}");

@@ -1,7 +1,7 @@
 //! Faults of a front-end chip, or of a line between it and its board.
 //!
-//! [`crate::boards::front_end::FrontEnd`] applies these faults. Apart from the named fault the chip works: it accepts
-//! the board's writes, its field and its frames continue, and its state is the same when the fault ends.
+//! [`crate::boards::front_end::FrontEnd`] applies these faults. A fault does not change the chip's state, and the rest
+//! of the chip works.
 
 use bench_judge::disturbance::Harm;
 use st25r3916_model::{Chip, Space, Withheld};
@@ -41,8 +41,7 @@ impl ChipFault {
         }
     }
 
-    /// What the board can observe of the fault. A line that stays high contradicts interrupts that have been read. A
-    /// line that stays low, or a missing interrupt, looks to the board like a chip without events.
+    /// What the board can observe of the fault. A line that stays low, or a missing interrupt, looks like an idle chip.
     #[must_use]
     pub const fn harm(self) -> Harm {
         match self {
@@ -52,9 +51,7 @@ impl ChipFault {
     }
 }
 
-/// The longest time from the flip of a bit of the chip's registers to the link's recovery, ns: by then the board has
-/// reported the flip, or the flip has no effect. After a new start of the chip, if there is one, valid data are shown
-/// within 1.5 s.
+/// The time, ns, within which the board reports the flip of a register's bit, if the flip has an effect.
 pub const FLIP_MENDED: u64 = 1_350_000_000;
 
 /// A bit of a register of a front end's chip.
@@ -69,7 +66,7 @@ pub struct RegisterBit {
 }
 
 impl RegisterBit {
-    /// Every bit that `chip` stores in register spaces A and B, in order.
+    /// Every bit that `chip` stores in register spaces A and B, in order of the addresses.
     #[must_use]
     pub fn all_of(chip: &Chip) -> Vec<Self> {
         let addresses = [false, true].into_iter().flat_map(|in_space_b| (0..64).map(move |it| (in_space_b, it)));
@@ -99,19 +96,18 @@ impl ChipFaults {
         self.present.push(fault);
     }
 
-    /// Ends `fault`, if `fault` is present.
+    /// Ends `fault`.
     pub fn end(&mut self, fault: ChipFault) {
         if let Some(place) = self.present.iter().position(|other| *other == fault) {
             self.present.remove(place);
         }
     }
 
-    /// The result of `of` for the latest of the present faults for which it returns one.
     fn last<T>(&self, of: impl Fn(ChipFault) -> Option<T>) -> Option<T> {
         self.present.iter().rev().find_map(|fault| of(*fault))
     }
 
-    /// The level that the interrupt line has while the chip drives `level`.
+    /// The level of the interrupt line while the chip drives `level`.
     #[must_use]
     pub fn irq(&self, level: bool) -> bool {
         let stuck = self.last(|fault| match fault {
@@ -122,7 +118,7 @@ impl ChipFaults {
         stuck.unwrap_or(level)
     }
 
-    /// The byte that the board reads while the chip drives `answer`; `None` where the line is not driven.
+    /// The byte that the board reads while the chip drives `answer`; `None` if nothing drives the line.
     #[must_use]
     pub fn miso(&self, answer: Option<u32>) -> Option<u32> {
         let stuck = self.last(|fault| match fault {

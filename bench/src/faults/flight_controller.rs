@@ -1,9 +1,8 @@
 //! A flight controller's misuses of the SSI.
 //!
-//! The DPR must withstand all of these misuses: no frame is lost, nothing else is disturbed, and the flight controller
-//! is served again when it reads by the rules of docs/design.md#ssi. Times are by the flight controller's own clock.
-//! Unless stated otherwise, a transaction uses SPI mode 0 at 8 MHz with the set-up time, hold time and gap of that
-//! section, and MOSI carries zeros, which request nothing.
+//! The DPR must withstand all of these misuses: no frame is lost, and a flight controller that follows the rules of
+//! docs/design.md#ssi again is served again. Times are by the flight controller's clock. Unless stated otherwise, a
+//! transaction uses SPI mode 0 at 8 MHz with the times of that section, and MOSI carries zeros.
 
 use bench_judge::disturbance;
 use emulator_part::SpiMode;
@@ -11,43 +10,37 @@ use emulator_part::SpiMode;
 /// The flight controller's behaviour while an episode lasts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Conduct {
-    /// The flight controller selects the DPR, clocks one byte and deselects, then selects again after 1 µs instead of
-    /// the gap of 10 µs: 200 000 transactions a second.
+    /// The flight controller clocks one byte per transaction and pauses for only 1 µs: 200 000 transactions a second.
     Hammers,
-    /// The flight controller selects and deselects the DPR without a clock, and keeps the gap: 77 000 transactions a
-    /// second.
+    /// The flight controller selects and deselects the DPR without a clock, with the gap: 77 000 times a second.
     ZeroBytes,
-    /// The flight controller selects the DPR, and neither clocks nor deselects until the episode's end.
+    /// The flight controller keeps the DPR selected without a clock until the episode's end.
     Hangs,
-    /// The flight controller selects the DPR and clocks noise until the episode's end: a million bytes a second.
+    /// The flight controller keeps the DPR selected and clocks noise until the episode's end: a million bytes a second.
     RunsAway,
-    /// The flight controller reads 10 000 bytes in each transaction, which takes 10 ms. It begins a transaction in each
-    /// control cycle in which the transaction before is over.
+    /// The flight controller reads 10 000 bytes in each transaction, which takes 10 ms.
     TenThousand,
     /// Chip select falls for 1 µs and rises for 1 µs without a clock, 500 000 times a second.
     TogglesCsn,
-    /// The flight controller clocks noise with chip select high until the episode's end, a million bytes a second, so
-    /// there is no transaction.
+    /// The flight controller clocks noise while chip select is high: a million bytes a second outside any transaction.
     ClocksWithoutCsn,
-    /// The flight controller reads whole images with only the gap between them: 3 460 transactions a second with three
-    /// receivers.
+    /// The flight controller reads whole images with only the gap between them: up to 3 460 transactions a second.
     BackToBack,
-    /// The flight controller reads the whole image once in each control cycle, but in this SPI mode.
+    /// The flight controller reads the whole image once in each control cycle, but in the given SPI mode.
     OtherMode(SpiMode),
     /// The flight controller reads the whole image once in each control cycle, with noise on MOSI throughout.
     RandomBytes,
-    /// The flight controller reads 96 bytes in each control cycle. At random it requests windows that do not exist,
-    /// sends the first half of a request, or sends noise in place of a request and an uplink object.
+    /// The flight controller reads 96 bytes in each control cycle. It requests windows that do not exist, sends half of
+    /// a request, or sends noise in place of a request and an uplink object.
     Lies,
-    /// The flight controller reads the whole image once in each control cycle and sends the same intact uplink object
-    /// each time.
+    /// The flight controller reads the whole image in each control cycle and always sends the same uplink object.
     ReplaysUplink,
     /// The flight controller makes no transaction at all.
     Silent,
-    /// Chip select falls and rises without a clock, with this period in ns, and is low for half of it.
+    /// Chip select falls and rises without a clock, with this period in ns. It is low for half of the period.
     Edges(u64),
-    /// The flight controller reads `bytes` bytes, possibly none, with the set-up and hold times, once in `period_ns`.
-    /// If that period is too short, it begins each transaction when chip select has been high for 0.3 µs.
+    /// The flight controller reads `bytes` bytes (possibly none) once in `period_ns`. Chip select stays high for at
+    /// least 0.3 µs between two reads.
     Every {
         /// The time from the beginning of one transaction to that of the next, ns.
         period_ns: u64,
@@ -57,7 +50,7 @@ pub enum Conduct {
 }
 
 impl Conduct {
-    /// All conducts but those that have a rate, [`Self::Edges`] and [`Self::Every`].
+    /// All conducts except [`Self::Edges`] and [`Self::Every`], which have parameters.
     pub const ALL: [Self; 15] = [
         Self::Hammers,
         Self::ZeroBytes,

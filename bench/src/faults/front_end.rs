@@ -1,8 +1,7 @@
 //! Faults of HORUS's front end, the poller, or of the wires to it.
 //!
-//! [`Emission`] lies between the chip and its antenna: it takes the events that the chip emits and returns those that
-//! leave the antenna. Neither chip nor firmware can observe it. [`FrontEndFault::SelectLate`], by contrast, acts on the
-//! wire of chip select.
+//! [`Emission`] takes the events that the chip emits and returns those that leave the antenna, which neither chip nor
+//! firmware can observe. [`FrontEndFault::SelectLate`] acts on the wire of chip select instead.
 
 use std::collections::VecDeque;
 
@@ -19,13 +18,11 @@ pub enum FrontEndFault {
     Mute,
     /// The second half of each frame is missing.
     BreaksOff,
-    /// The last byte of each payload is missing, as if the firmware had set a length that is less by one: the frame's
-    /// own length and CRC fit the shorter payload.
+    /// The last byte of each payload is missing, but the frame's length and CRC fit the shorter payload.
     Shortened,
     /// Each frame is sent a second time without a command, this many ns after its end.
     FrameAgain(u64),
-    /// The chip gets each transmit command a second time, this many ns after the frame's end, and sends the same frame
-    /// again.
+    /// The chip receives each transmit command again, this many ns after the frame's end.
     CommandAgain(u64),
     /// Each frame begins late by a uniformly drawn delay of at most this many ns.
     Scatters(u64),
@@ -33,7 +30,7 @@ pub enum FrontEndFault {
     SelectLate(u64),
 }
 
-/// The time from a repeated transmit command to its frame, ns: the mean of the times that recordings show.
+/// The time from a repeated transmit command to its frame, ns: the mean of the times in recordings.
 pub const COMMAND_TO_FRAME_NS: u64 = 4_000;
 
 impl FrontEndFault {
@@ -53,37 +50,32 @@ impl FrontEndFault {
     }
 }
 
-/// Removes the last byte of payload from a frame of `whole` bytes. The first byte of the frame already gives a length
-/// that is less by one.
+/// Removes the last byte of payload of a frame of `whole` bytes, whose first byte already gives the shorter length.
 fn shorten(data: &mut Vec<u8>, whole: usize) {
     data.truncate(whole - 3);
     let crc = nfc_f(data);
     data.extend(crc);
 }
 
-/// The frame that the chip is sending.
 #[derive(Clone, Debug)]
 struct Sending {
     start: FrameStart,
-    /// The delay with which the frame leaves the antenna, ns.
     late: u64,
-    /// Whether the antenna has ended the frame, so that the frame's end at the chip has no effect.
+    /// Whether the end of the frame has left the antenna, so that the chip's own end is ignored.
     ended: bool,
-    /// Whether the whole frame is lost.
     lost: bool,
-    /// The frame's whole length, bytes, if its last byte of payload is to be removed when all bytes are there.
+    /// The frame's original length, bytes, if its last byte of payload is to be removed once all bytes are known.
     shortened: Option<usize>,
 }
 
-/// The part of a chip's emission that leaves the antenna. The [module](self) describes it.
+/// The events of a chip that leave the antenna. The [module](self) describes it.
 #[derive(Clone, Debug)]
 pub struct Emission {
     noise: Rng,
     faults: Vec<FrontEndFault>,
     sending: Option<Sending>,
-    /// Events that will leave the antenna with their instants (ns), in order of time.
     leaving: VecDeque<(u64, AirEvent)>,
-    /// The instants of transmit commands that the chip got but the firmware did not give, ns.
+    /// The instants, ns, of transmit commands that the firmware did not give.
     commands: Vec<u64>,
 }
 
@@ -179,13 +171,13 @@ impl Emission {
             .sum();
         let data = &mut start.chunk.data;
         let mut bits = None;
-        // LEN counts itself and the payload but not the two bytes of CRC.
+        // The frame's first byte, LEN, counts itself and the payload but not the two bytes of CRC.
         let whole = data.first().map_or(0, |len| usize::from(*len) + 2);
         let mut shortened = None;
         if self.faults.contains(&FrontEndFault::Shortened) && whole > 4 {
             data[0] -= 1;
             bits = Some(8 * (whole as u64 - 1));
-            // The chip loads the frame's remaining bytes while it sends, so they may be missing here.
+            // The chip loads a frame's last bytes while it sends, so they may not be known yet.
             if data.len() >= whole {
                 shorten(data, whole);
             } else {
@@ -197,7 +189,7 @@ impl Emission {
         }
         if let (Some(bits), false) = (bits, lost) {
             let air = u64::from(start.header_bits) + bits / 8 * u64::from(start.byte_bits) + bits % 8;
-            // The two divisions convert the bit's duration from attoseconds to nanoseconds; a bit is about 2.4 µs long.
+            // Two divisions convert attoseconds to nanoseconds without overflow; a bit takes about 2.4 µs.
             let ends = at + late + air * (start.bit_as / 1_000_000) / 1_000;
             self.leave(ends, AirEvent::FrameEnd { bits: u32::try_from(bits).unwrap_or(u32::MAX) });
         }
@@ -207,7 +199,6 @@ impl Emission {
         self.sending = Some(Sending { start, late, ended: bits.is_some(), lost, shortened });
     }
 
-    /// Schedules a repetition of a frame of `bits` bits that ended at `at`.
     fn send_again(&mut self, at: u64, start: &FrameStart, bits: u32) {
         for fault in self.faults.clone() {
             let begins = match fault {
@@ -224,7 +215,7 @@ impl Emission {
         }
     }
 
-    /// The instant at which the next event leaves the antenna, ns; `u64::MAX` for never.
+    /// The instant at which the next event leaves the antenna, ns; `u64::MAX` if there is none.
     #[must_use]
     pub fn next_at(&self) -> u64 {
         self.leaving.front().map_or(u64::MAX, |(at, _)| *at)
@@ -235,8 +226,7 @@ impl Emission {
         self.leaving.pop_front_if(|(at, _)| *at <= now)
     }
 
-    /// Takes the instants (ns) of transmit commands since the last call that the firmware did not give; some may be in
-    /// the future.
+    /// Takes the instants (ns) of transmit commands that the firmware did not give. They may be in the future.
     pub fn take_commands(&mut self) -> Vec<u64> {
         std::mem::take(&mut self.commands)
     }
@@ -249,7 +239,7 @@ mod tests {
     use super::*;
 
     const MS: u64 = 1_000_000;
-    /// The duration of a bit in these tests, ns. At 424 kbit/s a bit takes 2.36 µs; 2 µs keeps the instants round.
+    /// The duration of a bit in these tests, ns: a round number instead of the 2.36 µs of 424 kbit/s.
     const BIT_NS: u64 = 2_000;
 
     fn frame() -> FrameStart {
@@ -270,8 +260,7 @@ mod tests {
     const BITS: u32 = 8 * 13;
     const AIR_NS: u64 = (64 + BITS as u64) * BIT_NS;
 
-    /// The events that leave the antenna until `until`, and the repeated commands, if a frame begins at 1 ms and the
-    /// front end has `faults` from 0 on.
+    /// Sends a frame at 1 ms through a front end with `faults`; returns what leaves the antenna until `until`.
     fn leaves(faults: &[FrontEndFault], until: u64) -> (Vec<(u64, AirEvent)>, Vec<u64>) {
         let mut emission = Emission::new(1);
         faults.iter().for_each(|fault| emission.begin(0, *fault, false));

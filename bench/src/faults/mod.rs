@@ -1,8 +1,7 @@
 //! Injected faults and their instants.
 //!
-//! [`Faults`] is the one type for injected faults, in tests and in `cargo xtask sim --faults`: a list of [`Episode`]s,
-//! each a [`Fault`] from one instant to another, and the damage done to the programs before the run. Tests write
-//! episodes by hand; [`Faults::drawn`] draws them from a seed.
+//! [`Faults`] holds the faults of a run, for tests and for `cargo xtask sim --faults`: a list of [`Episode`]s, each a
+//! [`Fault`] from one instant to another. Tests write episodes by hand; [`Faults::drawn`] draws them from a seed.
 //!
 //! | file | what it disturbs | where it acts |
 //! |---|---|---|
@@ -21,17 +20,18 @@
 //! | [`upset`] | a bit of RAM, flash or a register | the part's memory |
 //! | [`image`] | instructions of a firmware in flash, or its variables | the image, before the run or in mid-run |
 //!
-//! [`plan`] draws episodes of these faults from a seed. Upsets are not drawn into a run: [`campaign`] tries each of
-//! them on a copy of the bench.
+//! [`plan`] draws episodes from a seed. Upsets are not drawn into a run, because [`campaign`] tries each of them on a
+//! copy of the bench.
 //!
 //! # Where to add a fault
 //!
-//! Most faults are a variant of the enumeration of their kind in one of the files above (`ReceiverFault`, `PowerFault`
-//! and so on), with its effect there and a line in [`plan`], so that `--faults` can draw it. A fault of a new kind is a
-//! variant of [`Fault`] with its name, its side of the link ([`Fault::is_upstream`]) and what it disturbs
-//! ([`Fault::disturbs`]), from which the judge knows what it excuses ([`bench_judge::disturbance`]). Episodes are
-//! applied in `sim/upstream.rs`, `sim/downstream.rs` and `sim/board_events.rs`. The panel of `cargo xtask live` offers
-//! what `xtask/src/live/panel.rs` lists.
+//! Most faults are a variant of an enumeration in one of the files above (`ReceiverFault`, `PowerFault` and so on). Its
+//! effect is in the same file, and a line in [`plan`] lets `--faults` draw it.
+//!
+//! A fault of a new kind is a variant of [`Fault`] with its name, its side of the link ([`Fault::is_upstream`]) and its
+//! disturbance ([`Fault::disturbs`]), from which the judge knows what to excuse ([`bench_judge::disturbance`]).
+//! `sim/upstream.rs`, `sim/downstream.rs` and `sim/board_events.rs` apply episodes. `xtask/src/live/panel.rs` lists the
+//! faults that the panel of `cargo xtask live` offers.
 
 pub mod base;
 pub mod buffer;
@@ -83,9 +83,8 @@ pub enum Fault {
     FrontEnd(FrontEndFault),
     /// A fault of a board's front-end chip, or of a line to it.
     Chip(Board, ChipFault),
-    /// A bit of a register of a board's front-end chip flips at the episode's beginning. The number is the index of the
-    /// bit among those that the chip has ([`RegisterBit::all_of`]), modulo their count. The episode ends when the
-    /// firmware must have detected the flip.
+    /// A register's bit of a board's front-end chip flips. The number is the bit's index in [`RegisterBit::all_of`],
+    /// modulo the number of bits. The firmware must detect the flip by the episode's end.
     Flip(Board, u64),
     /// A misuse of the SSI by the flight controller.
     FlightController(Conduct),
@@ -95,21 +94,18 @@ pub enum Fault {
     Base(BaseFault),
     /// A fault of a board's supply or reset pin.
     Power(Board, PowerFault),
-    /// A board hangs from the episode's beginning on: its core executes nothing more and takes no interrupt, whatever
-    /// it was doing, while its peripherals, DMA, timers and the chips beside it continue
-    /// ([`emulator_node::Node::hang`]). Only the board's own watchdog, which the core no longer feeds, ends the hang:
-    /// the bench restarts nothing.
+    /// A board's core hangs: it executes nothing and takes no interrupt, but its peripherals and DMA continue
+    /// ([`emulator_node::Node::hang`]). Only the board's own watchdog ends the hang.
     Hang(Board),
-    /// A task of a board is dead: its interrupt is off in the interrupt controller, and the other tasks run. The number
-    /// is the task's index in the firmware's table of tasks ([`tasks_of`]). The board's own watchdog ends the fault,
-    /// because the task no longer checks in. The fault has no effect on a board that has not enabled its interrupts
-    /// yet, hangs or has no supply.
+    /// A task of a board is dead, because its interrupt is off. The number is the task's index in [`tasks_of`]. The
+    /// board's watchdog ends the fault, because the task no longer checks in. A board that has not enabled its
+    /// interrupts, hangs or has no supply is not affected.
     DeadTask(Board, u8),
     /// An upset of a bit of a board.
     Upset(Board, Upset),
     /// A fault of a bit of the DPR's buffers.
     Buffer(BufferFault),
-    /// Damage to a board's program, which is mended at the episode's end.
+    /// Damage to a board's program, which is repaired at the episode's end.
     Image(Board, ImageFault),
 }
 
@@ -139,7 +135,7 @@ impl Fault {
         }
     }
 
-    /// The disturbance of the link that this fault causes; it determines which violations the judge excuses.
+    /// The disturbance of the link that this fault causes. The judge excuses violations according to it.
     #[must_use]
     pub const fn disturbs(&self) -> Disturbance {
         match *self {
@@ -161,7 +157,7 @@ impl Fault {
         }
     }
 
-    /// Whether the fault acts on HORUS's side of the link, which the bench runs ahead of the DPR's side.
+    /// Whether the fault acts on HORUS's side of the link, which the bench simulates ahead of the DPR's side.
     #[must_use]
     pub fn is_upstream(&self) -> bool {
         match self {
@@ -188,7 +184,7 @@ pub fn name_of(board: Board) -> &'static str {
     }
 }
 
-/// The tasks of a board's firmware, with name and vector of each.
+/// The tasks of a board's firmware, each as its name and its interrupt vector.
 #[must_use]
 pub fn tasks_of(board: Board) -> &'static [(&'static str, &'static str)] {
     match board {
@@ -197,8 +193,7 @@ pub fn tasks_of(board: Board) -> &'static [(&'static str, &'static str)] {
     }
 }
 
-/// The number of the interrupt whose handler is the task at index `task` of [`tasks_of`]; `None` if there is no such
-/// task.
+/// The interrupt number of the task at index `task` of [`tasks_of`]; `None` if there is no such task.
 #[must_use]
 pub fn interrupt_of(board: Board, task: u8) -> Option<u16> {
     let (_, vector) = tasks_of(board).get(usize::from(task))?;
@@ -217,8 +212,7 @@ const FIRST_INTERRUPT: u16 = 16;
 pub struct Episode {
     /// The instant at which the episode begins, virtual ns.
     pub at: u64,
-    /// The instant at which the fault's cause ends, ns: [`Episode::at`] for a fault without a duration, `u64::MAX` for
-    /// never.
+    /// The instant at which the fault ends, ns: [`Episode::at`] without a duration, `u64::MAX` for never.
     pub until: u64,
     /// The fault.
     pub fault: Fault,
@@ -227,7 +221,6 @@ pub struct Episode {
 /// All faults of a run. The default has none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Faults {
-    /// The episodes of the run, in order of their beginnings.
     episodes: Vec<Episode>,
 }
 
@@ -238,7 +231,7 @@ impl Faults {
         Self::default()
     }
 
-    /// The faults of a run with these faults of the air from beginning to end.
+    /// The faults of a run in which the air has `faults` from beginning to end.
     #[must_use]
     pub fn of_air(faults: AirFaults) -> Self {
         Self::none().with(0, u64::MAX, Fault::Air(faults))
@@ -288,7 +281,7 @@ impl Faults {
 pub enum Turn {
     /// The episode begins.
     Begins(Episode),
-    /// The voltage of the board's supply changes, in an episode in which the supply sags.
+    /// The voltage of a sagging supply changes.
     Supply {
         /// The new voltage, µV.
         microvolts: u32,
@@ -299,20 +292,20 @@ pub enum Turn {
     Ends(Episode),
 }
 
-/// The beginnings and ends of one side's episodes, in order of time.
+/// The beginnings, changes and ends of one side's episodes, in order of time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Timeline {
     turns: VecDeque<(u64, Turn)>,
 }
 
 impl Timeline {
-    /// The instant at which the next episode begins or ends, ns; `u64::MAX` for never.
+    /// The instant of the next beginning, change or end, ns; `u64::MAX` if there is none.
     #[must_use]
     pub fn next_at(&self) -> u64 {
         self.turns.front().map_or(u64::MAX, |(at, _)| *at)
     }
 
-    /// Adds the beginnings and ends of another side's episodes, `other`.
+    /// Adds `other`, the timeline of the other side.
     pub fn add(&mut self, other: Self) {
         for (at, turn) in other.turns {
             let place = self.turns.partition_point(|(before, _)| *before <= at);

@@ -1,7 +1,7 @@
 //! Faults drawn from a seed.
 //!
-//! Every kind of fault has its own random numbers, so a further kind leaves the episodes of the others unchanged. The
-//! faults of a kind come in rounds: each round has all of them, in a random order.
+//! Every kind of fault has its own random numbers, so a new kind does not change the episodes of the others. The faults
+//! of a kind come in rounds, each of which has all of them in a random order.
 
 use std::fmt;
 use std::str::FromStr;
@@ -12,56 +12,50 @@ use super::{
 };
 use gnss_sim::Port;
 
-/// The instant before which no episode begins, ns, so that both boards start undisturbed.
+/// No episode begins before this instant, ns, so that both boards start undisturbed.
 pub const FIRST_AT: u64 = 300_000_000;
 
-/// The time before the run's end at which the last episode ends, ns, so that every recovery is observed.
+/// The last episode ends this long before the run's end, ns, so that every recovery is observed.
 pub const LAST_BEFORE_END: u64 = 600_000_000;
 
-/// The time from one episode's end to the beginning of the next of the same kind: 0.5 s on average, ns.
+/// The shortest and longest time from one episode's end to the beginning of the next of the same kind, ns.
 pub const GAP: (u64, u64) = (100_000_000, 900_000_000);
 
-/// Both boards.
 const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
 
-/// One millisecond, ns.
 const MS: u64 = 1_000_000;
 
-/// The duration of an episode, ns.
+/// The shortest and longest duration of an episode, ns.
 pub const LENGTH: (u64, u64) = (20_000_000, 400_000_000);
 
-/// The duration of a receiver's drift, ns: at its end the receiver's position is wrong by a few tens of metres.
+/// The shortest and longest drift of a receiver, ns. It makes the position wrong by a few tens of metres.
 pub const DRIFT_LENGTH: (u64, u64) = (1_000_000_000, 3_000_000_000);
 
-/// The duration of a jump of one receiver or of all receivers, ns. The range includes jumps that are shorter, and jumps
-/// that are longer, than the time for which the voter holds a common jump back.
+/// The shortest and longest jump of one or all receivers, ns. The voter holds back a common jump for a time between
+/// them.
 pub const JUMP_LENGTH: (u64, u64) = (20_000_000, 2_500_000_000);
 
 /// The longest time between the failures of the two boards, ns, where both lose their supply, restart or hang together.
 pub const BETWEEN_BOARDS: u64 = 20_000_000;
 
-/// The time after the beginning of a hang from which [`GAP`] counts, ns: it covers the slowest watchdog, which is
-/// HORUS's with 190 ms, and the board's start.
+/// The time reserved for a hang and the board's restart, ns. HORUS has the slowest watchdog, with 190 ms.
 pub const HANG_LENGTH: (u64, u64) = (300_000_000, 400_000_000);
 
-/// The time after the beginning of a dead task from which [`GAP`] counts, ns. It is longer than [`HANG_LENGTH`],
-/// because the watchdog may be fed once more, a cycle later.
+/// The time reserved for a dead task and the board's restart, ns. The watchdog may be fed once more after the task's
+/// death.
 pub const DEAD_TASK_LENGTH: (u64, u64) = (320_000_000, 420_000_000);
 
-/// The time after the beginning of a hang from which [`GAP`] counts, ns, for a board that hangs while it starts: HORUS
-/// feeds its watchdog for the first time after up to 964 ms.
+/// The time reserved for a hang during a board's start, ns. HORUS's watchdog takes up to 964 ms until its first feed.
 pub const START_HANG_LENGTH: (u64, u64) = (1_100_000_000, 1_200_000_000);
 
-/// The time after a board's start, if its instant is known, in which no hang of that board is drawn, ns. In that time
-/// the firmware may not have started its watchdog yet, so nothing would end the hang, as on silicon
+/// No hang is drawn within this time after a board's start, ns, because the watchdog may not run yet
 /// (docs/design.md#start-and-supply).
 pub const WATCHDOG_STARTS: u64 = 2_000;
 
-/// The latest beginning of a hang after a reset, ns, where a board is to hang while it starts: both firmwares have
-/// finished their start by then.
+/// A hang during a board's start begins at most this long after the reset, ns.
 pub const STARTS: u64 = 20_000_000;
 
-/// The number of different courses of voltage in a round for each board's sagging supply.
+/// The number of sags of each board's supply in a round; each has another course of voltage.
 const SAGS: usize = 3;
 
 /// A kind of fault that `--faults` can draw.
@@ -79,13 +73,13 @@ pub enum Kind {
     Ram,
     /// Bits of flash.
     Flash,
-    /// Bits of registers.
+    /// Bits of core registers.
     Registers,
     /// Bits of the DPR's receive and image buffers, which flip or are stuck during the run.
     Buffers,
     /// The state inputs of HORUS.
     Inputs,
-    /// Boards that hang and dead tasks, until the watchdogs restart the boards.
+    /// Boards that hang, and dead tasks; the watchdogs restart the boards.
     Hang,
     /// Bits of the registers of either front end's chip, which flip during the run.
     Chips,
@@ -125,7 +119,7 @@ impl Kind {
         }
     }
 
-    /// Whether the kind is an upset, which is tried on a copy of the bench and never drawn into a run.
+    /// Whether the kind is an upset, which a campaign tries on a copy of the bench instead of in a run.
     #[must_use]
     pub const fn is_upset(self) -> bool {
         matches!(self, Self::Ram | Self::Flash | Self::Registers)
@@ -138,7 +132,7 @@ impl fmt::Display for Kind {
     }
 }
 
-/// A word that names no kind of fault.
+/// The error for a word that is the name of no kind of fault.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("\"{0}\" is no kind of fault: give one or several of {words}", words = Kind::ALL.map(Kind::word).join(", "))]
 pub struct UnknownKind(pub String);
@@ -152,15 +146,14 @@ impl FromStr for Kind {
     }
 }
 
-/// Faults that belong together, each with its delay (ns) after the beginning of the first.
+/// Faults that occur together, each with its delay (ns) after the beginning of the first.
 type Draw = Vec<(u64, Fault)>;
 
 impl Faults {
-    /// Returns faults of these kinds in a run of `duration_ns` with `gps` receivers, drawn from `seed`. Each kind has
-    /// at most one episode at a time, except where the supplies of both boards fail together and where receivers are
-    /// wrong together. Otherwise at most one receiver is faulty at a time, though the voter may still exclude another
-    /// for an earlier fault. Upsets of RAM, flash and registers are not drawn into a run: each is tried on a copy of
-    /// the bench ([`super::Campaign`]).
+    /// Returns faults of `kinds` for a run of `duration_ns` with `gps` receivers, drawn from `seed`.
+    ///
+    /// Each kind has at most one episode at a time, except where both boards fail together or several receivers are
+    /// wrong together. Upsets of RAM, flash and registers are not drawn, because [`super::Campaign`] tries them.
     #[must_use]
     pub fn drawn(kinds: &[Kind], gps: usize, seed: u64, duration_ns: u64) -> Self {
         let mut faults = Self::none();
@@ -169,7 +162,6 @@ impl Faults {
             let mut rng = Rng::stream(seed, kind as u64);
             let mut round: Vec<Draw> = vec![];
             let mut free_at = FIRST_AT;
-            // The first episode may begin at once, without a gap before it.
             let mut gap = (0, GAP.1);
             loop {
                 if round.is_empty() {
@@ -197,8 +189,7 @@ impl Faults {
                 }
             }
         }
-        // The list is sorted once at the end, because a run of one day has tens of thousands of episodes of each kind.
-        // The sort is stable.
+        // A run of a day has tens of thousands of episodes of each kind, so the list is sorted once, at the end.
         faults.episodes.sort_by_key(|episode| episode.at);
         faults.without_hangs_in_starts();
         faults
@@ -206,8 +197,7 @@ impl Faults {
 }
 
 impl Faults {
-    /// Removes each hang that begins after a start of its board, caused by another episode, and before the board's
-    /// watchdog runs, because nothing would end such a hang.
+    /// Removes hangs that begin before a restarted board's watchdog runs, because nothing would end them.
     fn without_hangs_in_starts(&mut self) {
         for board in BOARDS {
             let of_power = |it: &&Episode| starts(&it.fault, board);
@@ -222,7 +212,6 @@ impl Faults {
     }
 }
 
-/// Whether `board` starts at the end of an episode of `fault`.
 fn starts(fault: &Fault, board: Board) -> bool {
     match fault {
         Fault::Power(_, PowerFault::FrontEndOff | PowerFault::CrystalDead) => false,
@@ -231,7 +220,6 @@ fn starts(fault: &Fault, board: Board) -> bool {
     }
 }
 
-/// Whether `fault` has a duration.
 fn lasts(fault: &Fault) -> bool {
     match fault {
         Fault::Power(_, fault) => fault.lasts(),
@@ -241,7 +229,6 @@ fn lasts(fault: &Fault) -> bool {
     }
 }
 
-/// The duration that `fault` may have, ns.
 fn length_of(fault: &Fault) -> (u64, u64) {
     match fault {
         Fault::Receiver(_, ReceiverFault::Drifts { .. }) => DRIFT_LENGTH,
@@ -254,7 +241,7 @@ fn length_of(fault: &Fault) -> (u64, u64) {
     }
 }
 
-/// One round of faults of `kind`, with every fault of that kind once.
+/// One round of faults of `kind`, which has every fault of that kind once.
 fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
     match kind {
         Kind::Air => {
@@ -284,36 +271,34 @@ fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
     }
 }
 
-/// Every fault of the air, each so strong that an episode of average length has visible effects.
+/// Every fault of the air, strong enough to be visible in an episode of average length.
 fn air() -> Vec<AirFaults> {
     let none = AirFaults::default();
     vec![
-        // With this bit error rate about one frame in three survives, because a frame has about 2000 bits.
+        // A frame has about 2000 bits, so about one frame in three survives this bit error rate.
         AirFaults { bit_error: 5e-4, ..none },
         AirFaults { lost: 0.4, ..none },
-        // A carrier without a frame looks to the DPR like a silent HORUS.
+        // A carrier without frames looks to the DPR like a HORUS that sends nothing.
         AirFaults { lost: 1.0, ..none },
-        // For the DPR a frame that is repeated all the time looks like a HORUS that is frozen.
+        // A frame that is repeated all the time looks to the DPR like a HORUS whose data do not change.
         AirFaults { frozen: true, ..none },
         AirFaults { truncated: 0.4, ..none },
-        // The bursts are at most 64 bits long, twice the length that the objects' CRCs always detect.
+        // The objects' CRCs detect every burst of up to 32 bits; these are twice as long.
         AirFaults { burst: 0.4, burst_bits: 64, ..none },
-        // A frame is on the air for half of a cycle, so its repetition comes before the next frame or collides with it.
+        // A frame takes half a cycle, so its repetition comes before the next frame or collides with it.
         AirFaults { repeated: 0.4, repeat_after_ns: (100_000, 12 * MS), ..none },
-        // The delay of a frame ranges from less than a cycle to several cycles.
+        // The delay of a frame is between a fraction of a cycle and several cycles.
         AirFaults { delayed: 0.4, delay_ns: (MS, 45 * MS), ..none },
         AirFaults { field_off: true, ..none },
         AirFaults { scatter_ns: 3 * MS, ..none },
     ]
 }
 
-/// Every fault of either front end's chip or of a line to it.
 fn front_ends() -> impl Iterator<Item = Fault> {
     let of = |board| ChipFault::ALL.into_iter().map(move |fault| Fault::Chip(board, fault));
     [Board::Horus, Board::Dpr].into_iter().flat_map(of)
 }
 
-/// Every fault of a receiver or its line.
 fn receivers() -> Vec<ReceiverFault> {
     let absurd = Absurd::ALL.map(ReceiverFault::Absurd);
     let mut faults = vec![
@@ -322,7 +307,7 @@ fn receivers() -> Vec<ReceiverFault> {
         ReceiverFault::Beginnings,
         ReceiverFault::Unasked,
         ReceiverFault::Frozen,
-        // u-blox receivers send at this bit rate when they have lost their configuration.
+        // u-blox receivers use this bit rate after they have lost their configuration.
         ReceiverFault::WrongBaud(38_400),
         ReceiverFault::Break,
         ReceiverFault::Noise,
@@ -332,19 +317,19 @@ fn receivers() -> Vec<ReceiverFault> {
         ReceiverFault::NoFix,
         ReceiverFault::LateBursts(60_000_000),
         ReceiverFault::BadChecksums,
-        // The offset exceeds the 30 m and 50 m within which receivers may count as agreeing.
+        // The voter treats receivers within 30 m and 50 m as agreeing, and this offset exceeds both.
         ReceiverFault::Offset { north: 40, east: -30, up: 0 },
         ReceiverFault::Offset { north: 0, east: 0, up: 120 },
         ReceiverFault::Drifts { mm_s: 20_000 },
         ReceiverFault::FrozenPosition,
         ReceiverFault::Flat,
-        // The changes exceed the 10 degrees and 2 m/s² within which receivers may count as agreeing.
+        // The voter treats receivers within 10 degrees and 2 m/s² as agreeing, and these changes exceed both.
         ReceiverFault::Turned { degrees: 180 },
         ReceiverFault::Pushed { cm_s2: 500 },
         ReceiverFault::Understates,
         ReceiverFault::TimeJumps(5_000),
         ReceiverFault::TimeJumps(-5_000),
-        // In protocol versions before 15, NAV-PVT has 84 bytes, 8 less than now.
+        // NAV-PVT was shorter by 8 bytes in protocol versions before 15.
         ReceiverFault::OtherLength(-8),
         ReceiverFault::OtherLength(4),
         ReceiverFault::LosesSettings,
@@ -354,8 +339,7 @@ fn receivers() -> Vec<ReceiverFault> {
     faults
 }
 
-/// Faults of several receivers together: all jump to the same wrong place or height, or one has a wrong height while
-/// the others measure no height.
+/// All receivers jump to the same wrong position or height, or one has a wrong height while the others measure none.
 fn receivers_together(gps: usize, rng: &mut Rng) -> [Draw; 3] {
     let high = ReceiverFault::Offset { north: 0, east: 0, up: 500 };
     let lone = rng.below(gps as u64) as usize;
@@ -369,13 +353,11 @@ fn receivers_together(gps: usize, rng: &mut Rng) -> [Draw; 3] {
     ]
 }
 
-/// Every state input of HORUS with every fault of it.
 fn inputs() -> impl Iterator<Item = (usize, InputFault)> {
     (0..INPUTS).flat_map(|input| InputFault::ALL.map(|fault| (input, fault)))
 }
 
-/// Faults of the DPR's buffers. For each kind of buffer, as many bits flip as there are buffers, and one bit is stuck
-/// at zero and one at one for a while.
+/// Faults of the DPR's buffers: for each kind of buffer, one flip per buffer, and one bit stuck at zero and at one.
 fn buffers(rng: &mut Rng) -> Vec<Draw> {
     let mut draws = vec![];
     for (buffers, count) in [(Buffers::Receive, 3), (Buffers::Image, 4)] {
@@ -392,9 +374,7 @@ fn buffers(rng: &mut Rng) -> Vec<Draw> {
 /// The faults that restart a board at once.
 const RESTARTS: [PowerFault; 3] = [PowerFault::Pin, PowerFault::BrownOut, PowerFault::Watchdog];
 
-/// Every fault of either board's supply and reset, some sagging supplies, and faults of both boards together in either
-/// order: both lose their supply, and both restart for any two reasons. The last fault is a restart of the DPR while
-/// its crystal is dead.
+/// Every fault of either board's supply and reset, sags, and faults of both boards together in either order.
 fn power(rng: &mut Rng) -> Vec<Draw> {
     let restart = Fault::Power(Board::Dpr, RESTARTS[rng.below(RESTARTS.len() as u64) as usize]);
     let dead = Fault::Power(Board::Dpr, PowerFault::CrystalDead);
@@ -420,8 +400,7 @@ fn power(rng: &mut Rng) -> Vec<Draw> {
     draws
 }
 
-/// Hangs of each board alone, of both boards in either order and of each board while it starts, and a dead task of each
-/// board.
+/// Hangs of each board, of both in either order, and of each during its start; and a dead task of each board.
 fn hangs(rng: &mut Rng) -> Vec<Draw> {
     let mut draws: Vec<Draw> = BOARDS.map(|board| vec![(0, Fault::Hang(board))]).into();
     for [first, second] in [[Board::Horus, Board::Dpr], [Board::Dpr, Board::Horus]] {
@@ -429,7 +408,7 @@ fn hangs(rng: &mut Rng) -> Vec<Draw> {
     }
     for board in BOARDS {
         let restart = RESTARTS[rng.below(RESTARTS.len() as u64) as usize];
-        // Half of the hangs begin in the first 10 µs after the board's start, the others at any instant of the start.
+        // Half of the hangs begin within 10 µs after the board's start.
         let latest = if rng.below(2) == 0 { 10_000 } else { STARTS };
         let hangs = rng.between(WATCHDOG_STARTS, latest);
         draws.push(vec![(0, Fault::Power(board, restart)), (hangs, Fault::Hang(board))]);
@@ -529,7 +508,6 @@ mod tests {
         }
     }
 
-    /// Whether two receivers are wrong together.
     fn are_receivers_together(pair: &[Episode]) -> bool {
         let both = |fault: fn(&Episode) -> u64| fault(&pair[0]) == fault(&pair[1]);
         let of = |episode: &Episode| match episode.fault {
@@ -627,7 +605,7 @@ mod tests {
             let alone = |at: u64| episodes.iter().filter(|other| other.at.abs_diff(at) <= BETWEEN_BOARDS).count() == 1;
             assert!(episodes.iter().any(|episode| episode.fault == fault && alone(episode.at)), "{board:?} alone");
         }
-        // Before its next hang, a board has restarted and has started its watchdog.
+        // A board has restarted, and its watchdog runs, before the board's next hang.
         let hangs: Vec<_> = episodes.iter().filter(|it| matches!(it.fault, Fault::Hang(_))).cloned().collect();
         for pair in hangs.windows(2).filter(|pair| !together(pair)) {
             assert!(pair[1].at - pair[0].at >= HANG_LENGTH.0 + GAP.0, "{pair:?}");
@@ -652,7 +630,7 @@ mod tests {
         }
         assert!(left(PowerFault::FrontEndOff, hang(900, Board::Dpr)));
         assert!(left(PowerFault::CrystalDead, hang(900, Board::Dpr)));
-        // Where a board starts several times, the last start counts.
+        // If a board starts several times, the last start counts.
         let mut faults = Faults::none();
         for at in [100, 2 * WATCHDOG_STARTS, 9 * WATCHDOG_STARTS] {
             faults.add(Episode { at, until: at, fault: Fault::Power(Board::Dpr, PowerFault::Pin) });
@@ -676,8 +654,7 @@ mod tests {
         assert_eq!(dead.len(), BOARDS.into_iter().map(|board| tasks_of(board).len()).sum::<usize>(), "{dead:?}");
     }
 
-    /// The number of a kind is part of the seed of its draws: published figures stay valid only if the kinds keep their
-    /// numbers.
+    /// A kind's number is part of the seed of its draws, so a change of the number would invalidate published figures.
     #[test]
     fn the_kinds_keep_the_numbers_that_their_draws_are_seeded_by() {
         let numbers = Kind::ALL.map(|kind| kind as u64);

@@ -4,35 +4,29 @@ use bench_judge::disturbance::{Disturbance, Harm};
 
 use super::Rng;
 
-/// One millisecond, ns.
 const MS: u64 = 1_000_000;
 
-/// The voltages, µV, at which a supply that is to sag begins and ends: the boards' 3.3 V, and the highest voltage that
-/// both parts allow.
+/// The voltages, µV, from which a supply can sag: the boards' 3.3 V, and the highest that both microcontrollers allow.
 pub(crate) const RAILS_UV: [u32; 2] = [3_300_000, 3_600_000];
 
 /// A fault of a board's supply or reset pin. The front end shares the board's supply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PowerFault {
-    /// The supply is off from the episode's beginning to its end. At power-on RAM holds noise that follows from this
-    /// seed.
+    /// The supply is off from the episode's beginning to its end. RAM then holds noise, which this seed determines.
     Off(u64),
     /// The reset pin is pulled low briefly. RAM keeps its contents, and the front end keeps its registers.
     Pin,
-    /// The supply dips below the part's brown-out threshold briefly. RAM keeps its contents. The front end works from a
-    /// lower supply, so it keeps its registers.
+    /// The supply briefly falls below the brown-out threshold. RAM and the front end's registers keep their contents.
     BrownOut,
-    /// The watchdog resets the part, whatever the firmware did. RAM keeps its contents, and the front end keeps its
-    /// registers.
+    /// The watchdog resets the microcontroller, even if it is fed. RAM and the front end's registers keep their
+    /// contents.
     Watchdog,
-    /// The crystal is dead from the episode's beginning to its end. HORUS's crystal stops at once; the DPR's, which its
-    /// part does not supervise, only fails to start. A board that restarted meanwhile and cannot start is reset by its
-    /// pin at the episode's end.
+    /// The crystal is dead: HORUS's stops at once, the DPR's fails to start. A board that cannot start without its
+    /// crystal is reset by its pin at the episode's end.
     CrystalDead,
-    /// The supply sags and recovers from the episode's beginning to its end, in a [`shape`] that follows from this
-    /// seed. The parts model the effects: warnings, resets, bits that are read wrongly.
+    /// The supply sags and recovers in a [`shape`] that this seed determines.
     Sag(u64),
-    /// The front end alone is without supply from the episode's beginning to its end, and its registers are lost.
+    /// The front end alone is without supply from the episode's beginning to its end, so its registers are lost.
     FrontEndOff,
 }
 
@@ -51,31 +45,29 @@ impl PowerFault {
         }
     }
 
-    /// The disturbance of `board` that this fault causes; it determines which violations the judge excuses.
+    /// The disturbance of `board` that this fault causes. The judge excuses violations according to it.
     #[must_use]
     pub const fn disturbs(self, board: bench_judge::Board) -> Disturbance {
         match self {
             Self::Off(_) | Self::Sag(_) => Disturbance::Supply { board },
             Self::Pin | Self::BrownOut | Self::Watchdog => Disturbance::Restart { board },
-            // The log records each start of a board with a dead crystal as a hang.
+            // The log records a start with a dead crystal as a hang.
             Self::CrystalDead => Disturbance::Hang { board },
             Self::FrontEndOff => Disturbance::FrontEnd { board, harm: Harm::Silent },
         }
     }
 
-    /// Whether the fault lasts until the episode's end; the others are over at once.
+    /// Whether the fault lasts until the episode's end.
     #[must_use]
     pub const fn lasts(self) -> bool {
         matches!(self, Self::Off(_) | Self::CrystalDead | Self::Sag(_) | Self::FrontEndOff)
     }
 }
 
-/// The voltages of a sagging supply, µV, each with its time from the beginning of the sag, ns; the last voltage is the
-/// original one.
+/// The voltages of a sagging supply, µV, each with its time from the beginning of the sag, ns.
 ///
-/// One to four changes lead from the original voltage to other voltages, and a last change leads back. The voltages are
-/// zero, between the thresholds of the parts' supervisors, or anywhere. Each change takes 1, 10 or 100 ms, as a ramp in
-/// steps of at most 20 mV or as one step.
+/// One to four changes lead to other voltages (zero, between the supervisors' thresholds, or anywhere), and a last one
+/// leads back. Each takes 1, 10 or 100 ms, as a ramp in steps of at most 20 mV or as one step.
 #[must_use]
 pub fn shape(seed: u64) -> Vec<(u64, u32)> {
     const STEP_UV: u32 = 20_000;
@@ -96,7 +88,7 @@ pub fn shape(seed: u64) -> Vec<(u64, u32)> {
         for step in 1..=steps {
             let part = i64::from(step) * (i64::from(to) - i64::from(volts)) / i64::from(steps);
             let reached = (i64::from(volts) + part) as u32;
-            // A change in a single step comes at the beginning of its time; the voltage then holds for the rest of it.
+            // A change in a single step comes at once, and the voltage then stays for the rest of the time.
             let after = if steps == 1 { 0 } else { takes * u64::from(step) / u64::from(steps) };
             shape.push((at + after, reached));
         }

@@ -1,4 +1,4 @@
-//! The only source of random numbers for the faults. It is seeded, and its numbers are the same on every machine.
+//! The random numbers of the faults. They depend only on the seed, so they are the same on every machine.
 
 /// The generator SplitMix64 (Steele, Lea, Flood 2014). It has one 64-bit state and is good enough to draw faults.
 #[derive(Clone, Debug, PartialEq, Eq)]

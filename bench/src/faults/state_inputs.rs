@@ -1,12 +1,12 @@
 //! Faults of HORUS's state inputs: relay, motor cut, emergency measure.
 
-/// The number of state inputs; each input is a pair of pins.
+/// The number of HORUS's state inputs; each is a pair of pins.
 pub const INPUTS: usize = 3;
 
-/// The names of the state inputs, the least severe first.
+/// The names of the state inputs, the least severe state first.
 const NAMES: [&str; INPUTS] = ["relay", "motor cut", "emergency measure"];
 
-/// The levels of a state input's pins while an episode lasts; at other times the input is inactive.
+/// The levels of a state input's pins during an episode. Without a fault the input is inactive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InputFault {
     /// The input is active, which is not a fault in itself.
@@ -15,7 +15,7 @@ pub enum InputFault {
     BothHigh,
     /// Both pins of the input are low, as after a short to ground.
     BothLow,
-    /// The contact chatters: both pins of the input change over at this interval, ns.
+    /// The contact chatters: the levels of both pins are inverted at this interval, ns.
     Chatters(u64),
 }
 
@@ -36,8 +36,7 @@ impl InputFault {
         format!("{} {what}", NAMES.get(input).unwrap_or(&"no input"))
     }
 
-    /// The levels of the input's two pins at the fault's beginning: first the pin that is high while the input is
-    /// active, then the other.
+    /// The levels of both pins at the fault's beginning: first the pin that is high while the input is active.
     #[must_use]
     pub const fn levels(self) -> (bool, bool) {
         match self {

@@ -65,8 +65,7 @@ impl Upset {
         }
     }
 
-    /// A uniformly drawn upset of `kind` among `targets`; `None` where `kind` is no kind of upset or `targets` has
-    /// nothing of it.
+    /// Returns a uniformly drawn upset of `kind` among `targets`; `None` if there is none.
     pub fn drawn(kind: Kind, rng: &mut Rng, targets: &Targets) -> Option<Self> {
         match kind {
             Kind::Ram => {
@@ -79,7 +78,7 @@ impl Upset {
             }
             Kind::Registers => {
                 let number = rng.below(16) as u8;
-                // Hardware does not have the bits that are always zero: two of SP and one of PC (ARMv7-M ARM B1.4.1).
+                // The two lowest bits of SP and the lowest of PC always read zero (ARMv7-M ARM B1.4.1).
                 let least = match number {
                     13 => 2,
                     15 => 1,
@@ -98,11 +97,11 @@ impl Upset {
         }
     }
 
-    /// Flips the bit on `node`, now.
+    /// Flips the bit on `node` now.
     ///
     /// # Errors
     ///
-    /// [`Error::NotMemory`] where the part has no memory at the address.
+    /// [`Error::NotMemory`] if there is no memory at the address.
     pub fn apply<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<(), Error> {
         match *self {
             Self::Ram { address, bit } | Self::Flash { address, bit } => {
@@ -133,7 +132,6 @@ impl std::fmt::Display for Upset {
     }
 }
 
-/// The address of a random byte in `ranges`, and the number of a bit in it.
 fn a_bit(rng: &mut Rng, ranges: &[Range<u32>]) -> Option<(u32, u8)> {
     let bytes: u64 = ranges.iter().map(|range| u64::from(range.end.saturating_sub(range.start))).sum();
     let mut nth = rng.below(bytes);
@@ -151,7 +149,7 @@ fn a_bit(rng: &mut Rng, ranges: &[Range<u32>]) -> Option<(u32, u8)> {
 /// The memory that a firmware uses. An upset of other memory would have no effect.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Targets {
-    /// The ranges of RAM: statics, which include the buffers of the DMA controllers, and the stack in use.
+    /// The ranges of RAM: the statics, with the buffers of the DMA controllers, and the stack in use.
     pub ram: Vec<Range<u32>>,
     /// The ranges of flash: the program with its CRC.
     pub flash: Vec<Range<u32>>,
@@ -162,15 +160,13 @@ impl Targets {
     ///
     /// # Errors
     ///
-    /// [`Error::NoSymbol`] where the program lacks a symbol that cortex-m-rt's linker script defines, or that of its
-    /// CRC.
+    /// [`Error::NoSymbol`] if the program lacks the symbol of its CRC or one that cortex-m-rt's linker script defines.
     pub fn of<B: Board, C: Cost>(node: &Node<B, C>) -> Result<Self, Error> {
         let address = |symbol| node.address_of(symbol).map(|address| u32::try_from(address).unwrap_or(u32::MAX));
         let mut ram = vec![];
         for (start, end) in [("__sdata", "__edata"), ("__sbss", "__ebss"), ("__suninit", "__euninit")] {
             ram.push(address(start)?..address(end)?);
         }
-        // The stack grows down from the address `_stack_start`.
         ram.push(node.register(13)..address("_stack_start")?);
         ram.retain(|range| !range.is_empty());
         let flash = std::iter::once(address("__vector_table")?..address("__program_crc")? + 4).collect();
@@ -187,7 +183,6 @@ mod tests {
     use super::*;
     use emulator_node::{Bare, Firmware};
 
-    /// A board whose program is a vector table and a branch to itself.
     fn node() -> Node<Bare<Stm32f429>> {
         let table: Vec<u8> = [0x2000_1000_u32, 0x0800_0009].iter().flat_map(|word| word.to_le_bytes()).collect();
         let image = Firmware::raw("idle", vec![(0x0800_0000, table), (0x0800_0008, vec![0xFE, 0xE7])]);

@@ -1,9 +1,7 @@
 //! Faults of the wires between the boards and the world.
 //!
-//! [`Wires`] takes the signal that one end of a wire sends and returns what the other end receives. It acts where the
-//! bench passes the signals on: MISO before the flight controller reads a transaction, FRESH and TICK before they are
-//! logged, the radio before the base station receives it. For the listener's antenna it only determines whether the
-//! antenna answers.
+//! [`Wires`] takes the signal that one end of a wire sends and returns what the other end receives. For the listener's
+//! antenna it only determines whether the antenna answers.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -27,72 +25,66 @@ pub enum WireFault {
     TickStuck,
     /// TICK has an additional tick, [`GLITCH_AFTER_NS`] after each tick that HORUS drives.
     TickGlitch,
-    /// The changes of HORUS's state inputs are missing from the log.
+    /// The log does not contain the changes of HORUS's state inputs.
     InputsUnseen,
     /// One bit of each transaction's MISO is inverted.
     MisoBit {
-        /// The byte's index in the transaction, from 0; in a shorter transaction no bit is inverted.
+        /// The byte's index in the transaction, from 0. No bit is inverted in a shorter transaction.
         byte: usize,
         /// The bit's number, 0 (the least significant) to 7.
         bit: u8,
     },
-    /// MISO repeats the bytes of the latest transaction that ended at least this long before. Beyond the end of the
-    /// earlier transaction MISO carries what the DPR sends.
+    /// MISO repeats the bytes of the latest transaction that ended at least this long before. After the last of these
+    /// bytes MISO carries what the DPR sends.
     MisoReplay {
         /// The least age of the repeated transaction, ns; at most [`HISTORY_NS`].
         age_ns: u64,
     },
-    /// From this byte on, MISO repeats the bytes of the preceding transaction, up to the end of that transaction.
+    /// From this byte on, MISO repeats the bytes of the preceding transaction, as far as there are any.
     MisoSplice {
         /// The index of the first byte that is repeated, from 0.
         at_byte: usize,
     },
-    /// GPS1 and GPS2 are exchanged in the bytes that the flight controller reads, where a transaction has both.
+    /// GPS1 and GPS2 are exchanged in the bytes that the flight controller reads, if the transaction contains both.
     MisoSwap,
-    /// The bytes of one object read 0x00, like those of an object that was not received.
+    /// All bytes of one object read 0x00, as if the object had not been received.
     MisoVacant {
         /// The object whose bytes read 0x00: 0 for Reported-Position, n for GPSn.
         object: usize,
     },
-    /// Every transaction repeats the bytes of the last transaction that ended before the fault began. The cause is an
-    /// isolator or a bridge in the line that hangs and repeats its contents.
+    /// Every transaction repeats the last one before the fault, because a bridge in the line hangs.
     MisoFrozen,
-    /// Bits of one object, or of Link-Status, are inverted and the object's CRC is corrected, where a transaction reads
-    /// the whole object. A line cannot do that, but a bridge that generates frames of its own can.
+    /// Bits of an object or of Link-Status are inverted and its CRC is corrected, as a bridge in the line could do.
     MisoForged {
         /// The changed object: 0 for Reported-Position, n for GPSn, `None` for Link-Status.
         object: Option<usize>,
-        /// The index in the object of the byte whose bits are inverted, from 0, before the CRC.
+        /// The index of the changed byte in the object, from 0, before the CRC.
         byte: usize,
         /// The inverted bits.
         bits: u8,
     },
-    /// Bits of one object behind the image in the map are inverted and its CRC is corrected, as with
-    /// [`WireFault::MisoForged`].
+    /// Bits of an object behind the image in the map are inverted and its CRC is corrected.
     MisoForgedPort {
-        /// The changed object: 0 for Port-Status, 1 for the uplink of the base station, 2 for that of the flight
-        /// controller.
+        /// The changed object: 0 for Port-Status, 1 for the base station's uplink, 2 for the flight controller's.
         object: usize,
-        /// The index in the object of the byte whose bits are inverted, from 0, before the CRC.
+        /// The index of the changed byte in the object, from 0, before the CRC.
         byte: usize,
         /// The inverted bits.
         bits: u8,
     },
     /// Every byte reads 0xFF.
     MisoOnes,
-    /// The listener's antenna answers each frame that it receives, although its front end has no command for that: the
-    /// front end's load modulator works without a command.
+    /// The listener's antenna answers each received frame, because its load modulator works without a command.
     AntennaAnswers,
     /// The radio to the base station transmits nothing.
     RadioDrop,
-    /// One bit of each profile on the radio is inverted, another bit each time.
+    /// One bit of each profile on the radio is inverted, each time another one.
     RadioBit,
     /// The second half of each profile on the radio is the second half of the profile before.
     RadioMix,
-    /// Every receiver has this fault, as if the satellites caused it; the log does not attribute the fault to the
-    /// receivers.
+    /// Every receiver has this fault, and the log does not attribute it to the receivers.
     Sky(ReceiverFault),
-    /// The flight controller keeps flying by the last position, whatever its client reports.
+    /// The flight controller keeps flying by the last position and ignores the client's report.
     ClientKeeps,
     /// The flight controller treats every sample as new.
     ClientYoung,
@@ -102,7 +94,7 @@ pub enum WireFault {
     ClientMute,
 }
 
-/// The delay of an additional pulse or tick after a genuine one, ns: it lies between two publications.
+/// The time from a genuine pulse or tick to the additional one, ns. It ends between two publications.
 pub const GLITCH_AFTER_NS: u64 = 3_000_000;
 
 /// The length of an additional pulse of FRESH, ns.
@@ -111,8 +103,7 @@ pub const GLITCH_NS: u64 = 2_000;
 /// The greatest age of a transaction that MISO can repeat, ns.
 pub const HISTORY_NS: u64 = 1_000_000_000;
 
-/// The greatest number of transactions that are kept for repetition. A flight controller that misuses the SSI makes up
-/// to 200 000 transactions a second.
+/// The greatest number of transactions kept for repetition. A misused SSI has up to 200 000 transactions a second.
 const REMEMBERED: usize = 4_096;
 
 impl WireFault {
@@ -177,33 +168,27 @@ impl WireFault {
     }
 }
 
-/// The bytes that the DPR sent in a transaction, and the instant at which the transaction ended (ns).
 #[derive(Clone, Debug)]
 struct Sent {
     ended: u64,
     miso: Vec<u8>,
 }
 
-/// The wires between the boards and the world, with their present faults. The [module](self) describes them.
+/// The wires between the boards and the world with their present faults. The [module](self) describes them.
 #[derive(Clone, Debug)]
 pub struct Wires {
     layout: Layout,
     noise: Rng,
     faults: Vec<WireFault>,
-    /// The last position that the flight controller flew by.
     flown: Option<ReportedValues>,
-    /// The level of FRESH at the far end of the wire.
     fresh: bool,
-    /// The transactions that the DPR sent on MISO, the latest last.
     sent: VecDeque<Sent>,
-    /// The transaction that MISO repeats since it froze.
     frozen: Option<Sent>,
-    /// The last frame on the radio.
     radio: Vec<u8>,
 }
 
 impl Wires {
-    /// Returns wires without faults around a DPR whose image has this layout. `seed` determines all random values.
+    /// Returns wires without faults for a DPR whose image has this layout. `seed` determines all random values.
     #[must_use]
     pub const fn new(layout: Layout, seed: u64) -> Self {
         Self {
@@ -218,12 +203,11 @@ impl Wires {
         }
     }
 
-    /// Begins `fault`, beside any present faults.
+    /// Begins `fault`.
     ///
     /// # Panics
     ///
-    /// Panics if a fault repeats a transaction older than [`HISTORY_NS`], or if a bit's number exceeds 7: the bench is
-    /// set up wrongly.
+    /// Panics if a fault repeats a transaction older than [`HISTORY_NS`], or if a bit's number exceeds 7.
     pub fn begin(&mut self, fault: WireFault) {
         match fault {
             WireFault::MisoReplay { age_ns } => assert!(age_ns <= HISTORY_NS, "a replay of {age_ns} ns ago"),
@@ -241,8 +225,8 @@ impl Wires {
         }
     }
 
-    /// Takes a transaction that ended at `at` (ns). In it the DPR sent `miso`, whose first byte is the image's byte at
-    /// `offset`. Changes `miso` to the bytes that the flight controller receives.
+    /// Changes `miso`, sent in a transaction that ended at `at` (ns), to the bytes that the flight controller receives.
+    /// The first byte is the image's byte at `offset`.
     pub fn miso(&mut self, at: u64, offset: usize, miso: &mut [u8]) {
         let sent = miso.to_vec();
         for fault in &self.faults {
@@ -267,7 +251,6 @@ impl Wires {
                 }
                 WireFault::MisoFrozen => overwrite(miso, 0, self.frozen.as_ref()),
                 WireFault::MisoForged { object, byte, bits } => {
-                    // The bytes of Link-Status are at the image's start.
                     let place = object.map_or(Some(0..LinkStatus::SIZE), |object| self.layout.in_image(object));
                     forge(offset, miso, place, (byte, bits));
                 }
@@ -285,7 +268,6 @@ impl Wires {
         }
     }
 
-    /// Exchanges GPS1 and GPS2 in `miso`, whose first byte is the image's byte at `offset`.
     fn swap(&self, offset: usize, miso: &mut [u8]) {
         let (Some(one), Some(two)) = (self.layout.in_image(1), self.layout.in_image(2)) else { return };
         let Some(start) = one.start.checked_sub(offset) else { return };
@@ -294,15 +276,14 @@ impl Wires {
         }
     }
 
-    /// Takes a level of the DPR's FRESH at `at` (ns). Returns the resulting levels at the far end, each with its
-    /// instant (ns), in order of time; some may be in the future.
+    /// Returns the levels at the far end with their instants (ns), in order, for a level that the DPR drives on FRESH
+    /// at `at` (ns).
     pub fn fresh(&mut self, at: u64, level: bool) -> impl Iterator<Item = (u64, bool)> + use<> {
         let late: u64 =
             self.faults.iter().map(|fault| if let WireFault::FreshLate(ns) = fault { *ns } else { 0 }).sum();
         let mut seen = vec![];
         let stuck = self.faults.contains(&WireFault::FreshStuck);
-        // A pulse that has begun when the wire breaks is completed. A pulse that has begun when the wire is mended does
-        // not appear.
+        // A pulse that has begun is completed when the wire breaks, and is left out when the wire is mended.
         if level != self.fresh && !(level && stuck) {
             self.fresh = level;
             seen.push((at + late, level));
@@ -314,8 +295,7 @@ impl Wires {
         seen.into_iter()
     }
 
-    /// Takes a rise of HORUS's TICK at `at` (ns). Returns the instants of the resulting rises at the far end, in order
-    /// of time; some may be in the future.
+    /// Returns the ticks at the far end of the wire, ns, in order, for a tick of HORUS at `at` (ns).
     pub fn tick(&self, at: u64) -> impl Iterator<Item = u64> + use<> {
         let seen = (!self.faults.contains(&WireFault::TickStuck)).then_some(at);
         let glitch = seen.filter(|_| self.faults.contains(&WireFault::TickGlitch)).map(|at| at + GLITCH_AFTER_NS);
@@ -347,14 +327,14 @@ impl Wires {
         !self.faults.contains(&WireFault::InputsUnseen)
     }
 
-    /// Whether the listener's antenna answers the frames that it receives.
+    /// Whether the listener's antenna answers received frames.
     #[must_use]
     pub fn answers(&self) -> bool {
         self.faults.contains(&WireFault::AntennaAnswers)
     }
 
-    /// Takes `bytes` that the flight controller sent to the base station: a whole frame, or none. Changes them to the
-    /// bytes that the base station receives; it receives nothing if the result is `false`.
+    /// Changes `bytes`, which the flight controller sent, to what the base station receives. Returns `false` if nothing
+    /// arrives.
     pub fn radio(&mut self, bytes: &mut Vec<u8>) -> bool {
         if bytes.is_empty() {
             return true;
@@ -381,15 +361,12 @@ impl Wires {
     }
 }
 
-/// Replaces the bytes of `miso` from `from` on by those of the transaction `old`, up to the end of the shorter of the
-/// two.
 fn overwrite(miso: &mut [u8], from: usize, old: Option<&Sent>) {
     let old = old.map_or(&[][..], |old| &old.miso);
     miso.iter_mut().zip(old).skip(from).for_each(|(byte, old)| *byte = *old);
 }
 
-/// Inverts `bits` of a byte of the object at `place` and corrects the object's CRC, if `miso`, which begins with the
-/// map's byte `offset`, has the whole object.
+/// Inverts `bits` of a byte of the object at `place` and corrects its CRC, if `miso` has the whole object.
 fn forge(offset: usize, miso: &mut [u8], place: Option<Range<usize>>, (byte, bits): (usize, u8)) {
     let place = place.and_then(|place| Some(place.start.checked_sub(offset)?..place.end - offset));
     let Some((covered, seal)) = place.and_then(|place| miso.get_mut(place)?.split_last_chunk_mut()) else { return };

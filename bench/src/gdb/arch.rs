@@ -1,9 +1,11 @@
 //! The registers of a Cortex-M4 with FPU in gdb's order.
 //!
-//! `gdbstub_arch` has no M-profile core, so this module describes the registers. The description has the features that
-//! gdb recognises by name ("Debugging with GDB", appendix G.5.3, ARM Features): `org.gnu.gdb.arm.m-profile` (r0 to pc,
-//! xPSR), `org.gnu.gdb.arm.m-system` (MSP and PSP, and also the masks and CONTROL, as in OpenOCD's
-//! `src/target/armv7m.c`) and `org.gnu.gdb.arm.vfp` (d0 to d15 and FPSCR; gdb derives s0 to s31 from these).
+//! `gdbstub_arch` has no M-profile core. The target description therefore uses three features that gdb recognises by
+//! name ("Debugging with GDB", appendix G.5.3, ARM Features):
+//!
+//! - `org.gnu.gdb.arm.m-profile`: r0 to pc, and xPSR.
+//! - `org.gnu.gdb.arm.m-system`: MSP, PSP, and, as in OpenOCD's `src/target/armv7m.c`, the masks and CONTROL.
+//! - `org.gnu.gdb.arm.vfp`: d0 to d15 and FPSCR; gdb derives s0 to s31 from d0 to d15.
 
 use std::num::NonZeroUsize;
 
@@ -13,12 +15,9 @@ use gdbstub_arch::arm::ArmBreakpointKind;
 
 /// The number of 32-bit registers before the first double register: 0 to 15, xPSR, and six system registers.
 const FIRST_DOUBLE: usize = 23;
-/// The number of double registers, d0 to d15.
 const DOUBLES: usize = 16;
-/// The index of FPSCR, which is the last register.
 const FPSCR: usize = FIRST_DOUBLE + DOUBLES;
 
-/// The architecture of the core: Armv7E-M with the FPU FPv4-SP.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum CortexM4 {}
 
@@ -33,7 +32,7 @@ impl Arch for CortexM4 {
     }
 }
 
-/// A register, given by its index in the description for gdb.
+/// A register, as an index into gdb's target description.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Number(usize);
 
@@ -48,12 +47,11 @@ impl RegId for Number {
 }
 
 impl Number {
-    /// All registers, in the order of the description for gdb.
     pub(super) fn all() -> impl Iterator<Item = Self> {
         (0..=FPSCR).map(Self)
     }
 
-    /// The core's registers that make up this register of gdb; for a double, the lower half comes first.
+    /// The core registers that make up this register of gdb. A 64-bit register consists of two, the lower half first.
     pub(super) fn of_core(self) -> (Register, Option<Register>) {
         let small = |number: usize| u8::try_from(number).unwrap_or(0);
         let single = match self.0 {
@@ -75,16 +73,13 @@ impl Number {
     }
 }
 
-/// Whether register `id` has 64 bits.
 const fn is_double(id: usize) -> bool {
     id >= FIRST_DOUBLE && id < FPSCR
 }
 
-/// The values of all registers, in the order of gdb's target description: one word for each register, two words for a
-/// double.
+/// The values of all registers in gdb's order, one word for a 32-bit register and two words for a 64-bit register.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct CoreRegisters {
-    /// The values of the registers as words.
     pub(super) words: Vec<u32>,
 }
 

@@ -1,10 +1,9 @@
-//! A gdb server for one board, either of the running link or of one that runs a firmware alone.
+//! A gdb server for one board.
 //!
-//! [`serve`] runs the whole link ([`crate::sim`]) with a debugger at one board, and [`serve_alone`] one firmware alone
-//! on one board ([`emulator_node::Target::run_connected`]). The debugger uses gdb's remote protocol over any connection
-//! (`gdbstub` reads and writes it). On real hardware the rest of the link would continue while a debugger halts one
-//! board. Here a halted board halts the whole bench ([`emulator_node::Halt`]), so no frame, no transaction and no
-//! watchdog passes meanwhile, and inspection leaves the run's report unchanged, byte for byte.
+//! [`serve`] runs the whole link ([`crate::sim`]) with a debugger at one board. [`serve_alone`] runs one firmware alone
+//! on one board ([`emulator_node::Target::run_connected`]). The debugger uses gdb's remote protocol over any
+//! connection. A board that the debugger halts also halts the rest of the bench ([`emulator_node::Halt`]). No frame, no
+//! transaction and no watchdog time passes meanwhile, so inspection does not change the run's report.
 //!
 //! | gdb | here |
 //! |---|---|
@@ -19,12 +18,12 @@
 //! | `kill` | ends the run |
 //! | `monitor help` | virtual time, pins, reset, and faults of the link |
 //!
-//! A firmware that runs alone halts with SIGSEGV where it ends in a HardFault, in an exception without a handler or in
-//! a lock-up, so that the user sees the instruction. After that, or when the firmware exits, the run continues to its
-//! ordinary end, and gdb gets the exit status of `cargo xtask run`.
+//! A firmware that runs alone halts with SIGSEGV at the instruction that ends it: in a HardFault, in an exception
+//! without a handler, or in a lock-up. When the debugger continues after that, gdb gets the exit status of `cargo xtask
+//! run`.
 //!
-//! Three things are left out: the erase of gdb's `load` (writes change flash directly, without a flash controller),
-//! reverse execution, and more than one board at a time.
+//! Not available are the erase of gdb's `load` (writes change flash directly, without a flash controller), reverse
+//! execution, and debugging of several boards at a time.
 
 mod arch;
 mod monitor;
@@ -50,14 +49,14 @@ use world::{Link, Solo, World};
 /// The end of a run with a debugger; `O` is the run's outcome.
 #[derive(Debug)]
 pub enum Ended<O = sim::Outcome> {
-    /// The run came to its end.
+    /// The run reached its end and had this outcome.
     Finished(Box<O>),
     /// The debugger ended the run at this instant, virtual ns.
     Killed(u64),
 }
 
 /// Runs the link to its end with the debugger on `connection` at the board called `side`. The board is halted at
-/// power-on until the debugger lets it run. An error of the connection is passed to `lost`; the run then continues
+/// power-on until the debugger lets it run. An error of the connection is passed to `lost`, and the run continues
 /// without a debugger.
 ///
 /// # Errors
@@ -107,23 +106,22 @@ pub struct Alone<'a> {
     pub target: Target,
     /// The cost of processor time.
     pub clock: Clock,
-    /// The firmware.
+    /// The firmware that runs on the board.
     pub firmware: &'a Firmware,
-    /// The connections to the board.
+    /// The connections to the board's pins.
     pub connected: Connected,
     /// The limits of the run.
     pub limits: Limits,
-    /// Whether the firmware is meant to run for ever. If so, gdb gets a success where the limit of virtual time ends
-    /// the run.
+    /// Whether the firmware is meant to run for ever, so that the limit of virtual time counts as a success.
     pub runs_on: bool,
 }
 
 /// Runs one firmware alone on one board to its end, with the debugger on `connection`. The board is halted at power-on
-/// until the debugger lets it run. The board's events are passed to `event`, also when it halts. An error of the
-/// connection is passed to `lost`, and the run then continues without a debugger.
+/// until the debugger lets it run. The board's events are passed to `event`. An error of the connection is passed to
+/// `lost`, and the run continues without a debugger.
 ///
-/// The outcome is that of [`Target::run_connected`], however often the board was halted, unless the debugger changed a
-/// register, memory or a pin.
+/// Halts do not change the outcome of [`Target::run_connected`]; only a debugger that changes a register, memory or a
+/// pin does.
 ///
 /// # Errors
 ///
@@ -189,15 +187,13 @@ where
     })
 }
 
-/// The state of a run when the debugger has left it.
 enum Left<W> {
-    /// The run is over.
     Over(W),
     /// The debugger ended the run at this instant, virtual ns.
     Killed(u64),
 }
 
-/// Serves the debugger on `connection` at the board of `world` until the debugger leaves, then runs to the end.
+/// Serves the debugger at the board of `world` until the debugger disconnects, then runs `world` to its end.
 fn attended<W: World, T>(world: W, connection: T, lost: &mut dyn FnMut(String)) -> Result<Left<W>, W::Error>
 where
     T: ConnectionExt,
@@ -222,7 +218,7 @@ where
     Ok(Left::Over(debuggee.world))
 }
 
-/// The event loop of the gdb server: while the board runs, it waits for the board to halt and for gdb.
+/// The event loop of the gdb server, which waits for a halt of the board and for a message of gdb.
 struct Loop<W, T>(PhantomData<(W, T)>);
 
 impl<W: World, T: ConnectionExt> BlockingEventLoop for Loop<W, T> {

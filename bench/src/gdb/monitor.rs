@@ -1,4 +1,4 @@
-//! Carries out gdb's `monitor` commands, with which a user of the bench does what the debugger itself cannot.
+//! Carries out gdb's `monitor` commands, which serve functions of the bench that gdb has no command for.
 
 use bench_judge::Board as Side;
 use emulator_part::Pin;
@@ -7,7 +7,6 @@ use super::target::Debuggee;
 use super::world::World;
 use emulator_node::Resume;
 
-/// The text of `monitor help`.
 const HELP: &str = "\
 monitor time                    virtual time, instructions, what the core does
 monitor pins                    every pin that is high
@@ -20,7 +19,6 @@ monitor help                    this
 ";
 
 impl<W: World> Debuggee<W> {
-    /// Carries out a `monitor` command and returns its output.
     pub(super) fn monitor(&mut self, command: &str) -> Result<String, W::Error> {
         let words: Vec<&str> = command.split_whitespace().collect();
         Ok(match words.as_slice() {
@@ -29,8 +27,7 @@ impl<W: World> Debuggee<W> {
             ["pins"] => self.pins(),
             ["pin", name] => self.pin(name),
             ["pin", name, level] => self.drive(name, level),
-            // Editors send OpenOCD's commands to any gdb server (cortex-debug's src/external.ts). `halt` needs no
-            // action, because a command can only arrive while the board is halted.
+            // Editors send OpenOCD's `halt` to any gdb server (cortex-debug's src/external.ts).
             ["halt"] => self.time(),
             ["reset"] | ["reset", "halt"] => self.reset()?,
             ["faults", list] => self.world.faults(list),
@@ -49,18 +46,16 @@ impl<W: World> Debuggee<W> {
         format!("{ms:.6} ms of {end:.0} ms, {instructions} instructions; {doing}\n")
     }
 
-    /// The pins of the board's part, with their names.
     fn names(&self) -> Vec<(String, Pin)> {
         let pins = |ports: u8, numbers: u8| {
             (0..ports).flat_map(move |port| (0..numbers).map(move |number| Pin::new(port, number)))
         };
         match self.world.side() {
-            // The DPR's part has the pins P0.00 to P0.31 and P1.00 to P1.15.
             Side::Dpr => pins(2, 32)
                 .filter(|pin| pin.port == 0 || pin.number < 16)
                 .map(|pin| (format!("P{}.{:02}", pin.port, pin.number), pin))
                 .collect(),
-            // The HORUS side's part has the pins PA0 to PH1, and its package of 144 pins has all of these.
+            // The HORUS microcontroller's package with 144 pins has PA0 to PH1.
             Side::Horus => pins(8, 16)
                 .filter(|pin| pin.port < 7 || pin.number < 2)
                 .map(|pin| (format!("P{}{}", char::from(b'A' + pin.port), pin.number), pin))
@@ -108,7 +103,6 @@ impl<W: World> Debuggee<W> {
         self.pin(name)
     }
 
-    /// Pulls the reset pin and runs until the board halts after the reset.
     fn reset(&mut self) -> Result<String, W::Error> {
         self.node().halt_after_reset(true);
         self.node().resume(Resume::Continue);

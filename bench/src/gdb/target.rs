@@ -26,30 +26,26 @@ use emulator_node::{Halt, Resume};
 /// The error number EFAULT of gdb's remote protocol ("Debugging with GDB", appendix E.13.9, Errno Values).
 const BAD_ADDRESS: u8 = 14;
 
-/// One board of a run as the debugger's target, with the run around the board.
 pub(super) struct Debuggee<W> {
     pub(super) world: W,
-    /// Breakpoints that gdb calls software breakpoints (`Z0`) and hardware breakpoints (`Z1`); the core's own
-    /// breakpoints implement both.
+    /// The addresses of gdb's software (`Z0`) and hardware (`Z1`) breakpoints; the emulated core implements both.
     software: BTreeSet<u32>,
     hardware: BTreeSet<u32>,
     watchpoints: Vec<Watchpoint>,
 }
 
 impl<W: World> Debuggee<W> {
-    /// Returns the board of `world` that has the debugger, halted.
+    /// Halts the board of `world` that the debugger is connected to, and returns it as gdb's target.
     pub(super) fn new(mut world: W) -> Self {
         world.node().halt();
         Self { world, software: BTreeSet::new(), hardware: BTreeSet::new(), watchpoints: Vec::new() }
     }
 
-    /// The board with the debugger.
     pub(super) fn node(&mut self) -> &mut dyn Debuggable {
         self.world.node()
     }
 
-    /// Runs the board for a while. Returns the reason for which the board has stopped, or that the run is over; `None`
-    /// if neither is the case.
+    /// Runs the board for at most 10 ms of virtual time. Returns the reason if the board has halted or the run is over.
     pub(super) fn go(&mut self) -> Result<Option<SingleThreadStopReason<u32>>, W::Error> {
         self.world.go()?;
         Ok(match self.node().halted() {
@@ -59,14 +55,12 @@ impl<W: World> Debuggee<W> {
         })
     }
 
-    /// Halts the board at the instruction that it has reached.
     pub(super) fn interrupt(&mut self) -> SingleThreadStopReason<u32> {
         self.node().halt();
         let why = self.node().halted().unwrap_or(Halt::Asked);
         self.reason(why)
     }
 
-    /// Removes the debugger: the board continues without any breakpoint.
     pub(super) fn release(&mut self) {
         self.node().halt_at_end(false);
         for address in std::mem::take(&mut self.software).into_iter().chain(std::mem::take(&mut self.hardware)) {
@@ -91,7 +85,7 @@ impl<W: World> Debuggee<W> {
                     (true, false) => WatchKind::Read,
                     (false, _) => WatchKind::Write,
                 },
-                // gdb expects an address that it watches, but a wider access may begin at a lower address.
+                // gdb expects a watched address here, but a wide access to that address may begin at a lower one.
                 addr: watched.address.max(watched.watchpoint.address),
             },
             Halt::Stepped => SingleThreadStopReason::DoneStep,
@@ -106,7 +100,7 @@ impl<W: World> Debuggee<W> {
         (node.register(low), high.map(|high| node.register(high)))
     }
 
-    /// Writes a register if its value differs, because even a write of the same value may have effects.
+    /// Writes a register only if its value differs, because a write of the same value may have effects too.
     fn write_number(&mut self, number: Number, words: (u32, Option<u32>)) {
         let (low, high) = number.of_core();
         for (register, value) in [(Some(low), Some(words.0)), (high, words.1)] {
@@ -276,7 +270,6 @@ impl<W: World> HwBreakpoint for Debuggee<W> {
     }
 }
 
-/// Converts a watchpoint of gdb to one of the core.
 fn watchpoint(address: u32, length: u32, kind: WatchKind) -> Watchpoint {
     let reads = matches!(kind, WatchKind::Read | WatchKind::ReadWrite);
     let writes = matches!(kind, WatchKind::Write | WatchKind::ReadWrite);

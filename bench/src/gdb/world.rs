@@ -11,7 +11,6 @@ use crate::faults::{Episode, Fault, Faults, Kind, PowerFault};
 use crate::sim::{self, Debugged, Observer};
 use emulator_node::{self as node, Event, FromOutside, Halt, Node, Resume, Running};
 
-/// A node of either board, as a debugger uses it.
 pub(super) trait Debuggable {
     fn register(&self, register: Register) -> u32;
     fn set_register(&mut self, register: Register, value: u32);
@@ -107,15 +106,11 @@ impl<B: node::Board, C: Cost> Debuggable for Node<B, C> {
     }
 }
 
-/// A run with a debugger at one of its boards.
 pub(super) trait World {
-    /// The reason why the run cannot continue.
     type Error: std::fmt::Display;
 
-    /// The board with the debugger.
     fn side(&self) -> Side;
 
-    /// The node of the board with the debugger.
     fn node(&mut self) -> &mut dyn Debuggable;
 
     /// Runs until the board halts, for at most 10 ms of virtual time, or to the end of the run.
@@ -123,31 +118,26 @@ pub(super) trait World {
 
     fn is_over(&self) -> bool;
 
-    /// The exit status of the run, for a debugger that treats it as a process.
     fn status(&mut self) -> u8;
 
-    /// The end of the run, virtual ns.
     fn end(&self) -> u64;
 
-    /// The instant that all boards of the run have reached, virtual ns.
+    /// The instant, virtual ns, that all boards of the run have reached.
     fn now(&mut self) -> u64;
 
-    /// Pulls and releases the board's reset pin.
     fn pull_reset(&mut self);
 
     /// The line of `monitor help` that describes `monitor faults`.
     const FAULTS_HELP: &'static str;
 
-    /// Adds faults of the kinds in `list` from now on. Returns the text for the user.
+    /// Adds faults of the kinds in `list` from now on and returns a message for the user.
     fn faults(&mut self, list: &str) -> String;
 }
 
-/// The whole link.
 pub(super) struct Link<'a, C: Cost> {
     pub(super) run: Debugged<C>,
     pub(super) side: Side,
     pub(super) observer: &'a mut dyn Observer,
-    /// The number of receivers in the profile and the seed, from which `monitor faults` draws.
     pub(super) gps: usize,
     pub(super) seed: u64,
 }
@@ -191,14 +181,13 @@ monitor faults LIST             what goes wrong from now on, drawn from the seed
         self.run.now()
     }
 
-    /// The reset is injected as a fault, so that it is in the event log.
+    /// The reset is injected as a fault, so the event log shows it.
     fn pull_reset(&mut self) {
         let now = self.node().now();
         let fault = Fault::Power(self.side, PowerFault::Pin);
         self.run.add_faults(&Faults::none().with(now, now, fault));
     }
 
-    /// Draws faults of the kinds in `list` for the rest of the run and adds them.
     fn faults(&mut self, list: &str) -> String {
         let kinds: Result<Vec<Kind>, _> = list.split(',').map(str::parse).collect();
         let kinds = match kinds {
@@ -233,11 +222,10 @@ monitor faults LIST             what goes wrong from now on, drawn from the seed
     }
 }
 
-/// One board with one firmware.
 pub(super) struct Solo<'a, P: Part, C: Cost> {
     pub(super) run: Running<P, C>,
     pub(super) side: Side,
-    /// Whether the firmware is meant to run for ever, so that the limit of virtual time is a success.
+    /// Whether the firmware is meant to run for ever, so that the limit of virtual time counts as a success.
     pub(super) runs_on: bool,
     pub(super) event: &'a mut dyn FnMut(Event<'_>),
 }

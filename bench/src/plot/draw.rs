@@ -1,5 +1,4 @@
 //! Draws four panels: ground track, height, distance from the true position, and time from sample to readable.
-//!
 //! Coordinates are whole pixels and text stays text, so the same numbers give the same file on every machine.
 
 use std::ops::Range;
@@ -10,7 +9,6 @@ use plotters::prelude::*;
 
 use super::Place;
 
-/// An error of the drawing library.
 pub(super) type Error = Box<dyn std::error::Error>;
 
 type Panel<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -19,23 +17,19 @@ type Chart<'a> = ChartContext<'a, SVGBackend<'a>, Cartesian2d<RangedCoordf64, Ra
 const WIDTH: u32 = 1_000;
 const TRACK_HEIGHT: u32 = 720;
 const PANEL_HEIGHT: u32 = 280;
-/// The greatest number of points that are drawn of a line. It exceeds the line's width in pixels.
+/// The greatest number of points of a line in the picture. A line is narrower than that in pixels.
 const MOST_POINTS: usize = 2_000;
-/// The least length of an axis that shows metres, m.
 const LEAST_M: f64 = 20.0;
 
-/// One cycle's numbers for the picture.
 pub(super) struct Drawn {
     pub(super) seconds: f64,
     pub(super) truth: Option<Place>,
-    /// The positions in the cycle's objects, Reported-Position first; `None` for a position that is not valid.
     pub(super) said: [Option<Place>; 1 + profile::MAX_RECEIVERS],
     pub(super) excluded: u8,
     pub(super) latency_ms: Option<f64>,
 }
 
-/// The colours of Reported-Position and GPS1 to GPS5: those of Okabe and Ito, which colour-blind readers can
-/// distinguish.
+/// The colours of Reported-Position and GPS1 to GPS5, by Okabe and Ito, which colour-blind readers can distinguish.
 const COLOURS: [RGBColor; 1 + profile::MAX_RECEIVERS] = [
     RGBColor(0x00, 0x00, 0x00),
     RGBColor(0x00, 0x72, 0xB2),
@@ -47,7 +41,6 @@ const COLOURS: [RGBColor; 1 + profile::MAX_RECEIVERS] = [
 const TRUTH: RGBColor = RGBColor(0x99, 0x99, 0x99);
 const GRID: RGBColor = RGBColor(0xE4, 0xE4, 0xE4);
 
-/// Draws the picture of `cycles`, with the heading `title`, as an SVG document.
 pub(super) fn svg(title: &str, receivers: usize, cycles: &[Drawn]) -> Result<String, Error> {
     let mut text = String::new();
     {
@@ -72,7 +65,6 @@ fn along(one: Place, other: Place) -> f64 {
     (one[0] - other[0]).hypot(one[1] - other[1])
 }
 
-/// A range that holds all of `values`, with a margin, and is at least `least` wide.
 fn range(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
     let (low, high) = values
         .filter(|value| value.is_finite())
@@ -85,7 +77,6 @@ fn range(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
     middle - half..middle + half
 }
 
-/// The pieces into which a line from point to point is split where a point is missing.
 fn pieces(points: impl Iterator<Item = Option<(f64, f64)>>) -> Vec<Vec<(f64, f64)>> {
     let mut pieces = vec![vec![]];
     for point in points {
@@ -99,12 +90,10 @@ fn pieces(points: impl Iterator<Item = Option<(f64, f64)>>) -> Vec<Vec<(f64, f64
     pieces
 }
 
-/// Returns all cycles, or every n-th cycle if there are more cycles than can be drawn.
 fn thinned(cycles: &[Drawn]) -> impl Iterator<Item = &Drawn> {
     cycles.iter().step_by(cycles.len().div_ceil(MOST_POINTS).max(1))
 }
 
-/// Draws a line with its name.
 fn line(
     chart: &mut Chart<'_>,
     name: &str,
@@ -126,8 +115,7 @@ fn name(object: usize) -> String {
     if object == 0 { "Reported-Position".to_owned() } else { format!("GPS{object}") }
 }
 
-/// The objects with their styles. Receivers are thin and in colour; Reported-Position is bold and comes last, so that
-/// it lies on top.
+/// The objects with their line styles. Reported-Position comes last, so that its line lies on top.
 fn objects(receivers: usize) -> impl Iterator<Item = (usize, ShapeStyle)> {
     (1..=receivers).chain([0]).map(|object| (object, COLOURS[object].stroke_width(if object == 0 { 3 } else { 1 })))
 }
@@ -170,7 +158,7 @@ fn ground_track(area: &Panel<'_>, receivers: usize, cycles: &[Drawn]) -> Result<
     let all = || cycles.iter().flat_map(|cycle| cycle.said.iter().take(1).flatten().chain(&cycle.truth));
     let north = range(all().map(|place| place[0]), LEAST_M);
     let east = range(all().map(|place| place[1]), LEAST_M);
-    // Both axes have the same scale; this is about the size that is left for the chart.
+    // Both axes must have the same scale; these are about the width and the height that are left for the chart.
     let (width, height) = (f64::from(WIDTH) - 86.0, f64::from(TRACK_HEIGHT) - 86.0);
     let metres = ((north.end - north.start) / height).max((east.end - east.start) / width);
     let around = |range: &Range<f64>, pixels: f64| {
@@ -188,7 +176,6 @@ fn ground_track(area: &Panel<'_>, receivers: usize, cycles: &[Drawn]) -> Result<
     legend(&mut chart)
 }
 
-/// Draws one number of each object over time and shades the times in which a receiver was excluded.
 fn over_time(
     area: &Panel<'_>,
     title: &str,
@@ -198,14 +185,13 @@ fn over_time(
 ) -> Result<(), Error> {
     let of = |cycle: &Drawn, object: usize| cycle.said[object].map(|said| value(said, cycle.truth));
     let x = range(cycles.iter().map(|cycle| cycle.seconds), 0.1);
-    // The aircraft's true position determines the range; a receiver that is far outside is drawn at the edge.
+    // The true position determines the range, and a receiver that is far outside is drawn at the edge.
     let shown = cycles.iter().flat_map(|cycle| {
         let truth = cycle.truth.map(|truth| value(truth, Some(truth)));
         let said = (0..=receivers).filter(|object| *object == 0 || cycle.truth.is_none());
         truth.into_iter().chain(said.filter_map(|object| of(cycle, object))).collect::<Vec<_>>()
     });
     let mut y = range(shown, LEAST_M);
-    // A distance cannot be negative.
     if y.start < 0.0 && y.end > 0.0 {
         y = -1.0..y.end - y.start - 1.0;
     }
@@ -228,7 +214,6 @@ fn over_time(
     legend(&mut chart)
 }
 
-/// The intervals in which the voter excluded `receiver`, s.
 fn excluded(cycles: &[Drawn], receiver: usize) -> Vec<Range<f64>> {
     let mut spans: Vec<Range<f64>> = vec![];
     let mut was = false;
@@ -244,7 +229,7 @@ fn excluded(cycles: &[Drawn], receiver: usize) -> Vec<Range<f64>> {
     spans
 }
 
-/// Draws the time to readable. A group of cycles is drawn by its longest time, so that no long time is hidden.
+/// Draws the time from sample to readable. The longest of several cycles is drawn, so that no long time is hidden.
 fn readable(area: &Panel<'_>, cycles: &[Drawn]) -> Result<(), Error> {
     let x = range(cycles.iter().map(|cycle| cycle.seconds), 0.1);
     let group = cycles.len().div_ceil(MOST_POINTS).max(1);

@@ -1,7 +1,5 @@
-//! A run's flight as a picture: the aircraft's true position, the positions of each receiver and of HORUS, the excluded
-//! receivers, and the time that each cycle took to become readable.
-//!
-//! [`History`] takes the event log and keeps a few numbers of each cycle; [`History::svg`] draws these numbers.
+//! A run's flight as a picture: the true position, the positions of each receiver and of HORUS, the excluded receivers,
+//! and the time that each cycle took to become readable.
 
 mod draw;
 
@@ -10,24 +8,19 @@ use bench_judge::{Event, What};
 use gnss_sim::{Flight, Geodetic, TangentPlane};
 use profile::{GpsValues, Layout, MAX_RECEIVERS, ReportedValues};
 
-/// The longest time from a frame's end to the rise of FRESH, ns: a later rise belongs to another cycle.
+/// The longest time from a frame's end to the rise of FRESH for its cycle, ns. A later rise belongs to another cycle.
 const READABLE_WITHIN: u64 = 5_000_000;
 
 /// A position relative to the picture's origin: metres north, east and up.
 type Place = [f64; 3];
 
-/// The values that HORUS sent in the cycle of a tick.
 #[derive(Clone, Debug, Default)]
 struct Cycle {
-    /// The tick's instant, ns.
     tick: u64,
-    /// The instant at which the last frame of the cycle so far ended, ns.
     ended: u64,
     /// The positions of the cycle's objects, Reported-Position first; `None` for a position that is not valid.
     positions: [Option<Geodetic>; 1 + MAX_RECEIVERS],
-    /// The receivers that the voter excluded: bit 0 is GPS1.
     excluded: u8,
-    /// The time from the tick to the rise of FRESH, ns.
     latency: Option<u64>,
 }
 
@@ -41,13 +34,13 @@ pub struct History {
 }
 
 impl History {
-    /// An empty history. `title` is the heading of the picture.
+    /// Returns an empty history. `title` is the heading of the picture.
     #[must_use]
     pub fn new(layout: Layout, title: String) -> Self {
         Self { layout, ticks: [None; 2], cycles: vec![], title }
     }
 
-    /// Takes the next event.
+    /// Takes the next event of the log.
     pub fn take(&mut self, event: &Event) {
         match &event.what {
             What::Tick => self.ticks = [Some(event.at), self.ticks[0]],
@@ -79,7 +72,7 @@ impl History {
     ///
     /// # Errors
     ///
-    /// The drawing library reports an error; none is expected, because it draws into a string.
+    /// An error of the drawing library; none is expected, because the library draws into a string.
     pub fn svg(&self, flight: Option<&Flight>) -> Result<String, Box<dyn std::error::Error>> {
         let position = |cycle: &Cycle| cycle.positions.iter().flatten().next().copied();
         let origin = flight
@@ -133,7 +126,7 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
-    /// The event of a single receiver's frame that was sent after the tick at `tick`.
+    /// The event of a frame that has one receiver's objects and was sent after the tick at `tick`.
     fn sent(tick: u64, latitude: f64, excluded: bool) -> Event {
         let reported = ReportedValues {
             status: ReportedStatus::new().with_position_valid(true),

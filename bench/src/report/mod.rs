@@ -1,9 +1,8 @@
 //! The figures and violations of a run of the link.
 //!
-//! The report is a function of the programs, the seed and the flags, so two runs give the same bytes, except for
-//! [`Speed`], which is that of the host. Times are virtual nanoseconds. Figures that contain processor time hold for
-//! the run's clock ([`Report::clock`]): on the fast clock they are estimates, the other two clocks bound what silicon
-//! takes.
+//! The report is a function of the programs, the seed and the flags, except for [`Speed`], which is that of the host.
+//! Times are virtual nanoseconds. The run's clock ([`Report::clock`]) determines all processor times: on the fast clock
+//! they are estimates, and the other two clocks bound those of silicon.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +11,7 @@ use serde::Serialize;
 
 use crate::faults::{Campaign, Class, name_of};
 
-/// The speed of the host, which is the only part of a report that differs between runs.
+/// The speed of the host. No other part of a report differs between two equal runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Speed {
     /// The run's virtual time divided by the wall time that the run took.
@@ -26,11 +25,9 @@ pub struct Horus {
     pub frames_sent: u64,
     /// The time between the first frames of two successive cycles, ns.
     pub period_ns: Option<Span>,
-    /// The time from the 10 ms timer's tick to the transmit command of the cycle's first frame, ns. The command counts
-    /// from the rise of chip select after its byte. The jitter of this time is the firmware's.
+    /// The time from the tick to the transmit command of the cycle's first frame (rise of chip select), ns.
     pub tick_to_command_ns: Option<Span>,
-    /// The time from the 10 ms timer's tick to the first preamble bit of the cycle's first frame, ns. The jitter of
-    /// this time is the firmware's and the scatter with which the front end starts.
+    /// The time from the tick to the first preamble bit of the cycle's first frame, ns.
     pub tick_to_air_ns: Option<Span>,
     /// The fraction of the time in which HORUS's core was awake.
     pub load: f64,
@@ -51,10 +48,10 @@ pub struct Air {
     pub frames_lost: u64,
 }
 
-/// The figures of the receiving side, as the DPR's own counters have them.
+/// The figures of the DPR, from its own counters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Dpr {
-    /// The instant of the DPR's last start, ns, from which on the next five numbers count.
+    /// The instant of the DPR's last start, ns. The next five fields count from then on.
     pub since_ns: u64,
     /// The number of objects that passed CRC, identifier and freshness.
     pub objects_accepted: u64,
@@ -70,14 +67,12 @@ pub struct Dpr {
     pub load: f64,
 }
 
-/// The age of the data when the flight controller can read them.
+/// The time until the flight controller can read the data.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Latency {
-    /// The time from the tick whose timestamp the objects carry until the next SSI transaction would get the image that
-    /// holds them, ns.
+    /// The time from the objects' timestamp until the next transaction can read their image, ns.
     pub sample_to_readable: Option<Quantiles>,
-    /// The time from the cycle's last bit on the air until the next SSI transaction would get the image of that cycle,
-    /// ns.
+    /// The time from the cycle's last bit on the air until the cycle's image is readable by the next transaction, ns.
     pub last_bit_to_readable: Option<Max>,
 }
 
@@ -86,15 +81,15 @@ pub struct Latency {
 pub struct Ssi {
     /// The number of transactions of the flight controller.
     pub transactions: u64,
-    /// The number of transactions that brought a new profile.
+    /// The number of transactions with a new profile.
     pub fresh: u64,
-    /// The number of transactions that brought the profile of an earlier transaction again.
+    /// The number of transactions with a profile that an earlier transaction had already read.
     pub repeated: u64,
-    /// The number of transactions that met the DPR busy and read 0xFF throughout.
+    /// The number of transactions that read only 0xFF, because the DPR was busy.
     pub busy: u64,
-    /// The number of transactions in which an object marked valid failed its CRC.
+    /// The number of transactions in which an object that is marked valid failed its CRC.
     pub bad_crc: u64,
-    /// The time from the rise of chip select until the DPR can serve the next transaction, ns.
+    /// The time from the end of a transaction until the DPR can serve the next one, ns.
     pub ready_ns: Option<Max>,
 }
 
@@ -103,25 +98,22 @@ pub struct Ssi {
 pub struct Reported {
     /// The number of HORUS's cycles whose Reported-Position was read and had a valid position.
     pub valid_cycles: u64,
-    /// The instant at which chip select fell for the first transaction after the last valid position, ns; `None` if the
-    /// last transaction brought a valid position, or no transaction ever did.
+    /// The instant, ns, of the first transaction after the last valid position; `None` if there is none.
     pub invalid_since_ns: Option<u64>,
-    /// For each receiver, the instant at which the last byte of its last valid position arrived at HORUS, ns; `None` if
-    /// the receiver sent no valid position.
+    /// The instant, ns, at which each receiver's last valid position had arrived at HORUS; `None` if there was none.
     pub last_solution_ns: Vec<Option<u64>>,
 }
 
 /// The figures of HORUS's voter, over all profiles that HORUS sent.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Voter {
-    /// The number of cycles for each number of receivers that agree.
+    /// The number of cycles, by the number of receivers that agree.
     pub agree: BTreeMap<u64, u64>,
-    /// The number of cycles in which fewer receivers agree than are fitted.
+    /// The number of cycles in which not all receivers agree.
     pub degraded: u64,
     /// The number of cycles in which the voter had no position.
     pub none: u64,
-    /// The largest horizontal error of Reported-Position against the aircraft's true position, m; `None` if there was
-    /// no position, or a recording was played.
+    /// The largest horizontal error of Reported-Position, m; `None` without a position or a true position.
     pub max_error_m: Option<f64>,
     /// The voter's first thousand exclusions of a receiver, in order of their beginnings.
     pub exclusions: Vec<Exclusion>,
@@ -133,7 +125,7 @@ impl From<bench_judge::Voter> for Voter {
     }
 }
 
-/// The figures of the base station, at the far end of the radio.
+/// The figures of the base station.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Base {
     /// The number of profiles received.
@@ -145,9 +137,9 @@ pub struct Base {
 /// The outcomes of upsets of one kind on one board.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct UpsetClasses {
-    /// The number of upsets that made no difference for the flight controller.
+    /// The number of upsets that did not change what the flight controller read.
     pub masked: usize,
-    /// The number of upsets that made a difference, but after which no invalid data were shown as valid.
+    /// The number of upsets that changed what the flight controller read, but that showed no invalid data as valid.
     pub detected: usize,
     /// The number of upsets after which invalid data were shown as valid.
     pub dangerous: usize,
@@ -158,7 +150,7 @@ pub struct UpsetClasses {
 pub struct Upsets {
     /// The numbers of upsets in each class, by board and kind of memory, such as `dpr ram`.
     pub classes: BTreeMap<String, UpsetClasses>,
-    /// The dangerous upsets as text: instant, address or register, and violation. The run's seed reproduces them.
+    /// The dangerous upsets as text: instant, address or register, and violation.
     pub dangerous: Vec<String>,
 }
 
@@ -184,8 +176,7 @@ impl From<&Campaign> for Upsets {
 pub struct Report {
     /// The seed of all random values.
     pub seed: u64,
-    /// The clock, by which the cores' instructions take time: `fast`, `optimistic` or `pessimistic`. The last two bound
-    /// what silicon takes.
+    /// The clock: `fast`, `optimistic` or `pessimistic`. The last two bound the times of silicon.
     pub clock: &'static str,
     /// The length of the run, virtual seconds.
     pub virtual_seconds: f64,
@@ -193,25 +184,25 @@ pub struct Report {
     pub gps: usize,
     /// The host's speed.
     pub speed: Speed,
-    /// The sending side.
+    /// HORUS's figures.
     pub horus: Horus,
-    /// The air between the antennas.
+    /// The figures of the air between the antennas.
     pub air: Air,
-    /// The receiving side.
+    /// The DPR's figures.
     pub dpr: Dpr,
-    /// The age of the data when the flight controller can read them.
+    /// The time until the flight controller can read the data.
     pub latency_ns: Latency,
-    /// The flight controller's port.
+    /// The figures of the flight controller's SSI transactions.
     pub ssi: Ssi,
     /// The figures of Reported-Position as the flight controller reads it.
     pub reported: Reported,
-    /// HORUS's voter.
+    /// The figures of HORUS's voter.
     pub voter: Voter,
-    /// The far end of the radio.
+    /// The figures of the base station.
     pub base: Base,
     /// The injected faults and their consequences.
     pub faults: Faults,
-    /// The outcomes of upsets of RAM, flash and registers, where they were tried.
+    /// The outcomes of upsets of RAM, flash and registers, if any were tried.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub upsets: Option<Upsets>,
     /// The violations as text.

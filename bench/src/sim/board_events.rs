@@ -11,13 +11,11 @@ use crate::faults::image::Repair;
 use crate::faults::{Episode, Fault, Turn, interrupt_of};
 use emulator_node::{FindingKind, FromOutside, Node};
 
-/// The log event of an episode that begins at `now` (ns).
 pub(super) fn injected(now: u64, episode: &Episode) -> What {
     let Episode { until, fault, .. } = episode;
     What::Injected { kind: fault.name(), disturbs: fault.disturbs(), until: (*until).max(now) }
 }
 
-/// The cause that the log names for a restart of a part.
 const fn cause(reset: Reset) -> Cause {
     match reset {
         Reset::PowerOn => Cause::PowerOn,
@@ -30,26 +28,21 @@ const fn cause(reset: Reset) -> Cause {
     }
 }
 
-/// The finding that a fault could not be injected, so that the log does not show it as injected.
 fn no_task(board: Side, task: u8) -> What {
     What::Finding { board, fault: false, text: format!("a fault could not be injected: there is no task {task}") }
 }
 
-/// The events of one board that are not in the log yet.
 #[derive(Clone, Debug)]
 pub(super) struct BoardEvents {
     side: Side,
     events: Vec<Event>,
-    /// The number of the node's restarts that are in the log.
     restarts: usize,
-    /// Whether the part has warned its firmware of a falling supply since its last start, so that the firmware has to
-    /// stop.
+    /// Whether the firmware must stop, because the supply supervisor has warned it of a falling supply since its start.
     warned: bool,
-    /// Whether the part last started without the crystal that its firmware needs.
+    /// Whether the board last started without the crystal that its firmware needs.
     without_crystal: bool,
-    /// The number of the node's findings that are in the log.
     findings: usize,
-    /// The original contents of memory, which are restored at the end of an episode that damaged the program.
+    /// The original contents of memory, which are restored when a fault of the program ends.
     repairs: Vec<(Fault, Repair)>,
 }
 
@@ -58,22 +51,18 @@ impl BoardEvents {
         Self { side, events: vec![], restarts: 0, warned: false, without_crystal: false, findings: 0, repairs: vec![] }
     }
 
-    /// Records an event at `at` (ns).
     pub(super) fn note(&mut self, at: u64, what: What) {
         self.events.push(Event { at, what });
     }
 
-    /// Records a fault that is injected from `now` (ns) on.
     pub(super) fn injected(&mut self, now: u64, episode: &Episode) {
         self.note(now, injected(now, episode));
     }
 
-    /// Takes the events that are not in the log yet.
     pub(super) fn take(&mut self) -> Vec<Event> {
         std::mem::take(&mut self.events)
     }
 
-    /// Records unexpected restarts and findings since the last call.
     pub(super) fn watch<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>) {
         self.note_restarts(node, false);
         self.note_warning(node);
@@ -110,8 +99,7 @@ impl BoardEvents {
         self.restarts = node.resets().len();
     }
 
-    /// Records a hang if the part has warned its firmware of a falling supply. The firmware must then stop until its
-    /// watchdog, or the supply, restarts it, and the judge treats that as a hang.
+    /// Records a hang if the firmware must stop because of a falling supply. The judge treats the stop as a hang.
     fn note_warning<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>) {
         if node.take_supply_warning() && node.is_powered() && !std::mem::replace(&mut self.warned, true) {
             self.note(node.now(), What::Hung { board: self.side });
@@ -121,11 +109,10 @@ impl BoardEvents {
         }
     }
 
-    /// Begins or ends an episode of a fault of this board: its supply, its core, its front end's chip, its memory or
-    /// its program.
+    /// Begins, changes or ends an episode of a fault of this board: supply, core, front-end chip, memory or program.
     pub(super) fn turn<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>, turn: &Turn) {
         let now = node.now();
-        // Restarts before this episode were not caused by it, so they are recorded as unexpected.
+        // This episode did not cause the restarts before it, so these are recorded as unexpected.
         self.watch(node);
         let powered = node.is_powered();
         match turn {
@@ -133,8 +120,7 @@ impl BoardEvents {
                 if let Fault::DeadTask(_, task) = episode.fault {
                     match interrupt_of(self.side, task) {
                         Some(line) if node.switch_interrupt_off(line) => self.injected(now, episode),
-                        // The interrupt was not enabled. The fault is not injected, because the board's next start
-                        // would enable the interrupt.
+                        // The interrupt is not enabled yet, and the board's next start would enable it.
                         Some(_) => {}
                         None => self.note(now, no_task(self.side, task)),
                     }
@@ -146,7 +132,7 @@ impl BoardEvents {
                         power.begin(node);
                         self.note_crystal(now, *power, false);
                     }
-                    // A board without a supply cannot hang, and the hang of a board that already hangs began earlier.
+                    // A board that has no supply, or already hangs, cannot begin to hang.
                     Fault::Hang(_) if node.is_powered() && !node.is_hung() => {
                         node.hang();
                         self.note(now, What::Hung { board: self.side });
@@ -175,8 +161,7 @@ impl BoardEvents {
                 Fault::Power(_, power) => {
                     power.end(node);
                     self.note_crystal(now, *power, true);
-                    // The end of a crystal's fault resets the board. Otherwise the firmware, which may still be waiting
-                    // for the crystal, would continue its start.
+                    // A firmware that waits for the crystal would otherwise continue its start.
                     if matches!(power, PowerFault::CrystalDead) && self.without_crystal {
                         node.restart(FromOutside::Pin);
                     }
@@ -199,7 +184,6 @@ impl BoardEvents {
         self.note_warning(node);
     }
 
-    /// Records the beginning or end of a crystal's fault.
     fn note_crystal(&mut self, now: u64, fault: PowerFault, works: bool) {
         if fault == PowerFault::CrystalDead {
             self.note(now, What::Crystal { board: self.side, works });
@@ -217,7 +201,6 @@ impl BoardEvents {
         }
     }
 
-    /// Records that a fault could not be injected, so that the log does not show it as injected.
     fn refused(&mut self, now: u64, error: &emulator_node::Error) {
         let text = format!("a fault could not be injected: {error}");
         self.note(now, What::Finding { board: self.side, fault: false, text });

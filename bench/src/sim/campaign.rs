@@ -17,7 +17,7 @@ impl<C: Cost> Subject for Bench<C> {
             Board::Horus => Targets::of(self.horus()),
             Board::Dpr => Targets::of(self.dpr()),
         };
-        // A program without these symbols does not tell which memory it uses, so it has no targets.
+        // A program without the necessary symbols has no targets.
         targets.unwrap_or_default()
     }
 

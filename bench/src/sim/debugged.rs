@@ -1,4 +1,4 @@
-//! Runs the whole link with a debugger at one board: the same run as [`super::run`], which halts when the board halts.
+//! Runs the whole link with a debugger at one board. The run halts when that board halts.
 
 use cortex_m4::Cost;
 use st25r3916_model::AirEvent;
@@ -8,8 +8,7 @@ use crate::boards::{Dpr, Horus};
 use crate::faults::Faults;
 use emulator_node::{Course, Node, Way};
 
-/// A run of the link whose boards may be halted. Its outcome is that of [`super::run`] with the same setup, byte for
-/// byte, however often the run was halted, unless the debugger changed a register or memory.
+/// A run of the link whose boards may be halted. Only a debugger's changes alter its outcome.
 pub struct Debugged<C: Cost> {
     bench: Bench<C>,
     course: Course<AirEvent>,
@@ -18,7 +17,7 @@ pub struct Debugged<C: Cost> {
 }
 
 impl<C: Cost> Debugged<C> {
-    /// Returns the bench at power-on. It runs on one thread whatever the setup says, because a halted board also halts
+    /// Returns the bench at power-on, which uses one thread regardless of `setup`, because a halted board also halts
     /// the other board.
     ///
     /// # Errors
@@ -35,7 +34,7 @@ impl<C: Cost> Debugged<C> {
     ///
     /// # Errors
     ///
-    /// A file of the run's records cannot be written.
+    /// A file that the run writes cannot be written.
     pub fn run(&mut self, observer: &mut dyn Observer) -> Result<Way, Error> {
         if self.course.is_over() {
             return Ok(Way::Reached(self.end));
@@ -61,24 +60,23 @@ impl<C: Cost> Debugged<C> {
         self.end
     }
 
-    /// The HORUS board.
+    /// HORUS's board.
     pub fn horus(&mut self) -> &mut Node<Horus, C> {
         &mut self.bench.relay.a
     }
 
-    /// The DPR.
+    /// The DPR's board.
     pub fn dpr(&mut self) -> &mut Node<Dpr, C> {
         &mut self.bench.relay.b
     }
 
-    /// The instant that both boards have reached, ns. HORUS may be ahead of the DPR by up to 2 ms, but nothing that
-    /// HORUS sends reaches the DPR before its time.
+    /// The instant that both boards have reached, ns. HORUS may be ahead of the DPR by up to 2 ms.
     #[must_use]
     pub fn now(&self) -> u64 {
         self.bench.now()
     }
 
-    /// Adds faults to those of the setup while the bench runs; see [`Bench::add_faults`].
+    /// Adds faults to those of the setup during the run; see [`Bench::add_faults`].
     pub fn add_faults(&mut self, faults: &Faults) {
         self.bench.add_faults(faults);
     }
@@ -87,7 +85,7 @@ impl<C: Cost> Debugged<C> {
     ///
     /// # Errors
     ///
-    /// A file of the run's records cannot be written.
+    /// A file that the run writes cannot be written.
     pub fn finish(self) -> Result<Outcome, Error> {
         self.kept.finish(self.bench, self.end)
     }

@@ -1,5 +1,4 @@
-//! The DPR's surroundings: the air, the flight controller, the base station, and their faults. This module also keeps
-//! the event log of the run.
+//! The DPR's surroundings with their faults (air, flight controller, base station), and the event log.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -28,60 +27,49 @@ use crate::world::ssi::{Progress, Transaction};
 use crate::world::{BaseStation, FlightController};
 use emulator_node::{Downstream, LogLine, Node};
 
-/// The longest interval between two records of the base station's display in the log, ns.
+/// The longest interval between two records of the base station's display, ns.
 const STATION_EVERY: u64 = 100_000_000;
 
-/// A change of the wire FRESH, an event of the DPR's SPIS, or a restart of its part.
 #[derive(Clone, Copy, Debug)]
 enum Seen {
-    /// The part restarted. Its SPIS has no buffers until the firmware hands it some.
+    /// The DPR restarted, and its SPIS has no buffers until the firmware gives it some.
     Restart,
     Fresh(bool),
     Spis(SpisEvent),
 }
 
-/// The air, the DPR's surroundings, and the log.
 #[derive(Clone, Debug)]
 pub(super) struct Link {
     air: Air,
-    /// The instant up to which the air has all inputs, ns. The poller's emissions are passed on up to a millisecond
-    /// ahead of the DPR.
+    /// The instant up to which the air has received all inputs, ns; at most a millisecond ahead of the DPR.
     air_at: u64,
     flight_controller: FlightController,
     base: BaseStation,
-    /// The present faults of the base station.
     base_faults: Vec<BaseFault>,
     wires: Wires,
     faults: Timeline,
-    /// The present faults of the air, each with the instant (ns) at which it began. Only the last one has an effect.
+    /// The present faults of the air, each with the instant (ns) of its beginning. Only the last one has an effect.
     air_faults: Vec<(u64, AirFaults)>,
     dpr_events: BoardEvents,
     recorder: Recorder,
-    /// The instant at which FRESH rose, as long as the image that the next transaction would read is not known.
+    /// The instant at which FRESH rose, while it is not yet known which image the next transaction would read.
     announced: Option<u64>,
-    /// The instant since which HORUS has had a transaction with a receiver under way, ns. The bytes of that transaction
-    /// are logged when it is over.
+    /// The beginning of HORUS's present transaction with a receiver, ns, whose bytes are logged only at its end.
     untold_since: u64,
-    /// The bytes that a transaction would read now; `None` while the SPIS has no buffers or a transaction is under way.
+    /// The bytes that a transaction would read now; `None` if a transaction is under way or the SPIS has no buffers.
     offer: Option<Vec<u8>>,
     /// The instant at which the base station's display was last recorded, ns, and the alarms at that instant.
     station: (u64, Alarms),
-    /// The number of the DPR's restarts that have been recorded.
     restarts: usize,
-    /// Whether a transaction is under way.
     selected: bool,
-    /// The instant at which the last transaction ended, ns.
     deselected: u64,
-    /// The marks of the wires for the trace; `None` if there is no trace.
     trace: Option<Vec<Mark>>,
-    /// The watch on the DPR's tasks; `None` if there is no trace.
     tasks: Option<TaskWatch>,
     sweeping: Option<Sweeping>,
-    /// Log lines of HORUS that the DPR's side has not reached yet, because HORUS runs ahead.
+    /// HORUS's log lines that are later than the DPR's present instant, because HORUS runs ahead.
     horus_lines: VecDeque<LogLine>,
 }
 
-/// The initial values of a [`Link`].
 pub(super) struct Surroundings {
     pub(super) header: Header,
     pub(super) flight: Option<Arc<Flight>>,
@@ -92,7 +80,6 @@ pub(super) struct Surroundings {
     pub(super) sweeping: Option<Sweeping>,
 }
 
-/// The final values of a [`Link`].
 pub(super) struct Ended {
     pub(super) verdict: Verdict,
     pub(super) log: Log,
@@ -129,32 +116,26 @@ impl Link {
         }
     }
 
-    /// Takes the log lines that HORUS had written by `now`.
     pub(super) fn horus_lines(&mut self, now: u64) -> impl Iterator<Item = LogLine> {
         std::iter::from_fn(move || self.horus_lines.pop_front_if(|line| line.at <= now))
     }
 
-    /// The run's header.
     pub(super) fn header(&self) -> &Header {
         self.recorder.header()
     }
 
-    /// The violations in the part of the run that has been judged.
     pub(super) fn findings(&self) -> &Findings {
         self.recorder.findings()
     }
 
-    /// The counters of the air.
     pub(super) fn air(&self) -> Counters {
         self.air.counters()
     }
 
-    /// The totals of the flight controller's transactions.
     pub(super) fn stats(&self) -> Stats {
         self.flight_controller.stats()
     }
 
-    /// Judges everything before `reached` (ns), which both boards have passed.
     pub(super) fn come_to<C: Cost>(&mut self, reached: u64, dpr: &mut Node<Dpr, C>) {
         self.watch_dpr(dpr);
         self.advance_air(reached, dpr);
@@ -163,8 +144,7 @@ impl Link {
         self.recorder.release(reached.min(self.announced.unwrap_or(u64::MAX)).min(self.untold_since));
     }
 
-    /// Records the base station's display at `now` (ns), if a record is due or the alarms have changed. The base
-    /// station has already taken the profiles that arrived at that instant.
+    /// Records the base station's display at `now` (ns) if a record is due or the alarms have changed.
     fn note_station(&mut self, now: u64) {
         let drone = self.base.drone();
         let calm = self.base_faults.contains(&BaseFault::Calm);
@@ -179,42 +159,35 @@ impl Link {
         self.recorder.note(now, What::Station { age_us, alarms });
     }
 
-    /// Keeps the event log from now on.
     pub(super) fn keep_log(&mut self) {
         self.recorder.keep();
     }
 
-    /// Adds faults to those of the setup.
     pub(super) fn add_faults(&mut self, faults: &Faults) {
         self.faults.add(faults.timeline(false));
     }
 
-    /// Takes the part of the log that was released since the last call.
     pub(super) fn take_log(&mut self) -> Vec<Event> {
         self.recorder.take_kept()
     }
 
-    /// Takes the images that the flight controller has read since the last call.
     pub(super) fn take_images(&mut self) -> Vec<(u64, Vec<u8>)> {
         self.flight_controller.take_images()
     }
 
-    /// Takes Port-Status and the base station's uplink as the flight controller has read them since the last call.
+    /// Takes each Port-Status with the base station's uplink that was read since the last call, with its instant (ns).
     pub(super) fn take_ports(&mut self) -> Vec<(u64, Vec<u8>)> {
         self.flight_controller.take_ports()
     }
 
-    /// Makes the flight controller write an uplink of the base station.
     pub(super) fn write(&mut self, uplink: &Uplink) {
         self.flight_controller.write(Written::BaseStation(uplink));
     }
 
-    /// Records the DPR's tasks in a trace.
     pub(super) fn watch_tasks(&mut self, tasks: TaskWatch) {
         self.tasks = Some(tasks);
     }
 
-    /// Takes the marks of the wires since the last call, for the trace; empty without one.
     pub(super) fn take_marks<C: Cost>(&mut self, dpr: &mut Node<Dpr, C>) -> Vec<Mark> {
         let Some(trace) = &mut self.trace else { return vec![] };
         let crossings = dpr.board_mut(|board| board.front_end.take_crossings());
@@ -225,7 +198,6 @@ impl Link {
         std::mem::take(trace)
     }
 
-    /// Ends the run at `end` (ns).
     pub(super) fn finish<C: Cost>(mut self, end: u64, evidence: Vec<What>, dpr: &mut Node<Dpr, C>) -> Ended {
         self.come_to(end, dpr);
         self.offered(None);
@@ -249,9 +221,7 @@ impl Link {
         }
     }
 
-    // ---- the air
-
-    /// Records the event that the poller emitted and passes it through the air to the listener.
+    /// Records the event that HORUS's front end emitted, and passes it through the air to the DPR's.
     fn emitted<C: Cost>(&mut self, at: u64, event: AirEvent, node: &mut Node<Dpr, C>) {
         match &event {
             AirEvent::FieldOn | AirEvent::FieldOff => {
@@ -285,8 +255,7 @@ impl Link {
         self.note_air();
     }
 
-    /// Advances the air to `to` (ns) and passes on the frames that the air delays or repeats. The poller has emitted
-    /// everything before that instant.
+    /// Advances the air to `to` (ns) and passes on the frames that the air delays or repeats.
     fn advance_air<C: Cost>(&mut self, to: u64, node: &mut Node<Dpr, C>) {
         let Self { air, recorder, .. } = self;
         node.board_mut(|board| {
@@ -298,7 +267,6 @@ impl Link {
         self.note_air();
     }
 
-    /// Records the events of frames and faults that the air has produced since the last call.
     fn note_air(&mut self) {
         for frame in self.air.take_sent() {
             if let Some(sweeping) = &mut self.sweeping
@@ -327,7 +295,7 @@ impl Link {
         }
     }
 
-    /// Places the transactions that a sweep makes around the end of a frame that began at `at` and has this LEN.
+    /// Places the sweep's transactions around the end of a frame that began at `at` (ns) and has this LEN.
     fn place_transactions(&mut self, at: u64, len: u8) {
         let Some(sweeping) = &mut self.sweeping else { return };
         let config = *self.flight_controller.config();
@@ -341,9 +309,6 @@ impl Link {
         }
     }
 
-    // ---- the DPR
-
-    /// Records an event of the wires or the SPIS in the present phase of a sweep.
     fn note_phase(&mut self, at: u64, event: PhaseEvent) {
         if let Some(phase) = self.sweeping.as_mut().and_then(Sweeping::phase) {
             let after = i64::try_from(at).unwrap_or(i64::MAX) - i64::try_from(phase.frame_ended).unwrap_or(i64::MAX);
@@ -351,7 +316,7 @@ impl Link {
         }
     }
 
-    /// Records the events of the DPR's pins and its SPIS since the last call.
+    /// Records the changes of FRESH, the events of the SPIS, and the restarts since the last call.
     fn watch_dpr<C: Cost>(&mut self, node: &mut Node<Dpr, C>) {
         let changes = node.board_mut(Dpr::take_fresh);
         let spis = node.input(|part, _, _| part.take_spis_events());
@@ -362,8 +327,7 @@ impl Link {
         }
         seen.extend(node.resets()[self.restarts..].iter().map(|reset| (reset.at, Seen::Restart)));
         self.restarts = node.resets().len();
-        // An image is handed to the SPIS before FRESH announces it, and is readable only after that. At equal instants
-        // the rise of FRESH is therefore handled first.
+        // The firmware gives an image to the SPIS before it raises FRESH. At equal instants FRESH is handled first.
         seen.extend(spis.into_iter().map(|(cycle, _, event)| (node.ns(cycle), Seen::Spis(event))));
         seen.sort_by_key(|(at, _)| *at);
         for (at, what) in seen {
@@ -404,12 +368,11 @@ impl Link {
         if high {
             self.offered(None);
             self.announced = Some(at);
-            // A rise of FRESH at the instant at which a transaction ended came while that transaction was under way.
+            // FRESH rose while a transaction was under way, even if that transaction ended at the same instant.
             if self.selected || at <= self.deselected {
                 self.offered(None);
             } else if self.offer.is_some() {
-                // Usually FRESH rises while the DPR has the buffers. If the SPIS has them, the rise announces the image
-                // that the SPIS offers.
+                // If the SPIS already has an image, this rise announces it.
                 self.offered(self.offer.clone());
             }
         } else {
@@ -417,18 +380,13 @@ impl Link {
         }
     }
 
-    /// Records the last rise of FRESH, if it is not recorded yet, with the image that a transaction would have read
-    /// after it.
+    /// Records the last rise of FRESH with `image`, which a transaction would read after it.
     fn offered(&mut self, image: Option<Vec<u8>>) {
         if let Some(at) = self.announced.take() {
             self.recorder.note(at, What::Fresh { high: true, offered: image.map(Bytes) });
         }
     }
 
-    // ---- the flight controller and the base station
-
-    /// Records the bytes that a finished transaction of the flight controller brought, and forwards the profile in
-    /// them.
     fn transaction_over(&mut self, Transaction { selected_ns, deselected_ns, mosi, miso, .. }: Transaction) {
         let what = What::Transaction { selected: selected_ns, mosi: Bytes(mosi), miso: Bytes(miso) };
         self.recorder.note(deselected_ns, what);
@@ -456,7 +414,6 @@ impl Link {
         }
     }
 
-    /// Begins or ends an episode of a fault on the DPR's side.
     fn turn<C: Cost>(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
         let now = node.now();
         let (Turn::Begins(episode) | Turn::Ends(episode)) = turn else {
@@ -517,10 +474,9 @@ impl Link {
         }
     }
 
-    /// Begins, changes or ends an episode of a fault of the board itself.
     fn turn_board<C: Cost>(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
         self.dpr_events.turn(node, turn);
-        // A board without a supply offers no image. A restart is recorded elsewhere.
+        // A board without supply offers no image. Other restarts are handled by `watch_dpr`.
         if !node.is_powered() {
             self.offered(None);
             self.offer = None;
@@ -528,7 +484,6 @@ impl Link {
     }
 }
 
-/// Records that the carrier at the DPR's antenna has begun or ended.
 fn note_field(recorder: &mut Recorder, at: u64, event: &AirEvent) {
     match event {
         AirEvent::FieldOn => recorder.note(at, What::FieldHeard { on: true }),

@@ -1,8 +1,8 @@
-//! Flips every bit of every register of both front ends once, each on a separate copy of a running bench.
+//! Flips every bit of every register of both front ends once.
 //!
-//! The bench runs until the link has been up for a while. For each bit a copy of the bench flips the bit and runs for
-//! [`FOR_NS`]. The result has the time in which the flight controller read no valid and new data, and what Link-Status
-//! reported in that time. Both parts, the ST25R3916 and the ST25R3916B, are tried, each in its own bench.
+//! Each flip happens on a separate copy of a bench whose link is up, and the copy runs on for [`FOR_NS`]. The outcome
+//! has the time in which the flight controller read no valid and new data, and what Link-Status reported in that time.
+//! The chips ST25R3916 and ST25R3916B are tried in one bench each.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -20,12 +20,10 @@ use emulator_node::{Clock, Threads};
 
 /// The longest time from a flip of a register's bit until the flight controller reads valid data again, ns.
 pub const VALID_AGAIN: u64 = 1_500_000_000;
-/// How long the bench has run when the first bit is flipped, ns.
 const WARM: u64 = 600_000_000;
-/// How long each copy runs after its flip, ns: long enough to show a link that recovers and fails again.
+/// How long each copy runs after its flip, ns. A link that recovers and fails again shows this within that time.
 pub const FOR_NS: u64 = 2_000_000_000;
-/// The longest time between two readings of new data in a working link, ns: two cycles of HORUS and a control cycle of
-/// the flight controller, with some margin.
+/// The longest time between two readings of new data in a working link, ns, with a margin.
 const GAP: u64 = 35_000_000;
 
 /// The outcome of a flip.
@@ -35,26 +33,25 @@ pub struct Flip {
     pub part: &'static str,
     /// The board of the front end whose bit is flipped.
     pub board: Board,
-    /// The bit.
+    /// The bit that is flipped.
     pub bit: RegisterBit,
-    /// The time after the flip from which on the flight controller read valid and new data again until the end, ns: 0
-    /// if such data were never missing, `None` if they were missing at the end.
+    /// The time from the flip until valid and new data were read to the end, ns; `None` if they were missing at the
+    /// end.
     pub back_after: Option<u64>,
-    /// The numbers of readings without valid and new data, by what Link-Status reported in them: that the link was
-    /// down, that the front end was faulty, and neither.
+    /// The readings without valid and new data, by what Link-Status reported: link down, faulty front end, neither.
     pub said: [u32; 3],
-    /// Invalid data that were shown as valid, described as text.
+    /// Texts of invalid data that were shown as valid.
     pub dangerous: Vec<String>,
 }
 
 impl Flip {
-    /// Whether valid data were read again in time, and nothing invalid was shown as valid.
+    /// Whether valid data were read again within [`VALID_AGAIN`] and no invalid data were shown as valid.
     #[must_use]
     pub fn holds(&self) -> bool {
         self.back_after.is_some_and(|after| after <= VALID_AGAIN) && self.dangerous.is_empty()
     }
 
-    /// Whether valid and new data were missing while no reading reported a cause.
+    /// Whether valid and new data were missing and no reading reported a cause.
     #[must_use]
     pub fn unsaid(&self) -> bool {
         self.back_after != Some(0) && self.said[..2] == [0, 0]
@@ -106,7 +103,7 @@ impl fmt::Display for Flips {
     }
 }
 
-/// Flips every bit of both parts' registers whose index `takes` accepts; `each` is called with every outcome.
+/// Flips every bit, of both chips' registers, whose index `takes` accepts, and calls `each` with every outcome.
 ///
 /// # Errors
 ///
@@ -154,7 +151,7 @@ fn of_part<C: Cost>(
                 continue;
             }
             let mut copy = bench.clone();
-            // Each bit is flipped at another phase of the cycle; a few flips coincide with a frame.
+            // Each flip has another phase of the cycle, so a few flips coincide with a frame.
             let at = bench.now() + 1_000_000 + place as u64 * 7_310_000 % 10_000_000;
             copy.add_faults(&Faults::none().with(at, at + FLIP_MENDED, Fault::Flip(board, place as u64)));
             copy.keep_log();
@@ -170,13 +167,11 @@ fn of_part<C: Cost>(
     }
 }
 
-/// Evaluates the events from `at` to `end` (ns). Returns the time until valid and new data were read again for good,
-/// and the numbers of readings before that in which Link-Status reported the link down, a faulty front end, and
-/// neither.
+/// Returns the time after `at` until valid and new data were read for good, ns, and the readings before that by what
+/// Link-Status reported: link down, faulty front end, neither.
 fn read(events: &[Event], at: u64, end: u64) -> (Option<u64>, [u32; 3]) {
     let mut status: Vec<(u64, LinkStatusBits)> = vec![];
-    // `last` is the instant of the latest reading of new data; `back` is the time from the flip to the recovery after a
-    // gap.
+    // `last` is the instant of the latest new data, and `back` the time from the flip to the end of the last gap.
     let (mut last, mut back) = (at, Some(0));
     let mut newest = None;
     for event in events {

@@ -1,16 +1,14 @@
-//! The marks of a trace.
+//! The signal changes of a trace.
 
 use crate::boards::front_end::Crossing;
 use crate::trace::{Bus, Mark, Wire};
 
-/// The front ends' SPI clock rates as the firmwares set them, Hz.
+/// The SPI clock rates of the front ends as the firmwares set them, Hz.
 pub(super) const HORUS_SPI_HZ: u32 = horus_tx_fw::timing::SPI_HZ;
 pub(super) const DPR_SPI_HZ: u32 = 8_000_000;
 
-/// The SSI's clock, Hz.
 pub(super) const SSI_HZ: u32 = profile::ssi::timing::MAX_CLOCK_HZ;
 
-/// Adds the traffic between a part and its front end to the trace.
 pub(super) fn bus(trace: &mut Vec<Mark>, crossings: Vec<(u64, Crossing)>, bus: Bus, [cs, irq]: [Wire; 2], hz: u32) {
     for (at, crossing) in crossings {
         match crossing {

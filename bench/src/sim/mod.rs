@@ -1,13 +1,11 @@
 //! Runs the whole link in virtual time: both programs, the air, the receivers, the flight controller and the base
 //! station.
 //!
-//! The bench changes nothing in a firmware to make the link work. The two ELF files run as they would on the boards;
-//! this module adds what is connected to the boards' pins and antennas. From the boards' RAM it reads only the log and
-//! the counters of the telemetry, which a debug probe would read too.
+//! The two ELF files run unchanged, as on the boards. This module adds what is connected to the boards' pins and
+//! antennas. From the boards' RAM it reads only the log and the counters of the telemetry, as a debug probe could.
 //!
-//! The connection between the boards is one-way and takes no time: the poller's chip emits, and the listener's chip
-//! receives. HORUS may therefore run ahead on a thread of its own, while the DPR never runs ahead of HORUS, and the
-//! results of both are exact. [`Bench`] holds the whole bench as plain data.
+//! The connection between the boards is one-way and takes no time. HORUS may therefore run ahead on a thread of its own
+//! with exact results, but the DPR never runs ahead of HORUS. [`Bench`] holds the whole bench as plain data.
 
 mod board_events;
 mod campaign;
@@ -51,80 +49,76 @@ use emulator_node::{self as node, Board, Clock, Firmware, Node, Relay, Threads};
 use phases::{Phase, Sweep, Sweeping};
 use upstream::Receivers;
 
-/// The interval at which the caller gets the run's progress and the log lines, virtual ns.
+/// The interval at which the caller receives the run's progress and the log lines, virtual ns.
 const STEP: u64 = 10_000_000;
 
-/// The shortest time from the end of a piece of the run to the beginning of a fault that an [`Observer`] adds, ns. A
-/// board completes its last instruction, so it may be past the end of the piece.
+/// The shortest time from the end of a piece of the run to the beginning of an added fault, ns. A board may be past
+/// that end, because it completes its last instruction.
 pub const AHEAD_NS: u64 = 100_000;
 
 /// The two firmwares' ELF files.
 #[derive(Clone, Debug)]
 pub struct Images {
-    /// The HORUS side's ELF file.
+    /// HORUS's ELF file.
     pub horus: PathBuf,
     /// The DPR's ELF file.
     pub dpr: PathBuf,
 }
 
-/// The memory that both boards' parts had kept before they were switched on, from [`crate::debug_port::Wire::kept`].
+/// The memory that both boards keep without supply, as an earlier [`crate::debug_port::Wire::kept`] returned it.
 #[derive(Clone, Debug)]
 pub struct Flashed {
-    /// The HORUS side's memory.
+    /// HORUS's memory.
     pub horus: Vec<u8>,
     /// The DPR's memory.
     pub dpr: Vec<u8>,
 }
 
-/// The errors of the crystals' rates, parts per billion; positive values are fast.
+/// The errors of the crystals, parts per billion; positive values are fast.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Crystals {
-    /// The error on the HORUS board, for the crystals of the microcontroller and of the front end.
+    /// The error of both crystals on HORUS's board: the microcontroller's and the front end's.
     pub horus_ppb: i64,
-    /// The error on the DPR board, for the crystals of the microcontroller and of the front end.
+    /// The error of both crystals on the DPR's board: the microcontroller's and the front end's.
     pub dpr_ppb: i64,
-    /// The error on the side of the flight controller, for its crystal.
+    /// The error of the flight controller's crystal.
     pub flight_controller_ppb: i64,
 }
 
 /// The setup of a run.
 #[derive(Clone, Debug)]
 pub struct Setup {
-    /// The two ELF files, built for this number of receivers.
+    /// The two ELF files, which must be built for the number of receivers in `gps`.
     pub images: Images,
-    /// The contents of the boards' flash, if given. It must already hold the programs of these ELF files, which are
-    /// then not loaded.
+    /// The contents of the boards' flash, with the programs of the ELF files; otherwise the ELF files are loaded.
     pub flashed: Option<Flashed>,
     /// The number of receivers in the profile: 1, 2, 3 or 5.
     pub gps: usize,
     /// The length of the run, virtual ns.
     pub duration_ns: u64,
-    /// The clock of the bench, which determines how long the cores' instructions take.
+    /// The clock, which determines how long the cores' instructions take.
     pub clock: Clock,
     /// The number of threads, which does not change the outcome.
     pub threads: Threads,
-    /// The seed from which all random values follow.
+    /// The seed that determines all random values.
     pub seed: u64,
-    /// For each receiver in turn, a recorded log to play instead of the generated flight.
+    /// A recorded log for each receiver in turn, which replaces the generated flight.
     pub recordings: Vec<Option<PathBuf>>,
-    /// The number of solutions a second of every generated receiver, which then refuses any other period.
+    /// The number of solutions a second of every generated receiver. A receiver then refuses any other period.
     pub receiver_hz: Option<u32>,
     /// Whether every generated receiver starts with its factory settings.
     pub factory_settings: bool,
-    /// The crystals' errors.
+    /// The errors of the crystals.
     pub crystals: Crystals,
     /// The settings of both boards' front ends, except for their crystals, seeds and supplies.
     pub front_ends: FrontEndConfig,
     /// The injected faults.
     pub faults: Faults,
-    /// Whether the flight controller writes uplinks and commands and now and then reads the whole map, where it keeps
-    /// its own control cycle. Otherwise it only reads images.
+    /// Whether the flight controller writes uplinks and commands, and now and then reads the whole map.
     pub writes: bool,
-    /// Whether the base station's uplinks come by radio ([`Observer::uplink`]); otherwise the flight controller
-    /// generates them.
+    /// Whether the base station's uplinks come by [`Observer::uplink`]; otherwise the flight controller generates them.
     pub relays: bool,
-    /// A sweep of transactions through every phase relative to a frame's end, instead of the flight controller's own
-    /// control cycle.
+    /// A sweep of transactions through every phase, which replaces the flight controller's reads in its control cycle.
     pub sweep: Option<Sweep>,
     /// The trace file of the wires and the tasks, ending in `.vcd` or `.fst`.
     pub trace: Option<PathBuf>,
@@ -135,8 +129,8 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// The setup of a run without faults: fast clock, both threads, seed 1, the generated flight, crystals with
-    /// ordinary errors.
+    /// Returns a setup without faults: fast clock, both threads, seed 1, generated flight, crystals with ordinary
+    /// errors.
     #[must_use]
     pub fn new(images: Images, gps: usize, duration_ns: u64) -> Self {
         Self {
@@ -163,8 +157,7 @@ impl Setup {
     }
 }
 
-/// The observer of a run. Each of its functions may take any time, and it may end the run early. Neither changes the
-/// results of the run up to then.
+/// The observer of a run, which may end the run early. The time that its functions take does not change the results.
 pub trait Observer {
     /// The run has reached the instant `virtual_ns`.
     fn progress(&mut self, virtual_ns: u64);
@@ -172,56 +165,52 @@ pub trait Observer {
     /// A board logged a line.
     fn log(&mut self, board: &str, line: &str);
 
-    /// The flight controller has read a whole, undamaged image in a transaction that ended at `virtual_ns`. The
-    /// function is called in order of time, before the call of [`progress`](Self::progress) for that instant.
+    /// The flight controller has read an undamaged image in a transaction that ended at `virtual_ns`. The calls come in
+    /// order, before [`progress`](Self::progress) for that instant.
     fn image(&mut self, virtual_ns: u64, image: &[u8]) {
         let _ = (virtual_ns, image);
     }
 
-    /// The flight controller has read Port-Status and, after it, the base station's uplink: 128 bytes, of which
-    /// Port-Status is intact. The function is called like [`image`](Self::image), in runs whose [`Setup::writes`] is
-    /// set.
+    /// The flight controller has read an intact Port-Status and the base station's uplink after it (128 bytes), if
+    /// [`Setup::writes`] is set.
     fn port(&mut self, virtual_ns: u64, port: &[u8]) {
         let _ = (virtual_ns, port);
     }
 
-    /// Returns an uplink of the base station that has arrived by radio, if any. The flight controller writes it in its
-    /// next transaction. The function is called after each [`progress`](Self::progress).
+    /// Returns an uplink of the base station that has arrived by radio, if any. Called after
+    /// [`progress`](Self::progress).
     fn uplink(&mut self, virtual_ns: u64) -> Option<Uplink> {
         let _ = virtual_ns;
         None
     }
 
-    /// The length of a piece of the run, after each of which the run can end early, virtual ns: a multiple of 10 ms.
-    /// The default never ends it early.
+    /// The length of a piece of the run, virtual ns: a multiple of 10 ms. By default the run has one piece.
     fn piece_ns(&self) -> u64 {
         u64::MAX
     }
 
-    /// Whether the run ends here; called after each piece of the run.
+    /// Whether the run ends now. Called after each piece of the run.
     fn ends(&mut self) -> bool {
         false
     }
 
-    /// Returns faults to add to those of the setup. The function is called after each piece of the run, which ended at
-    /// `virtual_ns`. No episode may begin earlier than [`AHEAD_NS`] after that instant. The judge gets these faults
-    /// like those of the setup.
+    /// Returns faults to add to the run. Called after each piece, which ended at `virtual_ns`. No episode may begin
+    /// earlier than [`AHEAD_NS`] after that instant.
     fn faults(&mut self, virtual_ns: u64) -> Faults {
         let _ = virtual_ns;
         Faults::none()
     }
 }
 
-/// The observer that does nothing.
 impl Observer for () {
     fn progress(&mut self, _virtual_ns: u64) {}
     fn log(&mut self, _board: &str, _line: &str) {}
 }
 
-/// The outcome of a run.
+/// The outcome of a run that an observer followed.
 #[derive(Debug)]
 pub struct Outcome {
-    /// The figures of the run. The caller fills in [`crate::report::Speed`], because this crate reads no wall clock.
+    /// The figures of the run, except [`crate::report::Speed`], which the caller must fill in.
     pub report: Report,
     /// The judge's verdict on the event log.
     pub verdict: Verdict,
@@ -236,7 +225,7 @@ pub struct Outcome {
 /// The reason why a run could not begin.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// An image or a board failed.
+    /// An ELF file cannot be loaded, or a board failed.
     #[error(transparent)]
     Engine(#[from] node::Error),
     /// A receiver's recording cannot be played.
@@ -248,7 +237,7 @@ pub enum Error {
     /// The event log cannot be written.
     #[error("the event log cannot be written to {}", path.display())]
     Log {
-        /// The file.
+        /// The file that cannot be written.
         path: PathBuf,
         /// The operating system's error.
         source: std::io::Error,
@@ -256,21 +245,21 @@ pub enum Error {
     /// The picture of the flight cannot be drawn.
     #[error("the flight cannot be drawn into {}", path.display())]
     Plot {
-        /// The file.
+        /// The file that cannot be written.
         path: PathBuf,
         /// The error of the operating system or the drawing library.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
 }
 
-/// The whole bench: both boards, their front ends, the air, the receivers, the flight controller and the base station.
-/// A clone that runs on gives exactly the same result, byte for byte, as the original.
+/// The whole bench: boards, front ends, air, receivers, flight controller and base station. A clone continues exactly
+/// as the original does, byte for byte.
 #[derive(Clone, Debug)]
 pub struct Bench<C: Cost = Fast> {
     relay: Relay<Horus, Dpr, Receivers, Link, C>,
 }
 
-/// The outcome of a [`Bench`].
+/// The outcome of a [`Bench`] without an observer.
 #[derive(Debug)]
 pub struct Finished {
     /// The figures.
@@ -285,7 +274,7 @@ pub struct Finished {
     pub phases: Vec<Phase>,
 }
 
-/// A board with this program, which is loaded into its part or was found in the memory that the part had kept.
+/// Returns a board with this program, which is loaded or is already in the memory that the board kept.
 fn switched_on<B: Board, C: Cost>(
     mut part: B::Part,
     board: B,
@@ -303,18 +292,18 @@ where
 }
 
 impl<C: Cost> Bench<C> {
-    /// The bench at power-on.
+    /// Returns the bench at power-on.
     ///
     /// # Errors
     ///
-    /// An image cannot be loaded, or a recording cannot be played.
+    /// An ELF file cannot be loaded, or a recording cannot be played.
     pub fn new(setup: &Setup) -> Result<Self, Error> {
         let flight = Arc::new(Flight::new(setup.seed, setup.duration_ns as f64 / 1e9));
         let receivers = receivers(setup, &flight)?;
         let recorded = setup.recordings.iter().any(Option::is_some);
         let traced = setup.trace.is_some();
         let Crystals { horus_ppb, dpr_ppb, flight_controller_ppb } = setup.crystals;
-        // The expansion boards supply the front end's chip from the 5 V of their header.
+        // The boards supply the front end's chip with 5 V.
         let chip = |crystal_ppb, seed| {
             Chip::new(FrontEndConfig { crystal_ppb, seed, vdd_mv: 5000, ..setup.front_ends.clone() })
         };
@@ -363,8 +352,7 @@ impl<C: Cost> Bench<C> {
         self.relay.downstream.keep_log();
     }
 
-    /// Runs the bench to `end` (virtual ns). `each` is called every 10 ms of virtual time with the instant, the DPR and
-    /// the DPR's surroundings.
+    /// Runs the bench to `end` (virtual ns), and calls `each` every 10 ms with instant, DPR and surroundings.
     ///
     /// # Errors
     ///
@@ -381,7 +369,6 @@ impl<C: Cost> Bench<C> {
         })
     }
 
-    /// A trace of the bench's wires and tasks, which begins now.
     fn trace(&mut self, path: &Path) -> Result<Trace, trace::Error> {
         let Relay { a, b, upstream, downstream } = &mut self.relay;
         let horus = TaskWatch::new(trace::Board::Horus, a, horus_tx_fw::task::TASKS);
@@ -410,31 +397,31 @@ impl<C: Cost> Bench<C> {
         self.relay.a.now().max(self.relay.b.now())
     }
 
-    /// The HORUS board.
+    /// HORUS's board.
     #[must_use]
     pub fn horus(&self) -> &Node<Horus, C> {
         &self.relay.a
     }
 
-    /// The DPR.
+    /// The DPR's board.
     #[must_use]
     pub fn dpr(&self) -> &Node<Dpr, C> {
         &self.relay.b
     }
 
-    /// The violations in the part of the run that has been judged: all but the last few milliseconds.
+    /// The violations in the part of the run that has been judged, which is all but the last few milliseconds.
     #[must_use]
     pub fn findings(&self) -> &Findings {
         self.relay.downstream.findings()
     }
 
-    /// Adds faults to those of the setup. They must begin after the instant that both boards have reached.
+    /// Adds faults to those of the setup. Their episodes must begin after [`Bench::now`].
     pub fn add_faults(&mut self, faults: &Faults) {
         self.relay.upstream.add_faults(faults);
         self.relay.downstream.add_faults(faults);
     }
 
-    /// The outcome of the run so far, up to `reached` (virtual ns).
+    /// Ends the run at `reached` (virtual ns) and returns its outcome.
     #[must_use]
     pub fn finish(self, reached: u64) -> Finished {
         let Relay { a, mut b, downstream, .. } = self.relay;
@@ -447,7 +434,7 @@ impl<C: Cost> Bench<C> {
     }
 }
 
-/// The figures of a run that has reached `reached` (ns).
+/// Returns the figures of a run that has reached `reached` (ns).
 fn report<C: Cost>(
     header: &Header,
     reached: u64,
@@ -458,7 +445,7 @@ fn report<C: Cost>(
 ) -> Report {
     let figures = verdict.figures.clone();
     let of_dpr = |name| u64::from(telemetry::of_dpr(dpr, name).unwrap_or(0));
-    // Digits of the load beyond the fourth carry no information.
+    // The load is rounded to four digits, because further digits carry no information.
     let load = |load: f64| (load * 1e4).round() / 1e4;
     Report {
         seed: header.seed,
@@ -518,7 +505,7 @@ fn report<C: Cost>(
 ///
 /// # Errors
 ///
-/// An image cannot be loaded, a recording cannot be played, or a trace cannot be written.
+/// An ELF file cannot be loaded, a recording cannot be played, or a trace cannot be written.
 pub fn run(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error> {
     match setup.clock {
         Clock::Fast => run_on::<Fast>(setup, observer),
@@ -542,7 +529,6 @@ fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome
     kept.finish(bench, end)
 }
 
-/// The outputs that are written while the run is in progress: logs, trace, event log, picture.
 struct Outputs {
     setup: Setup,
     trace: Option<Trace>,
@@ -552,7 +538,6 @@ struct Outputs {
 }
 
 impl Outputs {
-    /// Opens the outputs that `setup` requests, for a bench at power-on.
     fn begin<C: Cost>(setup: &Setup, bench: &mut Bench<C>) -> Result<Self, Error> {
         let trace = setup.trace.as_deref().map(|path| bench.trace(path)).transpose()?;
         let unwritten = |source| unwritten(setup, source);
@@ -568,7 +553,6 @@ impl Outputs {
         Ok(Self { setup: setup.clone(), trace, stored, plotted, logs: vec![] })
     }
 
-    /// Writes the outputs of the run up to `reached` (ns).
     fn take<C: Cost>(
         &mut self,
         reached: u64,
@@ -608,7 +592,6 @@ impl Outputs {
         Ok(())
     }
 
-    /// Completes the outputs of the run, which ended at `reached` (ns).
     fn finish<C: Cost>(self, bench: Bench<C>, reached: u64) -> Result<Outcome, Error> {
         let Self { setup, trace, stored, plotted, logs } = self;
         let Finished { report, verdict, log, base, phases } = bench.finish(reached);
@@ -630,12 +613,10 @@ impl Outputs {
     }
 }
 
-/// The error of an event log that could not be written.
 fn unwritten(setup: &Setup, source: std::io::Error) -> Error {
     Error::Log { path: setup.log.clone().unwrap_or_default(), source }
 }
 
-/// The picture of a run's flight; its file is created before the run begins.
 struct Plot {
     path: PathBuf,
     file: File,
@@ -665,7 +646,7 @@ impl Plot {
 ///
 /// # Errors
 ///
-/// An image cannot be loaded, or a recording cannot be played.
+/// An ELF file cannot be loaded, or a recording cannot be played.
 pub fn campaign(setup: &Setup, options: &Options) -> Result<Campaign, Error> {
     Ok(match setup.clock {
         Clock::Fast => Campaign::run(Bench::<Fast>::new(setup)?, options),
@@ -674,14 +655,12 @@ pub fn campaign(setup: &Setup, options: &Options) -> Result<Campaign, Error> {
     })
 }
 
-/// The settings of a front end for use on the link: frames that the given settings cannot send do not arrive, and
-/// frames that they cannot receive are lost.
+/// Returns `config` for the link, on which frames that the settings cannot send or receive are lost.
 #[must_use]
 pub fn on_the_link(config: FrontEndConfig) -> FrontEndConfig {
     FrontEndConfig { unsuited_chain_receives: false, unsuited_modulation_reaches: false, ..config }
 }
 
-/// The receivers of the run, each with the source of its messages.
 fn receivers(setup: &Setup, flight: &Arc<Flight>) -> Result<Vec<Receiver>, LogError> {
     (1..=setup.gps)
         .map(|index| match setup.recordings.get(index - 1) {

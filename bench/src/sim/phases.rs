@@ -1,17 +1,17 @@
-//! Places transactions around a frame's end, in every phase relative to it.
+//! Places transactions around a frame's end, in every phase relative to the frame's end.
 //!
 //! # Design
 //!
-//! A flight controller's control cycle is not synchronous to HORUS, so each of its transactions meets the DPR's work at
-//! an arbitrary instant. Some coincidences last 100 ns: at a control cycle of 4 ms they occur once in minutes. A
-//! [`Sweep`] makes each of them occur. In every HORUS cycle it places transactions around the end of a frame, at a
-//! phase that advances by a fixed step and is relative to the frame's last bit at the antenna. Errors of crystals and
-//! the scatter of the front end therefore do not change the phase.
+//! A flight controller's control cycle is not synchronous to HORUS, so its transactions coincide with the DPR's work at
+//! arbitrary instants. Some coincidences last 100 ns and occur once in minutes. A [`Sweep`] makes each of them occur:
+//! in every cycle of HORUS it places transactions around the end of a frame, at a phase that advances by a fixed step.
+//! The phase is relative to the frame's last bit at the antenna, so errors of crystals and the scatter of the front end
+//! do not change it.
 //!
-//! The bench calculates the end of a frame at the frame's beginning, because frames of one length take the same time.
-//! It measures that time with the first frame of each length.
+//! The bench measures the duration of the first frame of each length, and calculates the end of later frames of that
+//! length at their beginning.
 //!
-//! A [`Phase`] holds what happened at one phase of the sweep; the judge judges a run with a sweep like any other run.
+//! A [`Phase`] holds what happened at one phase of the sweep. The judge judges a run with a sweep like any other run.
 
 use std::collections::BTreeMap;
 
@@ -41,7 +41,7 @@ pub struct Placement {
 /// The phases of a sweep and the transactions at each phase.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sweep {
-    /// The frame of a cycle around whose end the transactions are placed, from 0.
+    /// The index of the frame in its cycle, from 0, around whose end the transactions are placed.
     pub frame: usize,
     /// The first phase, as a time after the frame's last bit, ns.
     pub from_ns: i64,
@@ -49,7 +49,7 @@ pub struct Sweep {
     pub to_ns: i64,
     /// The step from one phase to the next, ns.
     pub step_ns: u64,
-    /// Patterns of transactions, each for one cycle and in order of time. Several patterns take turns at each phase.
+    /// Patterns of transactions, each for one cycle and in order of time. Each phase uses all of them in turn.
     pub patterns: Vec<Vec<Placement>>,
 }
 
@@ -61,7 +61,7 @@ impl Sweep {
         (width / self.step_ns + 1) * self.patterns.len() as u64
     }
 
-    /// The phase and the index of the pattern in this cycle of the sweep; `None` if the sweep is over.
+    /// The phase and the index of the pattern in cycle number `cycle` of the sweep; `None` if the sweep is over.
     fn at(&self, cycle: u64) -> Option<(i64, usize)> {
         let patterns = self.patterns.len() as u64;
         let step = i64::try_from(cycle / patterns * self.step_ns).ok()?;
@@ -79,12 +79,11 @@ pub struct Phase {
     pub pattern: usize,
     /// The instant of the frame's last bit, ns.
     pub frame_ended: u64,
-    /// The events of the wires and the SPIS up to the next phase, each with its time after the frame's last bit, ns.
-    /// The events of each kind are in order of time.
+    /// The events until the next phase, each with its time after the frame's last bit, ns, in order by kind.
     pub events: Vec<(i64, PhaseEvent)>,
 }
 
-/// An event of the wires or of the SPIS that belongs to a phase of the sweep.
+/// An event of the wires or of the SPIS in one phase of the sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PhaseEvent {
     /// The flight controller's chip select falls.
@@ -106,7 +105,7 @@ impl Phase {
         self.events.iter().find(|(_, event)| *event == PhaseEvent::FreshRises).map(|(at, _)| *at)
     }
 
-    /// The longest time from a rise of chip select until the SPIS was ready again, ns.
+    /// The longest time from a rise of chip select until the firmware released the SSI's semaphore, ns.
     #[must_use]
     pub fn ready_ns(&self) -> i64 {
         self.longest(PhaseEvent::Deselected, PhaseEvent::Spis(SpisEvent::Ready))
@@ -118,7 +117,6 @@ impl Phase {
         self.longest(PhaseEvent::Spis(SpisEvent::Held), PhaseEvent::Spis(SpisEvent::Released))
     }
 
-    /// The longest time from an event `begin` to the next event `end`, ns.
     fn longest(&self, begin: PhaseEvent, end: PhaseEvent) -> i64 {
         let (mut since, mut longest) = (None, 0);
         for &(at, event) in &self.events {
@@ -134,24 +132,22 @@ impl Phase {
     }
 }
 
-/// A sweep that is in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Sweeping {
     sweep: Sweep,
     cycle: u64,
-    /// LEN of the frame around whose end the transactions are placed.
+    /// LEN of the frames around whose ends the transactions are placed.
     target: u8,
-    /// The time that a frame with this LEN is on the air, ns.
     durations: BTreeMap<u8, u64>,
     phases: Vec<Phase>,
 }
 
 impl Sweeping {
-    /// Returns the beginning of a sweep of the link with `receivers` receivers.
+    /// Returns the beginning of `sweep` on a link with `receivers` receivers.
     ///
     /// # Panics
     ///
-    /// Panics if the cycles of this link have no frame with the sweep's number.
+    /// Panics if a cycle of this link has no frame with the index [`Sweep::frame`].
     pub(super) fn new(sweep: Sweep, receivers: usize) -> Self {
         let frame = Layout::for_receivers(receivers).and_then(|layout| layout.frame(sweep.frame));
         let payload = frame.expect("a frame of the link's cycles").length();
@@ -159,13 +155,11 @@ impl Sweeping {
         Self { sweep, cycle: 0, target, durations: BTreeMap::new(), phases: vec![] }
     }
 
-    /// Records that a frame with this LEN was on the air for `took` ns.
     pub(super) fn frame_took(&mut self, len: u8, took: u64) {
         self.durations.insert(len, took);
     }
 
-    /// The transactions to place around the end of a frame with this LEN that began at `at`. Each has an edge of chip
-    /// select, the edge's instant, and the number of bytes.
+    /// Returns the transactions around the end of a frame that began at `at`: edge, its instant (ns), number of bytes.
     pub(super) fn frame_started(&mut self, at: u64, len: u8) -> Vec<(Edge, u64, Option<usize>)> {
         let Some(&took) = self.durations.get(&len).filter(|_| len == self.target) else { return vec![] };
         let Some((phase_ns, pattern)) = self.sweep.at(self.cycle) else { return vec![] };
@@ -179,7 +173,6 @@ impl Sweeping {
         placed.collect()
     }
 
-    /// The phase of the sweep that is in progress.
     pub(super) fn phase(&mut self) -> Option<&mut Phase> {
         self.phases.last_mut()
     }

@@ -1,36 +1,34 @@
 //! Writes and judges the event log of a run.
 //!
-//! Boards and world deliver their events in pieces, and the HORUS side is ahead of the DPR's side, so events wait here
-//! until no earlier event can come. Then they are judged in order of time and, if the log is kept, stored. The order
-//! depends only on the instants and the events, never on which thread delivered them first.
+//! Boards and world deliver their events in pieces, and HORUS runs ahead of the DPR. Each event therefore waits here
+//! until no earlier event can come, before it is judged and stored. The order of the log depends only on the instants
+//! and the events, never on the thread that delivered them first.
 
 use std::sync::Arc;
 
 use bench_judge::{Event, Findings, Header, Judge, Log, Verdict, What};
 use gnss_sim::Flight;
 
-/// Events on their way into the log.
 #[derive(Clone, Debug)]
 pub(super) struct Recorder {
     header: Header,
     waiting: Vec<Event>,
-    /// The instant before which all events are in the log, ns.
+    /// All events before this instant, ns, are in the log.
     released: u64,
     judge: Judge,
-    /// The aircraft's true flight, whose position goes into the log at each tick; `None` if a recording is played.
+    /// The aircraft's true flight. Its position goes into the log at each tick. `None` if a recording is played.
     flight: Option<Arc<Flight>>,
-    /// The events released since they were last taken; `None` if the log is not kept.
+    /// The events that were released since the last call of [`Recorder::take_kept`]; `None` if the log is not kept.
     kept: Option<Vec<Event>>,
 }
 
 impl Recorder {
-    /// Returns an empty log. With `keep` it stores the released events for [`Recorder::take_kept`].
+    /// Returns an empty log. With `keep` it stores released events for [`Recorder::take_kept`].
     pub(super) fn new(header: Header, flight: Option<Arc<Flight>>, keep: bool) -> Self {
         let judge = Judge::new(&header);
         Self { header, waiting: vec![], released: 0, judge, flight, kept: keep.then(Vec::new) }
     }
 
-    /// The run's header.
     pub(super) fn header(&self) -> &Header {
         &self.header
     }
@@ -39,27 +37,25 @@ impl Recorder {
     ///
     /// # Panics
     ///
-    /// Panics if the log already holds later events, because the judge would then have judged another run than the one
-    /// that took place.
+    /// Panics if later events have already been judged, because the judge would have judged events in a wrong order.
     pub(super) fn note(&mut self, at: u64, what: What) {
         assert!(at >= self.released, "{what:?} at {at} ns is told when the log has come to {} ns", self.released);
         self.waiting.push(Event { at, what });
     }
 
-    /// Records several events.
     pub(super) fn extend(&mut self, events: impl IntoIterator<Item = Event>) {
         for Event { at, what } in events {
             self.note(at, what);
         }
     }
 
-    /// Releases the events before `before` (ns), because no earlier event can come, and judges them.
+    /// Judges the events before `before` (ns). No earlier event may come after this call.
     pub(super) fn release(&mut self, before: u64) {
         if before <= self.released {
             return;
         }
         self.released = before;
-        // The sort is stable, so events of one instant and one rank stay in the order in which they came.
+        // The sort is stable, so events of the same instant and rank keep the order in which they came.
         self.waiting.sort_by_key(|event| (event.at, event.what.rank()));
         let later = self.waiting.split_off(self.waiting.partition_point(|event| event.at < before));
         for event in std::mem::replace(&mut self.waiting, later) {
@@ -74,23 +70,19 @@ impl Recorder {
         }
     }
 
-    /// Keeps the events that are released from now on.
     pub(super) fn keep(&mut self) {
         self.kept.get_or_insert_default();
     }
 
-    /// Takes the events released since the last call; there are none if the log is not kept.
     pub(super) fn take_kept(&mut self) -> Vec<Event> {
         self.kept.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
-    /// The violations so far.
     pub(super) fn findings(&self) -> &Findings {
         self.judge.findings()
     }
 
-    /// Ends the run at `end` (ns). Returns the verdict and the part of the log that was not taken yet. Events after
-    /// `end` are not part of the run; they occur because a board completes its last instruction after that instant.
+    /// Ends the run at `end` (ns), and returns the verdict and the rest of the log. Later events are dropped.
     pub(super) fn finish(mut self, end: u64) -> (Verdict, Log) {
         self.waiting.retain(|event| event.at <= end);
         self.note(end.max(self.released), What::End);
@@ -100,7 +92,6 @@ impl Recorder {
     }
 }
 
-/// The event that has the aircraft's true position at a tick at `at` (ns).
 fn aircraft(flight: &Flight, at: u64) -> Event {
     let place = flight.state(at as f64 / 1e9).position;
     let billionths = |degrees: f64| (degrees * 1e9).round() as i64;

@@ -29,12 +29,13 @@ pub struct Speed {
     pub dpr: f64,
     /// The time that a copy of the whole bench takes, s.
     pub copy: f64,
-    /// The time that this machine takes for the [`yardstick`], s.
+    /// The time that this machine takes for the yardstick, s: a fixed piece of work that no change of this project makes
+    /// faster or slower.
     pub yardstick: f64,
 }
 
 impl Speed {
-    /// The time that a virtual second takes, in times of the [`yardstick`].
+    /// The time that a virtual second takes, in times of the yardstick.
     #[must_use]
     pub fn yardsticks(&self) -> f64 {
         self.seconds / self.yardstick

@@ -1,5 +1,4 @@
-//! Reads the firmwares' own counters from RAM, as a debug probe does. They are evidence beside what is observed at the
-//! pins.
+//! Reads the firmwares' own counters from RAM, as a debug probe could.
 
 use std::mem::offset_of;
 
@@ -18,7 +17,7 @@ const HORUS: [(&str, usize); 3] = [
     ("rf_faults", offset_of!(HorusTelemetry, rf_faults)),
 ];
 
-/// The counter that lies `offset` bytes into the telemetry called `symbol`; `None` in a program without such telemetry.
+/// Returns the counter at `offset` bytes in the telemetry `symbol`; `None` if the program has no such telemetry.
 #[must_use]
 pub fn counter<B: Board, C: Cost>(node: &Node<B, C>, symbol: &str, offset: usize) -> Option<u32> {
     let mut word = [0; 4];
@@ -27,7 +26,7 @@ pub fn counter<B: Board, C: Cost>(node: &Node<B, C>, symbol: &str, offset: usize
     Some(u32::from_le_bytes(word))
 }
 
-/// The DPR's counter called `name`; `None` in a program without telemetry.
+/// Returns the DPR's counter `name`; `None` if the program has no telemetry.
 ///
 /// # Panics
 ///

@@ -1,4 +1,4 @@
-//! HORUS's surroundings: its receivers, the antenna of its front end, and their faults.
+//! HORUS's surroundings with their faults: its receivers and the antenna of its front end.
 
 use std::collections::VecDeque;
 
@@ -23,22 +23,18 @@ use gnss_sim::Port;
 /// How long the pin TICK is high before each tick, ns.
 const TICK_PULSE_NS: u64 = TICK_PULSE_TICKS as u64 * 1_000 / TICKS_PER_US as u64;
 
-/// The time from the end of a message to a receiver's answer, ns. Interface descriptions promise an answer within one
-/// second; real receivers take some tens of milliseconds.
+/// The time from the end of a message to a receiver's answer, ns; real receivers take some tens of milliseconds.
 const ANSWERS_AFTER: u64 = 20_000_000;
-/// How long a receiver may ignore its input after a change of its bit rate, ns: u-blox integration manuals, "UART
-/// interfaces", "a short time delay of typically 100 ms".
+/// How long a receiver ignores its input after a change of its bit rate, ns (u-blox integration manuals).
 const DEAF_AFTER_BAUD: u64 = 100_000_000;
 /// How long a restarting receiver neither sends nor receives, ns.
 const STARTS: u64 = 300_000_000;
 
-/// A receiver and the messages that it will send.
 #[derive(Clone, Debug)]
 struct Feed {
     receiver: Receiver,
-    /// The instant at which the receiver's next burst begins, ns; `u64::MAX` for never.
     burst_at: u64,
-    /// The receiver's answers to its input, each with its instant (ns).
+    /// The receiver's answers to messages from HORUS, each with its instant (ns).
     answers: VecDeque<(u64, Vec<u8>)>,
     /// The instant before which the receiver ignores its input, ns.
     deaf_until: u64,
@@ -50,12 +46,10 @@ impl Feed {
         Self { receiver, burst_at, answers: VecDeque::new(), deaf_until: 0 }
     }
 
-    /// The instant at which the receiver next sends, ns.
     fn next_at(&self) -> u64 {
         self.burst_at.min(self.answers.front().map_or(u64::MAX, |(at, _)| *at))
     }
 
-    /// Takes the receiver's next message, if it is due at `at` (ns) or earlier.
     fn take(&mut self, at: u64) -> Option<Burst> {
         if self.next_at() > at {
             return None;
@@ -68,7 +62,7 @@ impl Feed {
         burst
     }
 
-    /// Passes to the receiver a byte from HORUS that had arrived by `at` (ns); `None` for an unreadable byte.
+    /// Passes a byte from HORUS, which had arrived by `at` (ns), to the receiver; `None` is an unreadable byte.
     fn hear(&mut self, at: u64, byte: Option<u8>) {
         if at < self.deaf_until {
             return;
@@ -83,7 +77,7 @@ impl Feed {
         }
     }
 
-    /// Restarts the receiver at `at` (ns) with its saved settings lost.
+    /// Restarts the receiver at `at` (ns) without its saved settings.
     fn lose_settings(&mut self, at: u64) {
         self.answers.clear();
         self.deaf_until = at + STARTS;
@@ -92,20 +86,17 @@ impl Feed {
     }
 }
 
-/// HORUS's surroundings: its receivers, the antenna of its front end, and their faults.
 #[derive(Clone, Debug)]
 pub(super) struct Receivers {
     feeds: Vec<Feed>,
-    /// The settings of each receiver as last logged: its dynamic model, and whether it sends positions.
+    /// The settings of each receiver as last logged: the number of its dynamic model, and whether it sends positions.
     settings: Vec<Option<(u8, bool)>>,
     lines: LineFaults,
     faults: Timeline,
     events: BoardEvents,
     wires: Wires,
     seed: u64,
-    /// The marks of the pin TICK for the trace; empty if there is no trace.
     marks: Vec<Mark>,
-    /// The watch on HORUS's tasks for the trace; `None` if there is no trace.
     tasks: Option<TaskWatch>,
 }
 
@@ -124,23 +115,21 @@ impl Receivers {
         }
     }
 
-    /// Records HORUS's tasks in a trace.
     pub(super) fn watch_tasks(&mut self, tasks: TaskWatch) {
         self.tasks = Some(tasks);
     }
 
-    /// Adds faults to those of the setup.
     pub(super) fn add_faults(&mut self, faults: &Faults) {
         self.faults.add(faults.timeline(true));
     }
 
-    /// Passes the ticks since the last call to the wire TICK with its present faults.
+    /// Passes the ticks since the last call through the wire TICK, whose present faults may change them.
     fn watch_ticks<C: Cost>(&mut self, node: &mut Node<Horus, C>) {
         let ticks = node.board_mut(Horus::take_ticks);
         for at in ticks.into_iter().flat_map(|at| self.wires.tick(at)) {
             self.events.note(at, What::Tick);
             if self.tasks.is_some() {
-                // The pin TICK rises a constant time before each tick.
+                // The pin TICK is high for a constant time before each tick.
                 let rose = at.saturating_sub(TICK_PULSE_NS);
                 self.marks.extend([Mark::Level(rose, Wire::HorusTick, true), Mark::Level(at, Wire::HorusTick, false)]);
             }
@@ -156,7 +145,6 @@ impl Receivers {
         }
     }
 
-    /// Logs the receivers' settings when they change.
     fn watch_settings(&mut self, now: u64) {
         for (receiver, (feed, told)) in self.feeds.iter().zip(&mut self.settings).enumerate() {
             let model = feed.receiver.dynamic_model();
@@ -168,7 +156,6 @@ impl Receivers {
         }
     }
 
-    /// Logs the traffic of the buses.
     fn watch_buses<C: Cost>(&mut self, node: &mut Node<Horus, C>) {
         let now = node.now();
         let (given, misuses) = node.board_mut(|board| (board.receivers.take_read(now), board.receivers.take_misuses()));
@@ -185,12 +172,12 @@ impl Receivers {
         for OnLine { at_ns, receiver, frames, clean } in lines {
             let bytes: Vec<u8> = frames.iter().map(|frame| frame.data as u8).collect();
             if Port::OF[receiver] != Port::Uart1 {
-                // On a bus the bytes are only offered; the board reports later which of them the part read, and when.
+                // On a bus the bytes are only offered. The board reports later which of them HORUS read, and when.
                 node.board_mut(|board| board.receivers.offer(at_ns, receiver, &bytes));
                 self.events.note(at_ns.max(node.now()), What::Offered { receiver, bytes: Bytes(bytes) });
                 continue;
             }
-            // Frames at the link's usual bit rate are converted to the receiver's bit rate.
+            // The frames have the link's usual bit rate and are converted to the receiver's present rate.
             let baud = self.feeds[receiver].receiver.bit_rate();
             let (frames, clean) = if baud == GNSS_BAUD { (frames, clean) } else { (at_rate(frames, baud), false) };
             let begins = node.board_mut(|board| board.receivers.send(at_ns, receiver, frames));
@@ -200,7 +187,6 @@ impl Receivers {
     }
 }
 
-/// Converts the well-formed frames in `frames` from the link's usual bit rate to `baud`.
 fn at_rate(frames: Vec<UartFrame>, baud: u32) -> Vec<UartFrame> {
     let at = |frame: UartFrame| {
         let byte = frame.data as u8;
@@ -209,21 +195,19 @@ fn at_rate(frames: Vec<UartFrame>, baud: u32) -> Vec<UartFrame> {
     frames.into_iter().map(at).collect()
 }
 
-/// The longest time that a byte takes on a receiver's bus, ns: 29 µs on I2C. The byte is logged with the instant of its
-/// beginning.
+/// An upper limit of a byte's duration on a receiver's bus, ns. A byte is logged at its beginning, but known at its
+/// end.
 const ON_THE_WAY: u64 = 100_000;
 
-/// The reports of the HORUS board, which runs ahead of the DPR.
+/// What HORUS's side reports to the DPR's side, which follows behind.
 #[derive(Debug)]
 pub(super) struct Notes {
     pub(super) lines: Vec<LogLine>,
     pub(super) events: Vec<Event>,
-    /// The traffic between the part and its front end; empty unless there is a trace.
     pub(super) crossings: Vec<(u64, Crossing)>,
-    /// The marks for a trace that are not of the front end: those of the pin TICK and of the tasks.
+    /// The changes of TICK and of the tasks for the trace.
     pub(super) marks: Vec<Mark>,
-    /// The instant since which a transaction with a receiver may be under way, ns. The bytes of a transaction are
-    /// logged when it is over, and the first byte is known only when it has been transferred.
+    /// The beginning of a transaction with a receiver that may be under way, ns. Its bytes are logged at its end.
     pub(super) untold_since: u64,
 }
 
@@ -293,7 +277,6 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
                     let now = node.now();
                     if begins {
                         self.events.injected(now, episode);
-                        // Episodes that begin at different instants have different random numbers.
                         let seed = self.seed ^ episode.at;
                         node.board_mut(|board| board.receivers.begin_fault(now, receiver, fault, seed));
                     } else {
@@ -325,7 +308,7 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
                     }
                 }
                 Fault::Wire(fault) => {
-                    // Ticks before this change passed through the wire with its earlier faults.
+                    // The change below applies only to later ticks, so the ticks up to now pass the wire first.
                     self.watch_ticks(node);
                     self.watch_inputs(node);
                     if begins {

@@ -9,14 +9,12 @@ use super::fst::FstFile;
 use super::signals::{Id, Signals, Value};
 use super::vcd::VcdFile;
 
-/// A trace file that is being written, in the format that its name's ending selects.
 pub(super) enum TraceFile {
     Vcd(VcdFile),
     Fst(Box<FstFile>),
 }
 
 impl TraceFile {
-    /// Creates the trace file at `path`, and writes the list of signals into it.
     pub(super) fn create(path: &Path, signals: &Signals) -> Result<Self, Error> {
         let failed = |source| Error::Io { path: path.to_owned(), source };
         match path.extension().and_then(OsStr::to_str) {
@@ -26,7 +24,7 @@ impl TraceFile {
         }
     }
 
-    /// Writes the values of all signals at 0 ns, which come first.
+    /// Writes the values of all signals at 0 ns, before any change.
     pub(super) fn start(&mut self, signals: &Signals, values: &[Value]) -> io::Result<()> {
         if let Self::Vcd(file) = self {
             file.start()?;
@@ -40,7 +38,7 @@ impl TraceFile {
         Ok(())
     }
 
-    /// Begins the changes at the instant `at` (ns), which must be later than every instant before.
+    /// Begins the changes at the instant `at` (ns), which must be later than all earlier ones.
     pub(super) fn time(&mut self, at: u64) -> io::Result<()> {
         match self {
             Self::Vcd(file) => file.time(at),
@@ -48,7 +46,6 @@ impl TraceFile {
         }
     }
 
-    /// Writes a change: signal `id`, which has `bits` bits, gets the value `value`.
     pub(super) fn change(&mut self, id: Id, bits: u32, value: Value) -> io::Result<()> {
         match self {
             Self::Vcd(file) => file.change(id, bits, value),
@@ -56,7 +53,6 @@ impl TraceFile {
         }
     }
 
-    /// Completes the file.
     pub(super) fn finish(self) -> io::Result<()> {
         match self {
             Self::Vcd(file) => file.finish(),

@@ -11,15 +11,13 @@ use fst_writer::{
 
 use super::signals::{Id, Signals, Value, digits, regroup};
 
-/// The approximate number of bytes of changes that are kept in memory before they are compressed and written as one
-/// block of the file. Larger blocks compress better, but a viewer then has to read more at once.
+/// The approximate size of a block of the file before its compression, bytes.
 const BLOCK: usize = 16 << 20;
 
-/// An FST file being written.
 pub(super) struct FstFile {
     writer: FstBodyWriter<BufWriter<File>>,
     ids: Vec<FstSignalId>,
-    /// The digits of the value being written. The buffer is kept, so that no allocation is needed for each value.
+    /// The digits of a value that is being written, kept to avoid an allocation for each value.
     digits: Vec<u8>,
 }
 
@@ -29,7 +27,7 @@ impl FstFile {
             start_time: 0,
             timescale_exponent: -9,
             version: "bench".to_owned(),
-            // An FST file can have a date; this one has none, because the same run must always give the same file.
+            // The file has no date, because the same run must always give the same file.
             date: String::new(),
             file_type: FstFileType::Verilog,
         };
@@ -50,12 +48,12 @@ impl FstFile {
         regroup(&mut header, group, &[], open, close)?;
         ids.sort_by_key(|(id, _)| *id);
         let ids = ids.into_iter().map(|(_, id)| id).collect();
-        // The changes that are written before the first instant give the signals' values at 0 ns.
+        // Changes before the first instant are the signals' values at 0 ns.
         Ok(Self { writer: header.finish().map_err(failed)?, ids, digits: vec![] })
     }
 
     pub(super) fn time(&mut self, at: u64) -> io::Result<()> {
-        // A block of the file ends between two instants, never within one.
+        // A block of the file may end only between two instants.
         if self.writer.size() > BLOCK {
             self.writer.flush().map_err(failed)?;
         }

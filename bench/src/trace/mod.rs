@@ -2,9 +2,9 @@
 //!
 //! # Formats
 //!
-//! The ending of the file's name selects the format. sigrok imports only VCD, and only the one-bit wires in it; GTKWave
-//! and Surfer read both formats. The table is for 10 s of the link with three receivers, `cargo xtask sim --seconds 10
-//! --trace run.fst`:
+//! The ending of the file's name selects the format. sigrok imports only VCD, and only its one-bit wires; GTKWave and
+//! Surfer read both formats. The sizes are those of 10 s of the link with three receivers, `cargo xtask sim --seconds
+//! 10 --trace run.fst`:
 //!
 //! | ending | format | size |
 //! |---|---|---|
@@ -22,15 +22,14 @@
 //! | `dpr.tasks` | as `horus.tasks` |
 //! | `ssi` | the flight controller's SPI, FRESH, the age that the image's Link-Status carries |
 //!
-//! A task's signal is 1 from the entry of its handler to its end. It stays 1 while a more urgent task preempts the
-//! task; `..._running` has the number of the exception that runs. `..._idle` is 1 in thread mode with the core awake,
-//! `..._asleep` while the core sleeps, and `..._other` in exceptions that are not in the firmware's table of tasks.
+//! A task's signal is 1 from the entry of its handler to its end, even while a more urgent task preempts it.
+//! `..._running` has the number of the exception that runs. `..._idle` is 1 in thread mode with the core awake,
+//! `..._asleep` while the core sleeps, and `..._other` in exceptions outside the firmware's table of tasks.
 //!
-//! The models exchange whole bytes, each at the end of its eighth clock. From that instant the trace calculates the
-//! earlier clock edges and data bits of the byte, with the bus's clock rate. A byte's signal has its value from the
-//! byte's first clock until the next byte or the end of chip select, and is not driven (`z`) otherwise. Events arrive
-//! slightly out of order, because the boards run apart by up to the scheduler's lookahead, so the trace holds each
-//! event back for a fixed time before it writes the event.
+//! The models exchange whole bytes, each at the end of its eighth clock. The trace calculates the clock edges and data
+//! bits of a byte from that instant and the bus's clock rate. A byte's signal has its value from the byte's first clock
+//! until the next byte or the end of chip select; otherwise it is not driven (`z`). Events may arrive slightly out of
+//! order, so each is written after a fixed delay.
 
 mod file;
 mod fst;
@@ -48,7 +47,7 @@ use signals::{BUSES, Id, Signals, Value};
 pub use signals::{Board, Bus, DPR, HORUS, SSI, Task, TaskSignal, Wire, Word};
 pub use tasks::TaskWatch;
 
-/// How late an event may come after later events, ns: longer than the longest byte and the greatest lookahead together.
+/// The greatest time by which an event may come late, ns: the longest byte plus the greatest lookahead of a board.
 const WINDOW_NS: u64 = 200_000;
 
 /// The reason why a trace cannot be written.
@@ -69,29 +68,29 @@ pub enum Error {
         /// The operating system's error.
         source: io::Error,
     },
-    /// An event came after the trace had been written up to an instant later than the event's.
+    /// An event came that is earlier than an instant up to which the trace is already written.
     #[error("the trace is written up to {written} ns, and {signal} changed at {at} ns")]
     Late {
         /// The name of the late event's signal.
         signal: String,
         /// The instant of the late event, ns.
         at: u64,
-        /// The instant up to which the trace had already been written, ns.
+        /// The instant up to which the trace was already written, ns.
         written: u64,
     },
 }
 
-/// An event of a trace.
+/// A change of a signal of the trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
-    /// A wire took this level at this instant (ns).
+    /// A wire took a level: the instant (ns), the wire, the level.
     Level(u64, Wire, bool),
-    /// A number took this value at this instant (ns), or has no value from then on.
+    /// A number took a value: the instant (ns), the number, the value (`None` for no value).
     Word(u64, Word, Option<u64>),
-    /// A byte was transferred on a bus in each direction: the instant (ns) at which its eighth clock ended, the byte to
-    /// the chip, the byte from the chip, and the clock rate in Hz.
+    /// A byte was transferred on a bus: the end of its eighth clock (ns), the bus, the byte to the chip, the byte from
+    /// the chip, the clock rate (Hz).
     Byte(u64, Bus, u8, u8, u32),
-    /// A signal about a board's tasks changed at this instant (ns): [`TaskWatch`] makes these events.
+    /// A signal of a board's tasks took a value ([`TaskWatch`]): the instant (ns), the board, the signal, the value.
     Task(u64, Board, TaskSignal, u64),
 }
 
@@ -100,14 +99,11 @@ pub struct Trace {
     path: PathBuf,
     file: TraceFile,
     signals: Signals,
-    /// The values of the signals at the last written instant.
     values: Vec<Value>,
-    /// Events that have not been written yet, by their instants. If several concern one signal at one instant, the last
-    /// one counts.
+    /// Events that have not been written yet, by instant and signal; the latest of several counts.
     waiting: BTreeMap<(u64, Id), Value>,
-    /// The instant before which all events are written, ns.
+    /// The instant, ns, before which all events are written.
     written: u64,
-    /// Whether the values at 0 ns are written.
     begun: bool,
 }
 
@@ -125,7 +121,7 @@ impl Trace {
         Ok(Self { path: path.to_owned(), file, signals, values, waiting: BTreeMap::new(), written: 0, begun: false })
     }
 
-    /// Takes events of the trace, which may be slightly out of order.
+    /// Takes changes for the trace, which may be slightly out of order.
     pub fn take(&mut self, marks: impl IntoIterator<Item = Mark>) {
         for mark in marks {
             match mark {
@@ -149,14 +145,14 @@ impl Trace {
         }
     }
 
-    /// Draws a byte that was transferred on a bus at the clock rate `hz`: its eighth clock ended at `at` (ns).
+    /// Adds the edges of a byte whose eighth clock ended at `at` (ns) on a bus with the clock rate `hz` (Hz).
     fn byte(&mut self, at: u64, bus: Bus, mosi: u8, miso: u8, hz: u32) {
         let half = |halves: u64| at.saturating_sub(halves * 500_000_000 / u64::from(hz));
         let bit = |byte: u8, bit: u64| Some(u64::from(byte >> (7 - bit) & 1));
         for nth in 0..8 {
             let left = 2 * (8 - nth);
             let (low, high, fall) = (half(left), half(left - 1), half(left - 2));
-            // In SPI mode 0 each clock has a low half, then a high half; in mode 1 it has a high half first.
+            // In SPI mode 0 each clock is first low, then high; in mode 1 it is first high.
             let (rise, fall) = if bus.changes_on_rise { (low, high) } else { (high, fall) };
             self.set(low, Signals::wire(bus.mosi), bit(mosi, nth));
             self.set(low, Signals::wire(bus.miso), bit(miso, nth));
@@ -167,11 +163,11 @@ impl Trace {
         self.set(half(16), Signals::word(bus.miso_byte), Some(u64::from(miso)));
     }
 
-    /// Writes the events before `now` (ns) that can no longer change, because both boards have passed that instant.
+    /// Writes the events before `now` (ns), an instant that both boards have passed.
     ///
     /// # Errors
     ///
-    /// The file system reports an error, or an event came too late.
+    /// The file system reports an error, or an event came too late ([`Error::Late`]).
     pub fn flush_before(&mut self, now: u64) -> Result<(), Error> {
         let before = now.saturating_sub(WINDOW_NS);
         if before == 0 {
@@ -200,7 +196,6 @@ impl Trace {
         let Self { path, file, signals, values, written, begun, .. } = self;
         let failed = |source| Error::Io { path: path.clone(), source };
         if !std::mem::replace(begun, true) {
-            // Events at 0 ns are written as the signals' values at the start.
             while let Some(first) = due.first_entry().filter(|first| first.key().0 == 0) {
                 let Id(place) = first.key().1;
                 values[place] = first.remove();

@@ -5,9 +5,9 @@ use std::{fmt, io};
 /// A board of the trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Board {
-    /// The sending side.
+    /// HORUS.
     Horus,
-    /// The receiving side.
+    /// The DPR.
     Dpr,
 }
 
@@ -24,11 +24,11 @@ pub enum Wire {
     HorusCs,
     /// The interrupt output of HORUS's front end.
     HorusIrq,
-    /// TICK of HORUS, which rises when the 10 ms timer begins the next cycle.
+    /// HORUS's pin TICK, which falls at each tick of the 10 ms timer.
     HorusTick,
-    /// The poller's carrier, high while the carrier is on.
+    /// The carrier of HORUS's front end, high while it is on.
     Field,
-    /// The frames on the air, high while a frame is being sent.
+    /// High while a frame is on the air.
     Frame,
     /// The SPI clock of the DPR's front end.
     DprSck,
@@ -48,14 +48,14 @@ pub enum Wire {
     SsiMiso,
     /// The chip select of the SSI, active low.
     SsiCsn,
-    /// FRESH of the DPR, whose pulse announces that a new image is readable.
+    /// The DPR's FRESH, which rises when a new image is readable.
     Fresh,
 }
 
 /// A signal of the trace that is a number of several bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Word {
-    /// The byte to HORUS's front end, from the byte's first clock on.
+    /// The byte to HORUS's front end.
     HorusMosiByte,
     /// The byte from HORUS's front end.
     HorusMisoByte,
@@ -65,16 +65,15 @@ pub enum Word {
     DprMosiByte,
     /// The byte from the DPR's front end.
     DprMisoByte,
-    /// The byte from the flight controller.
+    /// The byte from the flight controller to the DPR.
     SsiMosiByte,
-    /// The byte from the DPR.
+    /// The byte from the DPR to the flight controller.
     SsiMisoByte,
-    /// The age of Reported-Position from Link-Status in the image that was read last, in units of 100 µs.
+    /// The age of Reported-Position in Link-Status of the image that was read last, in units of 100 µs.
     LinkStatusAge,
 }
 
-/// The one-bit signals, each with its group, its name and its level at the start. sigrok drops the groups, so the names
-/// alone must be unique.
+/// The one-bit signals: group, name and level at the start. Names must be unique, because sigrok drops the groups.
 const WIRES: [(Wire, &str, &str, bool); 18] = [
     (Wire::HorusSck, "horus", "horus_sck", false),
     (Wire::HorusMosi, "horus", "horus_mosi", false),
@@ -96,7 +95,7 @@ const WIRES: [(Wire, &str, &str, bool); 18] = [
     (Wire::Fresh, "ssi", "ssi_fresh", false),
 ];
 
-/// The signals that are numbers, each with its group, its name and its width in bits.
+/// The signals that are numbers, each with group, name and width in bits.
 const WORDS: [(Word, &str, &str, u32); 8] = [
     (Word::HorusMosiByte, "horus", "horus_mosi_byte", 8),
     (Word::HorusMisoByte, "horus", "horus_miso_byte", 8),
@@ -117,11 +116,11 @@ pub struct Bus {
     pub(super) cs: Wire,
     pub(super) mosi_byte: Word,
     pub(super) miso_byte: Word,
-    /// Whether data change on the clock's rising edge (mode 1) or before it (mode 0).
+    /// Whether data change on the clock's rising edge (SPI mode 1) or before it (mode 0).
     pub(super) changes_on_rise: bool,
 }
 
-/// HORUS's front end: SPI mode 1.
+/// The bus of HORUS's front end, SPI mode 1.
 pub const HORUS: Bus = Bus {
     sck: Wire::HorusSck,
     mosi: Wire::HorusMosi,
@@ -131,7 +130,7 @@ pub const HORUS: Bus = Bus {
     miso_byte: Word::HorusMisoByte,
     changes_on_rise: true,
 };
-/// The DPR's front end: SPI mode 1.
+/// The bus of the DPR's front end, SPI mode 1.
 pub const DPR: Bus = Bus {
     sck: Wire::DprSck,
     mosi: Wire::DprMosi,
@@ -141,7 +140,7 @@ pub const DPR: Bus = Bus {
     miso_byte: Word::DprMisoByte,
     changes_on_rise: true,
 };
-/// The flight controller's port: SPI mode 0.
+/// The SSI, SPI mode 0.
 pub const SSI: Bus = Bus {
     sck: Wire::SsiSck,
     mosi: Wire::SsiMosi,
@@ -152,22 +151,19 @@ pub const SSI: Bus = Bus {
     changes_on_rise: false,
 };
 
-/// All SPI buses of the trace.
 pub(super) const BUSES: [Bus; 3] = [HORUS, DPR, SSI];
 
-/// A signal's index in the list of all signals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Id(pub(super) usize);
 
-/// A signal's value: a number, or `None` for high impedance (`z`).
+/// A signal's value; `None` is high impedance (`z`).
 pub(super) type Value = Option<u64>;
 
-/// A signal of the trace.
 #[derive(Clone, Debug)]
 pub(super) struct Signal {
-    /// The groups that contain the signal, from the outermost inward.
+    /// The groups that contain the signal, the outermost first.
     pub(super) group: Vec<&'static str>,
-    /// The signal's name, in letters, digits and underscores, which every viewer accepts.
+    /// The signal's name. It has only letters, digits and underscores, which every viewer accepts.
     pub(super) name: String,
     pub(super) bits: u32,
     pub(super) start: Value,
@@ -178,18 +174,18 @@ pub(super) struct Signal {
 pub struct Task {
     /// The task's name in the firmware's sources.
     pub name: &'static str,
-    /// The task's interrupt vector, as the part's manual names it.
+    /// The task's interrupt vector, as the microcontroller's manual names it.
     pub vector: &'static str,
-    /// The number of the task's exception in the program: 16 + n for interrupt n.
+    /// The exception number of the task: 16 + n for interrupt n.
     pub exception: u16,
 }
 
 /// One of a board's signals about its tasks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TaskSignal {
-    /// The task with this number in the board's list is active, whether it runs or a more urgent task preempts it.
+    /// The task with this index in the board's list is active: it runs, or a more urgent task preempts it.
     Entered(usize),
-    /// An exception that is not in the list of tasks is active.
+    /// An exception outside the list of tasks is active.
     Other,
     /// No exception is active and the core is awake: thread mode.
     Idle,
@@ -199,7 +195,6 @@ pub enum TaskSignal {
     Running,
 }
 
-/// Every signal of a trace.
 #[derive(Clone, Debug)]
 pub(super) struct Signals {
     all: Vec<Signal>,
@@ -208,7 +203,6 @@ pub(super) struct Signals {
 }
 
 impl Signals {
-    /// The signals of a trace: the wires, the numbers, and the tasks of each board.
     pub(super) fn new(horus: &[Task], dpr: &[Task]) -> Self {
         let bit = |level: bool| Some(u64::from(level));
         let wires = WIRES.iter().map(|&(_, group, name, level)| Signal {
@@ -240,12 +234,12 @@ impl Signals {
         Self { all, boards }
     }
 
-    /// All signals; each is at the index of its [`Id`].
+    /// All signals; a signal's [`Id`] is its index.
     pub(super) fn all(&self) -> &[Signal] {
         &self.all
     }
 
-    /// Every signal, ordered by group. A group's own signals come before the groups within it.
+    /// Every signal, ordered by group. The signals of a group precede the groups within it.
     pub(super) fn by_group(&self) -> Vec<(Id, &Signal)> {
         let mut groups: Vec<&'static str> = vec![];
         for signal in &self.all {
@@ -283,13 +277,12 @@ impl Signals {
 }
 
 impl fmt::Display for Task {
-    /// Writes the name of the task's signal: `rf_irq_EXTI3`.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "{}_{}", self.name, self.vector)
     }
 }
 
-/// The digits of `value` as both file formats write them, most significant first; `z` where nothing drives the signal.
+/// The digits of `value` in both file formats, most significant first; `z` if nothing drives the signal.
 pub(super) fn digits(bits: u32, value: Value) -> impl Iterator<Item = u8> {
     (0..bits).rev().map(move |bit| match value {
         Some(value) => b'0' + u8::from(value >> bit & 1 != 0),
@@ -297,7 +290,7 @@ pub(super) fn digits(bits: u32, value: Value) -> impl Iterator<Item = u8> {
     })
 }
 
-/// Calls `close` for each group that ends and `open` for each group that begins between one signal and the next.
+/// Calls `close` for each group that ends, and `open` for each group that begins, between two successive signals.
 pub(super) fn regroup<T>(
     to: &mut T,
     from: &[&'static str],

@@ -1,4 +1,4 @@
-//! Derives when each task of a board is active, runs or sleeps from the changes of the active exception.
+//! Derives from the changes of the active exception when each task of a board is active and when the core sleeps.
 
 use cortex_m4::Cost;
 
@@ -6,19 +6,18 @@ use super::signals::{Board, Task, TaskSignal};
 use super::{Mark, vectors};
 use emulator_node::{self as node, Node};
 
-/// A watch on the tasks of a board. It is plain data, so that a clone can go with a clone of the node.
+/// A watch on the tasks of a board, which can be cloned with the board.
 #[derive(Clone, Debug)]
 pub struct TaskWatch {
     board: Board,
     tasks: Vec<Task>,
-    /// The active exceptions, each with its priority, in the order in which they began; the last of them runs.
+    /// The active exceptions with their priorities, in the order in which they began. The last one runs.
     entered: Vec<(u16, i16)>,
     asleep: bool,
 }
 
 impl TaskWatch {
-    /// Watches the tasks of `node` from now on. `table` has name and vector of each task of the firmware. A task is
-    /// left out if its vector does not lead to the program's function of that name.
+    /// Watches the tasks in `table` (name, vector) whose vector leads to the program's function of that name.
     #[must_use]
     pub fn new<B: node::Board, C: Cost>(
         board: Board,
@@ -36,14 +35,13 @@ impl TaskWatch {
         Self { board, tasks, entered: vec![], asleep: false }
     }
 
-    /// The tasks that the program has, in the order of the firmware's table.
+    /// The tasks that are watched, in the order of the firmware's table.
     #[must_use]
     pub fn tasks(&self) -> &[Task] {
         &self.tasks
     }
 
-    /// Takes the events since the last call. The caller must call the function at least once every 4096 changes of the
-    /// active exception, for which a core needs some milliseconds at least.
+    /// Takes the changes since the last call, which must be at most 4096 changes of the active exception ago.
     pub fn take<B: node::Board, C: Cost>(&mut self, node: &mut Node<B, C>) -> Vec<Mark> {
         let mut marks = vec![];
         let mut sleeps = node.take_sleeps().into_iter().peekable();
@@ -60,14 +58,12 @@ impl TaskWatch {
         marks
     }
 
-    /// Records that exception `active`, with this priority, runs from `at` on.
     fn changes(&mut self, at: u64, active: u16, priority: i16, marks: &mut Vec<Mark>) {
         if let Some(place) = self.entered.iter().position(|&(entered, _)| entered == active) {
-            // The core has returned to an exception that was already active, or has entered it anew by tail-chaining.
+            // The core returned to an exception that was active before, or entered it again by tail-chaining.
             self.leave(at, place + 1, marks);
         } else {
-            // An exception that is not more urgent than the last one cannot preempt it, so it follows by tail-chaining
-            // (ARMv7-M ARM B1.5.12). Thread mode is less urgent than every exception.
+            // A less urgent exception cannot preempt, so it follows by tail-chaining (ARMv7-M ARM B1.5.12).
             while self.entered.last().is_some_and(|&(_, last)| last <= priority) {
                 self.leave(at, self.entered.len() - 1, marks);
             }
@@ -80,11 +76,11 @@ impl TaskWatch {
         self.idle(at, marks);
     }
 
-    /// Records the end of all active exceptions but the first `stay`.
+    /// Records the end of all active exceptions after the first `stay`.
     fn leave(&mut self, at: u64, stay: usize, marks: &mut Vec<Mark>) {
         for (ended, _) in self.entered.split_off(stay) {
             let signal = self.signal(ended);
-            // All exceptions that are not in the list of tasks share one signal, which ends only with the last of them.
+            // Exceptions outside the list of tasks share one signal, which ends when the last of them ends.
             if self.entered.iter().all(|&(entered, _)| self.signal(entered) != signal) {
                 marks.push(self.mark(at, signal, 0));
             }

@@ -8,7 +8,6 @@ use vcd::{IdCode, SimulationCommand, TimescaleUnit, Writer};
 
 use super::signals::{Id, Signals, Value, digits, regroup};
 
-/// A VCD file being written.
 pub(super) struct VcdFile {
     writer: Writer<BufWriter<File>>,
     codes: Vec<IdCode>,
@@ -34,13 +33,11 @@ impl VcdFile {
         Ok(Self { writer, codes })
     }
 
-    /// Begins the values at 0 ns.
     pub(super) fn start(&mut self) -> io::Result<()> {
         self.time(0)?;
         self.writer.begin(SimulationCommand::Dumpvars)
     }
 
-    /// Ends the values at 0 ns.
     pub(super) fn started(&mut self) -> io::Result<()> {
         self.writer.end()
     }
@@ -60,7 +57,7 @@ impl VcdFile {
             let value = digits(1, value).map(digit).next().unwrap_or(vcd::Value::X);
             return self.writer.change_scalar(self.codes[place], value);
         }
-        // Repeated leading digits of a value are left out; the reader of the file restores them (18.2.1).
+        // The format allows the leading digits that are all alike to be left out (18.2.1).
         let needed = value.map_or(1, |value| (u64::BITS - value.leading_zeros()).clamp(1, bits));
         self.writer.change_vector(self.codes[place], digits(needed, value).map(digit))
     }

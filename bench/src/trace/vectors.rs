@@ -1,10 +1,9 @@
-//! The interrupts of the two parts by name. A program alone does not identify them: the compiler merges handlers with
-//! the same code, so several vectors lead to one function that has several names.
+//! The interrupts of both microcontrollers by name. A program does not have these names reliably: the compiler merges
+//! handlers with equal code, so one function may be the handler of several vectors.
 
 use super::Board;
 
-/// The STM32F429's interrupts in the order of their numbers (RM0090 table 63), with the names that firmware sources
-/// use.
+/// The STM32F429's interrupts by number (RM0090 table 63).
 const STM32F429: [&str; 91] = [
     "WWDG",
     "PVD",
@@ -99,8 +98,7 @@ const STM32F429: [&str; 91] = [
     "DMA2D",
 ];
 
-/// The nRF52840's interrupts in the order of their numbers (PS, "Instantiation"). An interrupt's number is the ID of
-/// its peripheral; the name is empty where there is none.
+/// The nRF52840's interrupts by number (PS, "Instantiation"); empty if no peripheral has that number.
 const NRF52840: [&str; 48] = [
     "POWER_CLOCK",
     "RADIO",
@@ -152,7 +150,6 @@ const NRF52840: [&str; 48] = [
     "SPIM3",
 ];
 
-/// The exception number of the interrupt called `vector` in the board's part.
 pub(crate) fn exception(board: Board, vector: &str) -> Option<u16> {
     let interrupts = match board {
         Board::Horus => &STM32F429[..],

@@ -1,8 +1,8 @@
-//! The base station, the final receiver of the profiles.
+//! The base station, which receives the profiles at the end of the link.
 //!
 //! The crate [`base_station`], which a real base station also runs, judges, keeps and shows the profiles. This module
-//! adds the end of the radio link, and a history, so that a test can compare the shown positions with those that the
-//! receivers sent, to the last bit.
+//! adds the end of the radio link and a history, with which a test can compare the shown positions with those of the
+//! receivers, bit by bit.
 
 use core::fmt;
 use std::collections::VecDeque;
@@ -12,13 +12,13 @@ use base_station::{Bundle, Drone, Intact};
 use profile::ssi::client::Shown;
 use profile::{Layout, MAX_RECEIVERS, Object};
 
-/// The number of profiles in the history, which is eleven minutes; older profiles are dropped.
+/// The number of profiles in the history, those of eleven minutes. Older profiles are dropped.
 pub const HISTORY: usize = 65_536;
 
 /// A position as the base station showed it. Unknown values are NaN.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Position {
-    /// The latitude of the position, degrees north.
+    /// The latitude, degrees north.
     pub latitude: f64,
     /// The longitude, degrees east.
     pub longitude: f64,
@@ -35,7 +35,7 @@ pub struct Position {
 pub struct Entry {
     /// The instant at which the profile's last byte arrived, ns.
     pub at_ns: u64,
-    /// The timestamp, ms since HORUS start.
+    /// The timestamp of the objects, ms since HORUS's start.
     pub timestamp: u32,
     /// Reported-Position, if that object was accepted.
     pub reported: Option<Position>,
@@ -48,7 +48,7 @@ pub struct Entry {
 pub struct Arrival {
     /// The bytes of the profile as they arrived.
     pub profile: Vec<u8>,
-    /// The objects that the base station treats as valid: bit 0 Reported-Position, bit n GPSn.
+    /// The objects that the base station treats as valid: bit 0 is Reported-Position, bit n is GPSn.
     pub shown: u8,
 }
 
@@ -60,16 +60,15 @@ pub struct BaseStation {
     drone: Drone,
     bad_frames: u64,
     history: VecDeque<Entry>,
-    /// The instant of the latest arrival, ns.
     arrived_ns: u64,
 }
 
 impl BaseStation {
-    /// A base station for profiles of `receivers` receivers.
+    /// Returns a base station for profiles with `receivers` receivers.
     ///
     /// # Panics
     ///
-    /// Panics if no profile has that number of receivers.
+    /// Panics if `receivers` is not a number of receivers that a profile can have.
     #[must_use]
     pub fn new(receivers: usize) -> Self {
         let layout = Layout::for_receivers(receivers);
@@ -84,7 +83,7 @@ impl BaseStation {
         }
     }
 
-    /// Takes bytes that arrived at `at_ns`. Returns the profiles that these bytes completed.
+    /// Takes bytes that arrived at `at_ns` and returns the profiles that they completed.
     pub fn receive(&mut self, at_ns: u64, bytes: &[u8]) -> Vec<Arrival> {
         let mut arrivals = vec![];
         self.arrived_ns = at_ns;
@@ -114,12 +113,12 @@ impl BaseStation {
         self.bad_frames
     }
 
-    /// The profiles with at least one intact object, oldest first: the last [`HISTORY`] of them.
+    /// The last [`HISTORY`] profiles with at least one intact object, the oldest first.
     pub fn history(&self) -> impl DoubleEndedIterator<Item = &Entry> + ExactSizeIterator {
         self.history.iter()
     }
 
-    /// Takes a profile. Returns the objects of it that are valid: bit 0 Reported-Position, bit n GPSn.
+    /// Takes a profile and returns its valid objects: bit 0 is Reported-Position, bit n is GPSn.
     fn profile(&mut self, at_ns: u64, bundle: &Bundle<'_>) -> u8 {
         let verdicts = self.drone.take_bundle(at_ns / 1_000, bundle);
         let mut shown = 0;
@@ -141,7 +140,7 @@ impl BaseStation {
                 }
                 Object::Gps(object) => {
                     let values = object.values();
-                    // Object 0 is Reported-Position, and no profile has more than five other objects.
+                    // Every object but object 0, Reported-Position, is one of up to five receivers.
                     entry.gps[index - 1] = Some(Position {
                         latitude: values.latitude,
                         longitude: values.longitude,
@@ -162,8 +161,7 @@ impl BaseStation {
     }
 }
 
-/// Prints the base station's state at the latest arrival: a line for each object, the alarms, then the figures of the
-/// link.
+/// Prints the state at the latest arrival: a line for each object, the alarms, and the figures of the link.
 impl fmt::Display for BaseStation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}, {} bad frames", self.drone.words(self.arrived_ns / 1_000), self.bad_frames)

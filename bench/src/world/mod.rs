@@ -1,16 +1,15 @@
-//! The world around the two boards: the aircraft's flight controller, which reads the DPR over the SSI, and the base
-//! station, to which the flight controller forwards what it read.
+//! The world around the two boards: the flight controller, which reads the DPR over the SSI, and the base station, to
+//! which the flight controller forwards what it reads.
 //!
-//! Neither of the two runs firmware of this project, so neither is emulated. They are state machines in virtual time
-//! that use the wire format through the crate `profile`, and are independent of the boards' design. The flight
-//! controller reads and writes over the SSI; the base station only receives. Both check what they receive for freshness
-//! and damage, as the real ones do.
+//! Both are state machines in virtual time and are not emulated, because they do not run firmware of this project. They
+//! use the wire format through the crate `profile` and check what they receive for freshness and damage, as the real
+//! ones do.
 //!
 //! | file | what |
 //! |---|---|
-//! | [`ssi`] | the SSI's pins, and the state machine that carries a transaction on them |
+//! | [`ssi`] | the SSI's pins, and the state machine that carries out a transaction |
 //! | [`flight_controller`] | the instants of transactions, their requests, and the evaluation of their contents |
-//! | [`base_station`] | the end of the radio link; the crate of that name decides what is shown |
+//! | [`base_station`] | the end of the radio link, and the history of what is shown |
 
 pub mod base_station;
 pub mod flight_controller;

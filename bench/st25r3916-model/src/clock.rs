@@ -1,51 +1,42 @@
-//! The chip's own time: it converts carrier cycles of its crystal to virtual nanoseconds and to the bit rates that
-//! divide them.
+//! Converts carrier cycles of the chip's crystal to virtual nanoseconds and to bit rates.
 
-/// Carrier cycles per second.
 pub(crate) const CARRIER_HZ: u64 = 13_560_000;
-/// Attoseconds in a nanosecond.
 pub(crate) const AS_PER_NS: u64 = 1_000_000_000;
 
-/// Carrier cycles per bit at 106 kbit/s.
 pub(crate) const CYCLES_106: u64 = 128;
 
-/// A crystal's time base.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Clock {
-    /// The duration of a thousand carrier cycles, attoseconds.
     millicycle_as: u64,
 }
 
 impl Clock {
     pub(crate) fn new(ppb: i64) -> Self {
         let scale = 1_000_000_000i128 + i128::from(ppb.clamp(-1_000_000, 1_000_000));
-        // The equation is: 1000 cycles in as = 1000 * 1e18 / 13.56e6 * 1e9 / (1e9 + ppb).
+        // 1000 cycles are 1000 · 10¹⁸ / 13.56 · 10⁶ · 10⁹ / (10⁹ + ppb) attoseconds.
         let numerator = 1_000i128 * 1_000_000_000_000_000_000 * 1_000_000_000;
         let denominator = i128::from(CARRIER_HZ) * scale;
         let rounded = (numerator + denominator / 2) / denominator;
         Self { millicycle_as: u64::try_from(rounded).unwrap_or(u64::MAX) }
     }
 
-    /// Converts `n` carrier cycles to ns, rounded.
     pub(crate) fn cycles(self, n: u64) -> u64 {
         let a = u128::from(n) * u128::from(self.millicycle_as);
         let ns = (a + 500 * u128::from(AS_PER_NS)) / (1_000 * u128::from(AS_PER_NS));
         u64::try_from(ns).unwrap_or(u64::MAX)
     }
 
-    /// Converts `n` carrier cycles to attoseconds, for a bit's length.
     pub(crate) fn cycles_as(self, n: u64) -> u64 {
         let a = u128::from(n) * u128::from(self.millicycle_as) / 1_000;
         u64::try_from(a).unwrap_or(u64::MAX)
     }
 }
 
-/// Returns the number of carrier cycles in one bit at the rate with the code `rate` in register 04 or 24.
+/// Returns the number of carrier cycles in a bit, for the code `rate` of registers 04 and 24.
 pub(crate) fn bit_cycles(rate: u8) -> u64 {
     CYCLES_106 >> rate
 }
 
-/// Returns the nominal bit rate at which a bit takes `cycles` carrier cycles, bit/s.
 pub(crate) fn rate_of(cycles: u64) -> u32 {
     match cycles {
         64 => 212_000,
@@ -55,16 +46,14 @@ pub(crate) fn rate_of(cycles: u64) -> u32 {
     }
 }
 
-/// Returns the duration of `bits` bits of `bit_as` attoseconds each, in ns, rounded.
 pub(crate) fn bits_ns(bits: u64, bit_as: u64) -> u64 {
     let a = u128::from(bits) * u128::from(bit_as);
     let ns = (a + u128::from(AS_PER_NS / 2)) / u128::from(AS_PER_NS);
     u64::try_from(ns).unwrap_or(u64::MAX)
 }
 
-/// Returns the number of whole bits of `bit_as` attoseconds each that fit into `ns`.
 pub(crate) fn bits_in(ns: u64, bit_as: u64) -> u64 {
-    // Half a nanosecond is added, so that the bits up to an instant that `bits_ns` has rounded down are all counted.
+    // Half a nanosecond is added, because `bits_ns` may have rounded the instant of the last bit down.
     let a = u128::from(ns) * u128::from(AS_PER_NS) + u128::from(AS_PER_NS / 2);
     u64::try_from(a / u128::from(bit_as.max(1))).unwrap_or(u64::MAX)
 }

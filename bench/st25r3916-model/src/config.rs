@@ -1,7 +1,6 @@
-//! The differences between two boards that carry the chip, and the choices where the documents do not define its
-//! behaviour.
+//! The differences between two boards that carry the chip, and choices that the documents leave open.
 
-/// The part's variant.
+/// The chip's variant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Variant {
     /// ST25R3916 (DS12484): identity 0x2A, capacitive sensor, no RC calibration.
@@ -10,138 +9,123 @@ pub enum Variant {
     St25r3916b,
 }
 
-/// The chip's handling of a frame that breaks off, because its length byte exceeds its data or because the field is
-/// lost.
+/// The effect of a received frame that breaks off, because its length byte exceeds its data or the field is lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BrokenFrame {
-    /// I_rxe comes with I_err1 (and I_crc unless no_crc_rx): the framing logic detects the missing bits.
+    /// I_rxe comes with I_err1 (and I_crc unless no_crc_rx is set), because the framing logic detects the missing bits.
     EndsWithError,
-    /// I_rxe never comes, and the receiver hangs until D1; several drivers report this of real parts.
+    /// I_rxe never comes, and the receiver hangs until D1, as several drivers report of real chips.
     NeverEnds,
 }
 
 /// The configuration of a chip and its surroundings. The default is an ST25R3916B on a 5 V supply with a perfect
 /// crystal.
 ///
-/// There are three kinds of values: the part and its board; switches where the documents contradict themselves or each
-/// other; and latencies and converter results that no document gives. The defaults of the last kind were measured on
-/// one ST25R3916 at 5.2 V, except where the field is marked "assumed".
+/// A value describes the chip and its board, or chooses where documents contradict each other, or is a latency or a
+/// converter result that no document gives. Defaults of the last kind were measured on one ST25R3916 at 5.2 V, unless
+/// the field says "assumed".
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
     /// The variant of the part.
     pub variant: Variant,
-    /// Supply voltage, mV. It determines the result of Measure power supply (DF), and which setting of sup3V is right.
-    /// The part's range is 2400 to 5500. Any other value is accepted, so that a driver can detect it, and is a finding
-    /// when the part is put to work with it.
+    /// Supply voltage, mV, in the chip's range of 2400 to 5500. Another value is a finding when the chip is used. The
+    /// voltage determines the result of Measure power supply (DF) and the suitable setting of sup3V.
     pub vdd_mv: u16,
-    /// Error of the 27.12 MHz crystal, parts per billion, clamped to ±1 000 000; a positive value is a fast crystal.
+    /// Error of the 27.12 MHz crystal, parts per billion, clamped to ±1 000 000; positive values are fast.
     pub crystal_ppb: i64,
     /// Time from `en` to a stable oscillator, ns (data sheet: typically 0.7 ms).
     pub oscillator_startup_ns: u64,
 
     /// Whether DB (clear FIFO) also clears the interrupt registers. The data sheet contradicts itself about this.
     pub db_clears_irqs: bool,
-    /// Whether C2 (stop) clears the interrupt registers. In a recording of silicon, an I_gpe that had been due before a
-    /// C2 was no longer set after it.
+    /// Whether C2 (stop) clears the interrupt registers, as a recording of silicon suggests.
     pub stop_clears_irqs: bool,
-    /// Whether a transmission that ends with the receiver off (`rx_en` = 0) raises I_txe. The data sheet implies that
-    /// it does, but this was not observed.
+    /// Whether the end of a transmission raises I_txe with the receiver off. The data sheet implies it.
     pub txe_with_rx_off: bool,
-    /// Whether a target must be unmasked (D1) before its first frame and after each frame. The cautious choice is true.
+    /// Whether a target must be unmasked (D1) before each frame, which is the cautious choice.
     pub target_rearms_by_command: bool,
-    /// The handling of a received frame that breaks off.
+    /// The effect of a received frame that breaks off.
     pub broken_frame: BrokenFrame,
-    /// Whether a frame is received although the receive chain (0B to 0E, B0C, B0D) cannot pass its technology. If true,
-    /// the unsuitable setting is only a finding, because some of the signal may get through; if false, the frame is
-    /// also missed.
+    /// Whether a frame is received although the receive chain (0B to 0E, B0C, B0D) cannot pass its technology. The
+    /// unsuitable setting is a finding in either case.
     pub unsuited_chain_receives: bool,
 
-    /// Whether a frame reaches the other chip although it is sent with settings that cannot modulate NFC-F, or into an
-    /// antenna that is out of tune. If true, the unsuitable setting is only a finding. If false, only the carrier
-    /// leaves the antenna, and an antenna that is out of tune receives nothing either.
+    /// Whether a frame reaches the other chip although its settings cannot modulate NFC-F or its antenna is out of
+    /// tune. The unsuitable setting is a finding in either case. If false, only the carrier leaves the antenna, and an
+    /// antenna out of tune receives nothing.
     pub unsuited_modulation_reaches: bool,
-    /// The values of the antenna tuning registers (26, 27) that suit the board's matching network, in a poller and in a
-    /// listener.
+    /// The suitable antenna tuning (26, 27) for the board's matching network, in a poller and in a listener.
     pub tuning: [[u8; 2]; 2],
-    /// The largest deviation from the suitable antenna tuning, in steps, at which the antenna counts as tuned. The
-    /// value is assumed, because it depends on the antenna's quality.
+    /// The largest deviation from the suitable tuning, in steps, with which the antenna is in tune. Assumed.
     pub tuning_tolerance: u8,
-    /// The voltage of another chip's field at the field detector's input, mV. The value is assumed, for a distance of
-    /// some centimetres.
+    /// The voltage of another chip's field at the field detector's input, mV. Assumed for a few centimetres.
     pub field_mv: u16,
 
-    /// Whether the chip is meant to answer. If false, each answer is a finding.
+    /// Whether the chip may answer. If false, each answer is a finding.
     pub answers: bool,
-    /// Whether the end of a poller's transmission unmasks a receiver that D0 has masked. No document that is at hand
-    /// says so, and ST's library always stops the chip (C2) between D0 and a transmission.
+    /// Whether the end of a poller's transmission unmasks a receiver that D0 has masked. No document says so, and ST's
+    /// library always stops the chip (C2) between D0 and a transmission.
     pub transmit_unmasks: bool,
-    /// Whether D1 also clears the FIFO, as a comment in ST's library says (stm32duino/ST25R3916
-    /// `src/rfal_rfst25r3916.cpp`).
+    /// Whether D1 also clears the FIFO, as ST's library says (stm32duino/ST25R3916 `src/rfal_rfst25r3916.cpp`).
     pub unmask_clears_fifo: bool,
 
-    /// Seed of the scatter of the start of transmission: the same seed gives the same instants.
+    /// Seed of the random scatter of the start of transmission.
     pub seed: u64,
-    /// Measured on one chip: mean time from the end of the command byte to the start of the frame on the air, ns. Seven
-    /// NFC-A frames of one recording start 2.71 to 4.59 µs after the last clock edge of C4 to C7 (I_txe less the length
-    /// of the frame; half a clock less from the byte's end); the default is the middle of this range. The values for
-    /// NFC-F and for an answer are inferred from it.
+    /// Mean time from the end of the command byte to the start of the frame on the air, ns. Measured on one chip: seven
+    /// NFC-A frames start 2.71 to 4.59 µs after the last clock edge of C4 to C7. The default is the middle of this
+    /// range, also for NFC-F and answers.
     pub transmit_latency_ns: u64,
-    /// Measured on one chip: scatter of the start of transmission around its mean, peak to peak, uniform, ns; 0 for
-    /// none. In the recordings, frames start up to 2.1 µs apart after the same command (seven of NFC-A within 1.9 µs,
-    /// two equal ones of NFC-V 2.1 µs, two of NFC-B 0.4 µs). The default of 2.3 µs, which is a bit at 424 kbit/s,
-    /// covers these differences. The scatter is limited to twice the mean.
+    /// Scatter of the start of transmission around its mean, peak to peak, uniform, ns; limited to twice the mean.
+    /// Measured on one chip: frames start up to 2.1 µs apart after the same command (NFC-A 1.9 µs in seven frames,
+    /// NFC-V 2.1 µs in two, NFC-B 0.4 µs in two). The default of 2.3 µs, a bit at 424 kbit/s, covers these.
     pub transmit_scatter_ns: u64,
-    /// Measured on one chip: time from the first rising clock edge of the byte that carries an interrupt register to
-    /// the fall of the IRQ pin, ns (recorded: 30 to 32 ns).
+    /// Time from the first rising clock edge of an interrupt register's byte to the fall of the IRQ pin, ns. Measured
+    /// on one chip: 30 to 32 ns.
     pub irq_fall_ns: u64,
-    /// Measured on one chip: time from the field's switch-on to I_apon, ns (three recordings: 2.70 to 2.71 µs).
+    /// Time from the field's switch-on to I_apon, ns. Measured on one chip: 2.70 to 2.71 µs in three recordings.
     pub field_on_latency_ns: u64,
-    /// Measured on one chip: excess of the field-on guard time until I_cat over its setting, ns (three recordings).
+    /// Excess of the time until I_cat over the field-on guard time, ns. Measured on one chip.
     pub guard_extra_ns: u64,
-    /// Measured on one chip: excess of the no-response timer over its setting, ns.
+    /// Excess of the no-response time over its setting, ns. Measured on one chip.
     pub no_response_extra_ns: u64,
-    /// Measured on one chip: time from the end of an NFC-A answer's start of communication to I_rxs, ns.
+    /// Time from the end of an NFC-A answer's start of communication to I_rxs, ns. Measured on one chip.
     pub nfc_a_start_latency_ns: u64,
-    /// Measured on one chip, for an NFC-A answer: time from the end of a byte on the air until the byte is in the FIFO,
-    /// and from the end of the frame to I_rxe, ns.
+    /// Latency of an NFC-A answer's byte until it is in the FIFO, and of its end until I_rxe, ns. Measured on one chip.
     pub nfc_a_latency_ns: u64,
-    /// Assumed to be two bits at 424 kbit/s, for NFC-F: time from the end of the sync to I_rxs, from the end of a byte
-    /// on the air until the byte is in the FIFO, and from the end of the frame to I_rxe, ns.
+    /// Latency of an NFC-F frame's sync until I_rxs, of a byte until it is in the FIFO, and of the end until I_rxe, ns.
+    /// Assumed: two bits at 424 kbit/s.
     pub nfc_f_latency_ns: u64,
-    /// Assumed: time from a change of the external field to the change of the field detector's output, ns.
+    /// Time from a change of the external field to the change of the field detector's output, ns. Assumed.
     pub field_detect_ns: u64,
 
-    /// Assumed: duration of Adjust regulators (D6), ns (data sheet: at most 5 ms; 3 ms is assumed).
+    /// Duration of Adjust regulators (D6), ns. Assumed: 3 ms (data sheet: at most 5 ms).
     pub adjust_regulators_ns: u64,
-    /// Assumed: duration of the RC calibration (EA), ns (1 ms).
+    /// Duration of the RC calibration (EA), ns. Assumed: 1 ms.
     pub rc_calibration_ns: u64,
     /// Duration of the measurement commands D3, D8, D9 and DF, ns (data sheet: 25 µs).
     pub measurement_ns: u64,
-    /// Measured on one chip: value of the regulator display (B2C) after Adjust regulators (D6).
+    /// Value of the regulator display (B2C) after Adjust regulators (D6). Measured on one chip.
     pub regulator_display: u8,
-    /// Measured on one chip: value of the TX driver timing display (B2B).
+    /// Value of the TX driver timing display (B2B). Measured on one chip.
     pub driver_timing_display: u8,
-    /// Measured on one chip: value of the RC calibration display (B39) after an RC calibration (EA).
+    /// Value of the RC calibration display (B39) after an RC calibration (EA). Measured on one chip.
     pub rc_calibration_display: u8,
-    /// Measured on one chip: result of Measure amplitude (D3), A/D steps. The model returns this constant, which is
-    /// reported.
+    /// Constant result of Measure amplitude (D3), A/D steps, whose use is a finding. Measured on one chip.
     pub amplitude: u8,
-    /// Measured on one chip: result of Measure phase (D9), A/D steps. The model returns this constant, which is
-    /// reported.
+    /// Constant result of Measure phase (D9), A/D steps, whose use is a finding. Measured on one chip.
     pub phase: u8,
-    /// Measured on one chip: results of Measure power supply (DF) for the regulated supplies VDD_A, VDD_D, VDD_RF and
-    /// VDD_AM, mV.
+    /// Results of Measure power supply (DF) for VDD_A, VDD_D, VDD_RF and VDD_AM, mV. Measured on one chip.
     pub regulated_mv: [u16; 4],
 }
 
-/// The antenna tuning (26, 27) of the matching networks on ST's expansion boards, poller and listener, by
-/// stm32duino/ST25R3916 `src/rfal_rfst25r3916_analogConfigTbl.h`. `TUNING_B` is for the board with the ST25R3916B,
-/// `TUNING_A` for the board with the ST25R3916.
+/// The antenna tuning (26, 27) of the matching networks on ST's expansion boards, poller and listener
+/// (stm32duino/ST25R3916 `src/rfal_rfst25r3916_analogConfigTbl.h`). `TUNING_B` is that of the board with the
+/// ST25R3916B, `TUNING_A` that of the board with the ST25R3916.
 const TUNING_B: [[u8; 2]; 2] = [[0xC5, 0xE3], [0x00, 0x00]];
 const TUNING_A: [[u8; 2]; 2] = [[0x82, 0x82], [0x00, 0xFF]];
 
 impl Config {
-    /// Returns the configuration of an ST25R3916, the other variant, on its own expansion board.
+    /// Returns the configuration of an ST25R3916 on its own expansion board.
     #[must_use]
     pub fn st25r3916() -> Self {
         Self { variant: Variant::St25r3916, tuning: TUNING_A, ..Self::default() }

@@ -1,5 +1,4 @@
-//! The common base of the chip's parts: configuration, time, power and oscillator, registers, interrupts, deadlines,
-//! and the lists of findings and of events that the chip puts on the air.
+//! The common base of the chip's modules.
 
 use crate::clock::Clock;
 use crate::config::Config;
@@ -19,16 +18,14 @@ pub struct Statistics {
     pub received: u64,
     /// Received frames with a CRC error.
     pub crc_errors: u64,
-    /// Frames that broke off while the chip received them.
+    /// Frames that broke off during their reception.
     pub broken: u64,
-    /// Frames that the receiver did not accept, for example because it was masked or off, or set to another mode or
-    /// rate.
+    /// Frames that the receiver did not accept, for example because it was masked, off, or set to another mode or rate.
     pub missed: u64,
-    /// Frames that began while bytes of the frame before were unread in the FIFO, so that these bytes were lost.
+    /// Frames that began while the FIFO still held unread bytes of the frame before. Those bytes were lost.
     pub overwritten: u64,
 }
 
-/// The state that all parts of the chip share.
 #[derive(Clone, Debug)]
 pub(crate) struct Core {
     config: Config,
@@ -38,7 +35,6 @@ pub(crate) struct Core {
     oscillator: bool,
     registers: Registers,
     interrupts: Interrupts,
-    /// Interrupt bits that a fault keeps from being set.
     withheld: u32,
     schedule: Schedule,
     /// The random generator for everything that scatters on silicon.
@@ -49,7 +45,6 @@ pub(crate) struct Core {
 }
 
 impl Core {
-    /// Returns the shared state of a chip that is powered from time 0, with its registers at their reset values.
     pub(crate) fn new(config: Config) -> Self {
         Self {
             clock: Clock::new(config.crystal_ppb),
@@ -76,23 +71,19 @@ impl Core {
         self.clock
     }
 
-    /// Returns a uniformly distributed random number from 0 to `most`.
     pub(crate) fn scatter(&mut self, most: u64) -> u64 {
         self.rng.up_to(most)
     }
-
-    // --- time ---
 
     pub(crate) fn now(&self) -> u64 {
         self.now
     }
 
-    /// Advances the chip's time to `now`, unless the chip's time is later already.
     pub(crate) fn reach(&mut self, now: u64) {
         self.now = self.now.max(now);
     }
 
-    /// Removes and returns the first deadline that is not after `now`, and advances the chip's time to that deadline.
+    /// Removes the first deadline that is not after `now` and advances the chip's time to it.
     pub(crate) fn take_due(&mut self, now: u64) -> Option<Due> {
         let (at, what) = self.schedule.take(now)?;
         self.reach(at);
@@ -119,8 +110,6 @@ impl Core {
         self.schedule.running(what)
     }
 
-    // --- power and oscillator ---
-
     pub(crate) fn powered(&self) -> bool {
         self.powered
     }
@@ -130,7 +119,6 @@ impl Core {
         self.pin_follows();
     }
 
-    /// Whether the oscillator is stable.
     pub(crate) fn oscillator(&self) -> bool {
         self.oscillator
     }
@@ -139,7 +127,7 @@ impl Core {
         self.oscillator = stable;
     }
 
-    /// Resets registers, interrupts and oscillator as after power-up (Set default). The IRQ pin is not updated here.
+    /// Gives registers, interrupts and oscillator their state after power-up, but does not update the IRQ pin.
     pub(crate) fn set_default(&mut self) {
         self.registers.reset();
         self.registers.set(Space::B, reg::B_DRIVER_TIMING as u8, self.config.driver_timing_display);
@@ -147,12 +135,9 @@ impl Core {
         self.oscillator = false;
     }
 
-    /// Cancels every deadline of the chip.
     pub(crate) fn cancel_all(&mut self) {
         self.schedule = Schedule::new();
     }
-
-    // --- registers ---
 
     pub(crate) fn registers(&self) -> &Registers {
         &self.registers
@@ -162,7 +147,6 @@ impl Core {
         &mut self.registers
     }
 
-    /// Returns the value of register `i` in register space A.
     pub(crate) fn a(&self, i: usize) -> u8 {
         self.registers.a(i)
     }
@@ -171,32 +155,27 @@ impl Core {
         self.registers.set(Space::A, i as u8, value);
     }
 
-    /// Whether all of `bits` are set in the operation control register (02).
     pub(crate) fn operates(&self, bits: u8) -> bool {
         self.a(reg::OPERATION) & bits == bits
     }
 
-    /// Whether en (02, bit 7) is set, so that the oscillator must run.
     pub(crate) fn enabled(&self) -> bool {
         self.operates(EN)
     }
 
-    /// Whether the mode register (03) makes the chip a target (listener).
     pub(crate) fn target(&self) -> bool {
         self.a(reg::MODE) & TARGET != 0
     }
 
-    /// Returns the operation mode om (03, bits 6:3).
+    /// Returns om (03, bits 6:3), the operation mode.
     pub(crate) fn operation_mode(&self) -> u8 {
         (self.a(reg::MODE) >> 3) & 0x0F
     }
 
-    /// Whether the load modulator is connected: lm_ext or lm_dri (B28).
+    /// Whether lm_ext or lm_dri (B28) connects the load modulator.
     pub(crate) fn load_modulator(&self) -> bool {
         self.registers.b(reg::B_AUX_MOD) & 0x30 != 0
     }
-
-    // --- interrupts ---
 
     pub(crate) fn interrupts(&self) -> &Interrupts {
         &self.interrupts
@@ -206,12 +185,11 @@ impl Core {
         &mut self.interrupts
     }
 
-    /// Returns the interrupt bits that may drive the IRQ pin: those that are not masked, and none without a supply.
+    /// Returns the interrupt bits that are not masked; none without a supply.
     fn unmasked(&self) -> u32 {
         if self.powered { !self.registers.interrupt_mask() } else { 0 }
     }
 
-    /// Returns the level of the IRQ pin; true is high.
     pub(crate) fn irq(&self) -> bool {
         self.interrupts.pending() & self.unmasked() != 0
     }
@@ -221,36 +199,31 @@ impl Core {
         self.interrupts.raise(bits & !self.withheld, unmasked, self.now);
     }
 
-    /// Clears the interrupt bits `bits`, which the controller read at `at`, perhaps slightly in the past.
     pub(crate) fn interrupts_were_read(&mut self, bits: u32, at: u64) {
         let unmasked = self.unmasked();
         self.interrupts.were_read(bits, unmasked, at);
     }
 
-    /// Flips the interrupt bits `bits`, as a fault.
     pub(crate) fn flip_interrupts(&mut self, bits: u32) {
         let unmasked = self.unmasked();
         self.interrupts.flip(bits, unmasked, self.now);
     }
 
-    /// Keeps the interrupt bits `bits`, and no others, from being set from now on. Bits that are set already stay set.
+    /// Keeps `bits`, and no others, from being set from now on. Bits that are set stay set.
     pub(crate) fn withhold(&mut self, bits: u32) {
         self.withheld = bits;
     }
 
-    /// Clears every interrupt bit.
     pub(crate) fn clear_interrupts(&mut self) {
         self.interrupts.clear();
         self.pin_follows();
     }
 
-    /// Updates the IRQ pin after a change of an interrupt mask, the supply or the pending interrupt bits.
+    /// Updates the IRQ pin after a change of a mask, the supply or the pending interrupt bits.
     pub(crate) fn pin_follows(&mut self) {
         let unmasked = self.unmasked();
         self.interrupts.follows(unmasked, self.now);
     }
-
-    // --- emissions of the chip ---
 
     pub(crate) fn note(&mut self, kind: Kind) {
         self.reports.note(self.now, kind);

@@ -1,7 +1,7 @@
 //! The events on the air: the carrier and its frames.
 //!
-//! A frame consists of a start event, events with further bytes if the frame grows while it is sent, and an end event.
-//! Each event has its instant in virtual ns.
+//! A frame is a start event, events with further bytes if the sender does not know all bytes at the start, and an end
+//! event. Each event has its instant in virtual ns.
 
 use crate::clock::{bits_in, bits_ns};
 
@@ -17,45 +17,41 @@ pub enum Technology {
 /// Bytes on the air, in order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Chunk {
-    /// The bytes as they are received. In NFC-F they are LEN, payload and CRC-16.
+    /// The bytes in their order on the air, in NFC-F with LEN and CRC-16.
     pub data: Vec<u8>,
     /// Whether a parity bit of the chunk's bytes is wrong (NFC-A only).
     pub parity_error: bool,
 }
 
-/// The start of a frame. The event's instant is the frame's first preamble bit (NFC-F) or its start of communication
-/// (NFC-A).
+/// The start of a frame, at its first preamble bit (NFC-F) or its start of communication (NFC-A).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameStart {
-    /// The technology, which determines the coding of the frame.
+    /// The coding and modulation of the frame.
     pub technology: Technology,
     /// The frame's nominal bit rate, bit/s.
     pub bits_per_second: u32,
-    /// The duration of one bit by the crystal of the sender, attoseconds (10⁻¹⁸ s).
+    /// The duration of a bit by the sender's crystal, attoseconds (10⁻¹⁸ s).
     pub bit_as: u64,
     /// The number of bits on the air before the frame's first data bit.
     pub header_bits: u32,
-    /// The number of bits that a byte takes on the air: 8, or 9 with parity.
+    /// The number of bits on the air for each byte: 8, or 9 with parity.
     pub byte_bits: u32,
     /// Whether the frame is an answer, which a listener sends by load modulation.
     pub load_modulation: bool,
-    /// The bytes of the frame that are known when the frame starts, usually all of them.
+    /// The bytes of the frame that are known at its start, usually all.
     pub chunk: Chunk,
 }
 
 impl FrameStart {
-    /// Returns the time from the frame's first bit to the first bit of the frame's byte `i`, ns.
     pub(crate) fn until_byte(&self, i: usize) -> u64 {
         self.until_bit(8 * i as u64)
     }
 
-    /// Returns the time from the frame's first bit to data bit `bit` of the frame, counted in the order of the air, ns.
     pub(crate) fn until_bit(&self, bit: u64) -> u64 {
         let air = u64::from(self.header_bits) + bit / 8 * u64::from(self.byte_bits) + bit % 8;
         bits_ns(air, self.bit_as)
     }
 
-    /// Returns the number of the frame's data bits that have passed `ns` after its first bit.
     pub(crate) fn data_bits_in(&self, ns: u64) -> u64 {
         let air = bits_in(ns, self.bit_as).saturating_sub(u64::from(self.header_bits));
         let per = u64::from(self.byte_bits.max(1));
@@ -72,12 +68,11 @@ pub enum AirEvent {
     FieldOff,
     /// A frame begins.
     FrameStart(FrameStart),
-    /// Further bytes of the frame on the air, passed on no later than their first bit is due.
+    /// Further bytes of the frame on the air. The event comes no later than their first bit.
     Bytes(Chunk),
-    /// The frame ends; the event's instant is the end of its last bit.
+    /// The frame ends. The instant of the event is the end of the last bit.
     FrameEnd {
-        /// The number of data bits after the header, without parity bits. It is smaller than the announced bytes
-        /// require when the frame broke off.
+        /// The number of data bits after the header, without parity bits, which is too small if the frame broke off.
         bits: u32,
     },
 }

@@ -23,42 +23,34 @@ use crate::registers::{EN, EN_FD, TX_EN, reg};
 use crate::report::Kind;
 use crate::schedule::Due;
 
-/// The voltages that the field detector's input needs, mV. Bits 6:4 of 2A select the one at which a field is detected,
-/// and bits 6:4 of 2B the one at which it stays detected.
+/// The thresholds of the field detector, mV, to detect a field (2A, bits 6:4) and to keep it detected (2B, bits 6:4).
 const THRESHOLDS_MV: [u16; 8] = [75, 105, 150, 205, 290, 400, 560, 800];
 
-/// The carriers that the chip makes and detects.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Field {
     own: bool,
-    /// Whether there is an external carrier, detected or not.
     outside: bool,
-    /// The output of the external field detector.
     detected: bool,
 }
 
 impl Field {
-    /// Whether the chip's own carrier is on.
     pub(crate) fn own(&self) -> bool {
         self.own
     }
 
-    /// Whether there is an external carrier, detected or not.
     pub(crate) fn outside(&self) -> bool {
         self.outside
     }
 
-    /// Whether the field detector detects an external carrier.
     pub(crate) fn detected(&self) -> bool {
         self.detected
     }
 
-    /// Whether the chip's own carrier must be on: the oscillator and the transmitter are on.
+    /// Whether the oscillator and the transmitter are on, so that the chip's carrier must be on.
     pub(crate) fn wanted(core: &Core) -> bool {
         core.powered() && core.oscillator() && core.operates(EN | TX_EN)
     }
 
-    /// Switches the chip's own carrier on or off.
     pub(crate) fn switch(&mut self, core: &mut Core, on: bool) {
         self.own = on;
         if on {
@@ -70,13 +62,11 @@ impl Field {
         }
     }
 
-    /// Records that an external carrier was switched on or off.
     pub(crate) fn outside_is(&mut self, core: &mut Core, on: bool) {
         self.outside = on;
         self.look(core);
     }
 
-    /// Resets the field detector to its state with no carrier detected.
     pub(crate) fn forget(&mut self) {
         self.detected = false;
     }
@@ -85,7 +75,7 @@ impl Field {
         let threshold = |i: usize| THRESHOLDS_MV[usize::from(core.a(i) >> 4 & 7)];
         let needed =
             if self.detected { threshold(reg::FIELD_OFF_THRESHOLD) } else { threshold(reg::FIELD_ON_THRESHOLD) };
-        // While the chip's own field is on, the detector cannot detect another field.
+        // The chip's own field keeps the detector from detecting another one.
         core.powered()
             && self.outside
             && core.config().field_mv >= needed
@@ -93,7 +83,7 @@ impl Field {
             && core.a(reg::OPERATION) & EN_FD != 0
     }
 
-    /// Reports a finding if the field detector is enabled and its lower threshold is not below its upper one.
+    /// Reports a finding if the enabled field detector's lower threshold is not below its upper one.
     pub(crate) fn has_hysteresis(core: &mut Core) {
         let (on, off) = (core.a(reg::FIELD_ON_THRESHOLD), core.a(reg::FIELD_OFF_THRESHOLD));
         if core.a(reg::OPERATION) & EN_FD != 0 && on >> 4 & 7 <= off >> 4 & 7 {
@@ -101,7 +91,7 @@ impl Field {
         }
     }
 
-    /// Starts the field detector's delay if the detector's output must change, and otherwise cancels the delay.
+    /// Starts the field detector's delay if its output must change, and cancels the delay otherwise.
     pub(crate) fn look(&mut self, core: &mut Core) {
         if self.sees(core) == self.detected {
             core.cancel(Due::FieldDetect);
@@ -111,7 +101,6 @@ impl Field {
         }
     }
 
-    /// Updates the field detector's output at the end of the detector's delay.
     pub(crate) fn detect(&mut self, core: &mut Core) {
         let sees = self.sees(core);
         if sees != self.detected {
@@ -123,9 +112,7 @@ impl Field {
         }
     }
 
-    /// Carries out NFC initial field on (C8): the chip listens for a foreign field during T_IDT + n T_RFW (4096 + n 512
-    /// carrier cycles) and then switches its own field on. If the detector detects a foreign field at the start of this
-    /// window or at any instant of it, the command ends without switching the field on.
+    /// Carries out NFC initial field on (C8) if no foreign field is detected within 4096 + n · 512 carrier cycles.
     pub(crate) fn initial_on(&self, core: &mut Core) {
         if core.a(reg::OPERATION) & EN_FD == 0 {
             core.note(Kind::CollisionAvoidanceBlind);
@@ -139,14 +126,12 @@ impl Field {
     }
 }
 
-/// Ends collision avoidance because of a foreign field.
 fn avoided(core: &mut Core) {
     core.cancel(Due::FieldOn);
     core.raise(irq::CAC);
 }
 
-/// Schedules I_apon and the end of the guard time (I_cat), after collision avoidance has switched the chip's own field
-/// on.
+/// Plans I_apon and I_cat, the end of the guard time, after collision avoidance has switched the field on.
 pub(crate) fn start_guard(core: &mut Core) {
     let apon = core.config().field_on_latency_ns;
     core.plan_in(Due::Apon, apon);

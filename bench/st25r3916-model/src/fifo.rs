@@ -1,6 +1,5 @@
 //! The 512-byte FIFO (DS13541, FIFO): one ring for both directions, with sticky underflow and overflow flags.
 
-/// The number of bytes that the FIFO can hold.
 pub(crate) const CAPACITY: usize = 512;
 
 #[derive(Clone, Debug)]
@@ -12,7 +11,7 @@ pub(crate) struct Fifo {
     pub(crate) underflow: bool,
     /// The overflow flag, fifo_ovr (1F, bit 4).
     pub(crate) overflow: bool,
-    /// The number of bits in the last byte, 0 when that byte is whole: fifo_lb (1F, bits 3:1).
+    /// The number of bits in an incomplete last byte, or 0: fifo_lb (1F, bits 3:1).
     pub(crate) last_bits: u8,
 }
 
@@ -37,17 +36,15 @@ impl Fifo {
         self.len
     }
 
-    /// Returns the byte at position `i` from the front of the FIFO, counted from 0.
     pub(crate) fn peek(&self, i: usize) -> Option<u8> {
         (i < self.len).then(|| self.ring[(self.head + i) % CAPACITY])
     }
 
-    /// Returns up to `n` bytes from the front of the FIFO, without removing them.
     pub(crate) fn front(&self, n: usize) -> Vec<u8> {
         (0..n.min(self.len)).filter_map(|i| self.peek(i)).collect()
     }
 
-    /// Appends a byte to the FIFO and returns true; returns false and sets the overflow flag when the FIFO is full.
+    /// Appends a byte. Returns false and sets the overflow flag if the FIFO is full.
     pub(crate) fn push(&mut self, byte: u8) -> bool {
         if self.len == CAPACITY {
             self.overflow = true;
@@ -58,7 +55,6 @@ impl Fifo {
         true
     }
 
-    /// Removes up to `n` bytes from the front of the FIFO.
     pub(crate) fn drop_front(&mut self, n: usize) {
         let n = n.min(self.len);
         self.head = (self.head + n) % CAPACITY;

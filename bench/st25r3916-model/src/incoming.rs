@@ -1,30 +1,26 @@
-//! A frame being received, from its first bit on: its bytes, and the arithmetic of their instants.
+//! A frame that is being received: its bytes and their instants.
 //!
-//! The reception of an NFC-F frame ends when LEN + 2 bytes have arrived, or when the signal ends. No document says
-//! which of the two counts when they disagree; the model takes whichever comes first.
+//! The reception of an NFC-F frame ends when LEN + 2 bytes have arrived or the signal ends, whichever comes first. No
+//! document says which of the two counts on silicon.
 
 use crate::clock::{bits_in, bits_ns};
 use crate::event::{Chunk, FrameStart, Technology};
 
-/// A frame being received.
 #[derive(Clone, Debug)]
 pub(crate) struct Incoming {
     pub(crate) frame: FrameStart,
     start: u64,
     /// Whether the receiver has accepted the frame and raised I_rxs.
     pub(crate) locked: bool,
-    /// The number of the frame's bytes that were put into the FIFO.
     deposited: usize,
-    /// When the frame's next byte reaches the FIFO, ns.
     next_byte: u64,
-    /// When the frame's signal ended, ns, and the number of data bits until then; `None` before the end.
+    /// The instant at which the signal ended, ns, and the number of data bits up to then; `None` before the end.
     ended: Option<(u64, u32)>,
     latency: u64,
 }
 
 impl Incoming {
-    /// Returns a frame whose first bit was on the air at `start`, ns. Each of its bytes reaches the FIFO `latency` ns
-    /// after the byte's last bit.
+    /// Returns a frame whose first bit was at `start`, ns. Bytes reach the FIFO `latency` ns after their end.
     pub(crate) fn new(frame: FrameStart, start: u64, latency: u64) -> Self {
         Self { frame, start, locked: false, deposited: 0, next_byte: 0, ended: None, latency }
     }
@@ -34,13 +30,12 @@ impl Incoming {
         self.start.saturating_add(bits_ns(bits, self.frame.bit_as))
     }
 
-    /// Returns the instant at which the frame's sync (NFC-F) or start of communication (NFC-A) has ended, ns.
+    /// Returns the instant at which the sync (NFC-F) or the start of communication (NFC-A) ended, ns.
     pub(crate) fn header_end(&self) -> u64 {
         self.instant(0)
     }
 
-    /// Returns the instant at which the frame's sync (NFC-F) or start of communication (NFC-A) began, ns. The decoder
-    /// must have been running by then.
+    /// Returns the instant, ns, from which the decoder must run to receive the frame.
     pub(crate) fn sync_start(&self) -> u64 {
         let bits = match self.frame.technology {
             Technology::NfcF => self.frame.header_bits.saturating_sub(16),
@@ -49,20 +44,17 @@ impl Incoming {
         self.start.saturating_add(bits_ns(u64::from(bits), self.frame.bit_as))
     }
 
-    /// Whether the frame's signal has ended.
     pub(crate) fn has_ended(&self) -> bool {
         self.ended.is_some()
     }
 
-    /// Appends further bytes of the frame, which the sender has put on the air.
     pub(crate) fn more(&mut self, chunk: &Chunk) {
         self.frame.chunk.data.extend_from_slice(&chunk.data);
         self.frame.chunk.parity_error |= chunk.parity_error;
         self.next_byte = 0;
     }
 
-    /// Records that the frame's signal ended at `at`, after `bits` data bits. The last byte may have fewer than eight
-    /// bits; its missing bits are set to 0.
+    /// Records that the signal ended at `at` after `bits` data bits. An incomplete last byte is filled with zero bits.
     pub(crate) fn ends(&mut self, at: u64, bits: u32) {
         self.ended = Some((at, bits));
         let data = &mut self.frame.chunk.data;
@@ -77,8 +69,7 @@ impl Incoming {
         }
     }
 
-    /// Records that the frame's signal was lost at `at`, at any point of the frame. Returns false when the loss came
-    /// before the end of the header, so that the receiver does not detect the frame.
+    /// Records a loss of the signal at `at`. Returns false if the header had not ended, so that no frame is detected.
     pub(crate) fn stops(&mut self, at: u64) -> bool {
         let air = bits_in(at.saturating_sub(self.start), self.frame.bit_as);
         if !self.locked && air < u64::from(self.frame.header_bits) {
@@ -91,8 +82,7 @@ impl Incoming {
         true
     }
 
-    /// Returns the number of bytes, including the CRC, that an NFC-F frame announces by its LEN; `None` for NFC-A,
-    /// which has no LEN.
+    /// Returns the number of bytes, CRC included, that LEN of an NFC-F frame announces; `None` for NFC-A.
     fn limit(&self) -> Option<usize> {
         match self.frame.technology {
             Technology::NfcF => self.frame.chunk.data.first().map(|&len| usize::from(len.max(1)) + 2),
@@ -100,18 +90,17 @@ impl Incoming {
         }
     }
 
-    /// Returns the number of the frame's known bytes that may reach the FIFO: in NFC-F no more than LEN announces.
+    /// Returns the number of known bytes that may reach the FIFO, in NFC-F at most those that LEN announces.
     fn available(&self) -> usize {
         let n = self.frame.chunk.data.len();
         self.limit().map_or(n, |l| n.min(l))
     }
 
-    /// Returns the frame's known bytes that may reach the FIFO.
     pub(crate) fn data(&self) -> &[u8] {
         &self.frame.chunk.data[..self.available()]
     }
 
-    /// Whether every byte that the frame announces was received. An NFC-A frame is complete when its signal has ended.
+    /// Whether every announced byte was received. An NFC-A frame is complete when its signal has ended.
     pub(crate) fn whole(&self) -> bool {
         match (self.limit(), self.ended) {
             (Some(limit), None) => self.frame.chunk.data.len() >= limit,
@@ -120,19 +109,16 @@ impl Incoming {
         }
     }
 
-    /// Returns the number of bits in the frame's last byte if that byte is incomplete, and otherwise 0. The data sheet
-    /// specifies this value (fifo_lb) for every technology, and ST's own driver (RFAL) reads it in the same way for
-    /// all.
+    /// Returns fifo_lb, the bits in an incomplete last byte, or 0. ST's driver (RFAL) reads it for every technology.
     pub(crate) fn last_bits(&self) -> u8 {
         match self.ended {
-            // Bits after the last byte that LEN announces are ignored.
+            // Bits after the bytes that LEN announces are ignored.
             Some((_, bits)) if (bits as usize).div_ceil(8) <= self.available() => (bits % 8) as u8,
             _ => 0,
         }
     }
 
-    /// Returns the instant at which the receiver has completed the frame, ns; `None` while the end of the frame is not
-    /// known.
+    /// Returns the instant at which the receiver has completed the frame, ns; `None` while the end is not known.
     pub(crate) fn done_at(&self) -> Option<u64> {
         let end = match (self.whole(), self.limit(), self.ended) {
             (true, Some(limit), _) => self.instant(limit),
@@ -142,15 +128,13 @@ impl Incoming {
         Some(end.saturating_add(self.latency))
     }
 
-    /// Returns the instant at which this frame fills the FIFO, which holds `level` bytes now, to `full` bytes; `None`
-    /// when the part of the frame that is known so far is too short.
+    /// Returns the instant at which this frame fills the FIFO from `level` to `full` bytes, ns, if it does.
     pub(crate) fn reaches(&self, full: usize, level: usize) -> Option<u64> {
         let byte = self.deposited + full.checked_sub(level)?;
         (self.locked && byte <= self.available()).then(|| self.instant(byte).saturating_add(self.latency))
     }
 
-    /// Returns the number of the frame's bytes that have become due for the FIFO since the last call of
-    /// [`Incoming::take_due`].
+    /// Returns the number of bytes that have become due for the FIFO since the last call of [`Incoming::take_due`].
     pub(crate) fn due(&self, now: u64) -> usize {
         if !self.locked || now < self.next_byte {
             return 0;
@@ -162,7 +146,6 @@ impl Incoming {
         usize::try_from(bytes).unwrap_or(usize::MAX).clamp(self.deposited, most) - self.deposited
     }
 
-    /// Returns the frame's bytes that have become due for the FIFO since the last call.
     pub(crate) fn take_due(&mut self, now: u64) -> &[u8] {
         let (from, due) = (self.deposited, self.due(now));
         if due != 0 {
@@ -172,8 +155,7 @@ impl Incoming {
         &self.frame.chunk.data[from..from + due]
     }
 
-    /// Returns the frame's remaining bytes for the FIFO at the end of reception. Because instants are rounded to
-    /// nanoseconds, the last byte may not have become due by then.
+    /// Returns the bytes that remain at the end of reception. Rounding to nanoseconds may make the last byte late.
     pub(crate) fn take_rest(&mut self) -> &[u8] {
         let from = self.deposited;
         self.deposited = self.available().max(from);

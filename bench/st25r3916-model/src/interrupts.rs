@@ -1,23 +1,22 @@
-//! Interrupts: the pending bits, and the IRQ pin with its level and the exact instants of its changes.
+//! Interrupts: the pending bits, and the IRQ pin with the exact instants of its changes.
 //!
-//! The bus is modelled byte by byte, but the IRQ pin with exact instants. Reading an interrupt register clears it at
-//! the first rising clock edge of the byte that carries its value, and the pin falls there, not at the byte's end. Four
-//! recordings of silicon (public repository hydrabus/st25r3916_decoder_dumps_sigrok, 2 ns resolution, 10.5 MHz clock)
-//! show the fall 30 to 32 ns after that edge and 682 to 684 ns before the byte's last edge, in 38 of 38 reads.
+//! A read of an interrupt register clears it, and lets the pin fall, at the first rising clock edge of the byte with
+//! its value. Four recordings of silicon (public repository hydrabus/st25r3916_decoder_dumps_sigrok, 2 ns resolution,
+//! 10.5 MHz clock) show the fall 30 to 32 ns after that edge and 682 to 684 ns before the byte's last edge, in 38 of 38
+//! reads.
 //!
-//! The chip receives a byte at the byte's end, so it reports a fall of the pin after the fall has happened:
-//! [`Chip::take_irq_edges`](crate::Chip::take_irq_edges) gives every change with its own instant, and
-//! [`Chip::irq_since`](crate::Chip::irq_since) gives the instant of the last one.
+//! The model receives a byte only at the byte's end, so it reports a fall of the pin afterwards.
+//! [`Chip::take_irq_edges`](crate::Chip::take_irq_edges) gives every change with its exact instant, and
+//! [`Chip::irq_since`](crate::Chip::irq_since) the instant of the last one.
 //!
 //! | left out | why |
 //! |---|---|
-//! | [`Chip::irq`](crate::Chip::irq) between the first rising edge of such a byte and its | the byte is not known |
-//! | end: still high | until it ends |
+//! | [`Chip::irq`](crate::Chip::irq) within such a byte: high until the byte's end | the byte is not known |
 //! | the pin's rise time, and its delay after an internal event | below 50 ns; part of each event's measured latency |
 
 use std::collections::VecDeque;
 
-/// The interrupt bits as one word, in which register 1A is the lowest byte and 1D the highest.
+/// The interrupt bits as one word: register 1A is the lowest byte, 1D the highest.
 pub(crate) mod irq {
     pub(crate) const OSC: u32 = 0x80;
     pub(crate) const WL: u32 = 0x40;
@@ -44,12 +43,12 @@ pub(crate) mod irq {
 /// Interrupts that a fault of the chip keeps from being raised.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Withheld {
-    /// No interrupt is withheld; the chip is sound.
+    /// None; the chip is sound.
     #[default]
     None,
-    /// The interrupts at the end of a frame, received (I_rxe) or sent (I_txe), are withheld.
+    /// Those at the end of a received (I_rxe) or sent (I_txe) frame.
     FrameEnds,
-    /// Every interrupt is withheld.
+    /// All.
     All,
 }
 
@@ -63,30 +62,26 @@ impl Withheld {
     }
 }
 
-/// The largest number of changes of the IRQ pin that are kept until they are taken; older changes are dropped.
+/// The largest number of IRQ changes that are kept; older ones are dropped.
 const KEPT: usize = 64;
 
 /// A change of the IRQ pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IrqEdge {
-    /// When the IRQ pin changed, virtual ns. The instant is not before the previous edge, and at most the length of one
-    /// SPI byte before the call that caused the change.
+    /// The instant of the change, virtual ns. It may be before the call that caused the change by up to one SPI byte.
     pub at_ns: u64,
-    /// The level of the IRQ pin after the change: true is high, which means that an unmasked interrupt is pending.
+    /// The level after the change. High (`true`) means that an unmasked interrupt is pending.
     pub level: bool,
 }
 
-/// The pending interrupt bits, and the IRQ pin with its recent changes. The parameter `enabled` of the methods has the
-/// interrupt bits that may drive the pin.
+/// The pending interrupt bits and the IRQ pin. The parameter `enabled` masks the bits that may drive the pin.
 #[derive(Clone, Debug)]
 pub(crate) struct Interrupts {
     pending: u32,
     level: bool,
     since: u64,
-    /// The instant at which each interrupt bit was last set, ns.
     raised: [u64; 32],
     edges: VecDeque<IrqEdge>,
-    /// The level of the IRQ pin that [`Interrupts::take_change`] last returned.
     told: Option<bool>,
 }
 
@@ -96,12 +91,10 @@ impl Interrupts {
         Self { pending: 0, level: false, since: 0, raised: [0; 32], edges, told: None }
     }
 
-    /// Returns the interrupt bits that were set and have not been read.
     pub(crate) fn pending(&self) -> u32 {
         self.pending
     }
 
-    /// Sets the interrupt bits `bits` at `at`.
     pub(crate) fn raise(&mut self, bits: u32, enabled: u32, at: u64) {
         let mut left = bits & !self.pending;
         while left != 0 {
@@ -112,24 +105,22 @@ impl Interrupts {
         self.follows(enabled, at);
     }
 
-    /// Clears all interrupt bits. The IRQ pin is not updated here.
+    /// Clears all interrupt bits. The caller must update the IRQ pin.
     pub(crate) fn clear(&mut self) {
         self.pending = 0;
     }
 
-    /// Flips the interrupt bits `bits` at `at`, as a fault.
     pub(crate) fn flip(&mut self, bits: u32, enabled: u32, at: u64) {
         let cleared = bits & self.pending;
         self.pending &= !cleared;
         self.raise(bits & !cleared, enabled, at);
     }
 
-    /// Updates the IRQ pin at `at` to the level that the pending interrupt bits require.
     pub(crate) fn follows(&mut self, enabled: u32, at: u64) {
         self.becomes(self.pending & enabled != 0, at);
     }
 
-    /// Clears the interrupt bits `bits`, which the controller read at `at`, perhaps slightly in the past.
+    /// Clears `bits`, which the controller read at `at`. The instant may be slightly in the past.
     pub(crate) fn were_read(&mut self, bits: u32, enabled: u32, at: u64) {
         self.pending &= !bits;
         let left = self.pending & enabled;
@@ -144,7 +135,6 @@ impl Interrupts {
         }
     }
 
-    /// Sets the level of the IRQ pin from `at` on.
     fn becomes(&mut self, level: bool, at: u64) {
         if level == self.level {
             return;
@@ -158,22 +148,19 @@ impl Interrupts {
         self.edges.push_back(IrqEdge { at_ns, level });
     }
 
-    /// Returns the instant since which the IRQ pin has had its present level, virtual ns.
     pub(crate) fn since(&self) -> u64 {
         self.since
     }
 
-    /// Returns the changes of the IRQ pin since the last call.
     pub(crate) fn take_edges(&mut self) -> impl Iterator<Item = IrqEdge> + '_ {
         self.edges.drain(..)
     }
 
-    /// Whether the IRQ pin has changes that were not taken yet.
     pub(crate) fn has_edges(&self) -> bool {
         !self.edges.is_empty()
     }
 
-    /// Returns the level of the IRQ pin, if it differs from the level that the previous call returned.
+    /// Returns the level of the IRQ pin if it differs from the one that the last call returned.
     pub(crate) fn take_change(&mut self) -> Option<bool> {
         let level = self.level;
         (self.told.replace(level) != Some(level)).then_some(level)

@@ -2,28 +2,25 @@
 //! the air, virtual time.
 //!
 //! The model needs no microcontroller. A bench passes bytes and instants to a chip and reads its IRQ pin; two chips
-//! face each other through [`Air`]. A chip behaves as the data sheet specifies, also when misused: everything that the
-//! model does not cover, and everything that the data sheet does not allow, is in [`Chip::reports`] with its first
-//! instant and count, and is never silently zero. Where the documents are silent or contradict themselves, [`Config`]
-//! has a switch or a measured value; this crate's tests replay two recordings of silicon against the model.
+//! face each other through [`Air`]. Every use that the model does not cover or that the data sheet does not allow is a
+//! finding in [`Chip::reports`], with its first instant and its count. Where the documents are silent or contradict
+//! themselves, [`Config`] has a switch or a measured value. This crate's tests replay two recordings of silicon.
 //!
 //! # Use
 //!
-//! Time is `u64` nanoseconds and does not go back. Before reading [`Chip::irq`] at an instant,
-//! [`advance`](Chip::advance) the chip to that instant; a bench with nothing to do may skip to
-//! [`next_event`](Chip::next_event). [`Chip::transfer`] transfers one byte and is called with the instant at which the
-//! byte's last clock ends: register values and FIFO bytes are read at the end of the byte before, as on silicon, and
-//! writes take effect at the end of their own byte. One effect comes earlier: reading an interrupt register moves the
-//! IRQ pin at the first clock edge of the byte read. [`Chip::take_irq_edges`] gives the pin's changes with their own
-//! instants, [`Chip::irq_since`] the instant of the last one. Between events a chip costs no time, and a byte costs a
-//! few nanoseconds and no allocation; a frame allocates a few times.
+//! Time is `u64` nanoseconds and does not go back. [`advance`](Chip::advance) a chip to an instant before reading
+//! [`Chip::irq`] at that instant. A bench may skip to [`next_event`](Chip::next_event). [`Chip::transfer`] transfers
+//! one byte and is called with the instant at which the byte's last clock ends. The value of a read is taken at the end
+//! of the byte before, as on silicon, and a write takes effect at the end of its own byte. Only the IRQ pin falls
+//! earlier, at the first clock edge of the byte that reads an interrupt register: see [`Chip::take_irq_edges`] and
+//! [`Chip::irq_since`].
 //!
-//! Two chips may be advanced alternately in steps of up to a microsecond: an air event that lies slightly before the
-//! receiving chip's time keeps its own instant for the arithmetic of its bits, and receiver latencies (several
-//! microseconds) cover the difference.
+//! Two chips may be advanced alternately in steps of up to a microsecond. An event slightly before the receiving chip's
+//! time keeps its own instant for the timing of its bits, and the receiver's latency of several microseconds covers the
+//! difference.
 //!
-//! The start of a transmission scatters, as on silicon, by the generator that [`Config::seed`] seeds: two chips of one
-//! bench need different seeds. A test that needs exact instants sets [`Config::transmit_scatter_ns`] to 0.
+//! The start of a transmission scatters at random, as on silicon. Two chips of one bench therefore need different
+//! values of [`Config::seed`]. A test that needs exact instants sets [`Config::transmit_scatter_ns`] to 0.
 //!
 //! ```
 //! use st25r3916_model::{Chip, Config};
@@ -44,16 +41,15 @@
 //!
 //! # Modules
 //!
-//! Each module's documentation starts with what the module covers, by data sheet section, and what it leaves out and
-//! why. A module does not use modules that are listed above it:
+//! Each module's documentation starts with what the module covers, by data sheet section, and what it leaves out. A
+//! module does not use modules that are listed above it:
 //!
-//! - `air`: two chips and what is between them; [`AnswerPath`] carries the answers of a link that has answers.
-//! - `chip`: the parts of a chip put together; SPI bytes, register accesses and commands.
-//! - `transmitter`, `receiver` (frames, one each at a time), `field` (carriers), `timers`, `fifo`, `spi` (the slave's
-//!   state); `receive_chain`, `modulation`, `load_modulation` and `supply` (settings that the board or the technology
-//!   contradicts).
-//! - `core`: the common base: time and deadlines (`schedule`), `registers` (map, reset values and contents),
-//!   `interrupts` (pending bits and the IRQ pin), findings (`report`).
+//! - `air`: two chips and the air between them; [`AnswerPath`] carries answers.
+//! - `chip`: the chip as a whole; SPI bytes, register accesses and commands.
+//! - `transmitter`, `receiver` (frames), `field` (carriers), `timers`, `fifo`, `spi` (the slave's state);
+//!   `receive_chain`, `modulation`, `load_modulation` and `supply` (settings that do not suit the board or the
+//!   technology).
+//! - `core`: the common base with time and deadlines (`schedule`), `registers`, `interrupts` and findings (`report`).
 #![forbid(unsafe_code)]
 
 mod air;

@@ -1,8 +1,8 @@
-//! Checks a listener's load modulation: whether its settings can answer in NFC-F.
+//! Checks whether a listener's settings can answer in NFC-F.
 //!
-//! The modelled air has no signal strength. A setting with which a listener cannot answer is a finding
-//! ([`crate::Kind::Modulation`]); where [`crate::Config::unsuited_modulation_reaches`] is false, the answer also does
-//! not leave the antenna. Without any modulator (B28 bits 5 and 4 clear) an answer never leaves the antenna.
+//! The modelled air has no signal strength. An unsuitable setting is a finding ([`crate::Kind::Modulation`]). If
+//! [`crate::Config::unsuited_modulation_reaches`] is false, the answer also does not leave the antenna. Without any
+//! modulator (B28 bits 5 and 4 clear) an answer never leaves the antenna.
 //!
 //! | covered | source |
 //! |---|---|
@@ -30,7 +30,7 @@ use crate::report::Space;
 const LM_DRI: u8 = 0x10;
 const RGS_AM: u8 = 0x04;
 
-/// Whether the settings of a listener allow answers in NFC-F. Each unsuitable setting is reported as a finding.
+/// Whether a listener's settings can answer in NFC-F. Each unsuitable setting is a finding.
 pub(crate) fn suits(core: &mut Core) -> bool {
     let is_b = core.config().variant == Variant::St25r3916b;
     let (resistances, auxiliary) = (core.a(reg::PT_MOD), core.registers().b(reg::B_AUX_MOD));
@@ -39,6 +39,6 @@ pub(crate) fn suits(core: &mut Core) -> bool {
         (resistances >> 4 < resistances & 0x0F, Space::A, reg::PT_MOD, resistances),
         (by_driver, Space::B, reg::B_AUX_MOD, auxiliary),
     ];
-    // The operator is `&`, so that the second check also runs and reports its findings when the first one fails.
+    // The operator is `&`, so that both checks report their findings.
     modulation::all(core, looks) & modulation::supply_suits(core)
 }

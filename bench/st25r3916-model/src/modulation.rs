@@ -1,14 +1,13 @@
-//! Checks a poller's modulation and its antenna's tuning: whether the settings can send NFC-F.
+//! Checks whether a poller's settings and its antenna's tuning can send NFC-F.
 //!
-//! The modelled air has no signal strength. A setting that cannot send is a finding ([`crate::Kind::Modulation`],
-//! [`crate::Kind::FieldWithoutHysteresis`]). Where [`crate::Config::unsuited_modulation_reaches`] is false, moreover,
-//! only the carrier leaves the antenna and the frame does not.
+//! The modelled air has no signal strength. An unsuitable setting is a finding ([`crate::Kind::Modulation`],
+//! [`crate::Kind::FieldWithoutHysteresis`]). If [`crate::Config::unsuited_modulation_reaches`] is false, the frame also
+//! does not leave the antenna, but the carrier does.
 //!
 //! | covered | source |
 //! |---|---|
 //! | NFC-F is sent by amplitude modulation (03 tr_am), 8 to 30 % deep | ISO/IEC 18092, 212 and 424 kbit/s |
-//! | the depth of the modulation, 28 bits 7:4, coded differently in either part | \[1\] for the B, \[2\] for the
-//! ST25R3916 |
+//! | the depth of the modulation, 28 bits 7:4, coded by the variant | \[1\] for the B, \[2\] for the other |
 //! | the driver's resistance, 28 bits 3:0: 15 is high impedance | \[1\] |
 //! | B: dis_reg_am (B28 bit 7) set goes with act_amsink (01 bit 0) clear and the other way round | \[1\] |
 //! | B: vddrf_cont (B2E bit 3) must be set | \[1\] |
@@ -32,14 +31,12 @@ const ACT_AMSINK: u8 = 0x01;
 const DIS_REG_AM: u8 = 0x80;
 const VDDRF_CONT: u8 = 0x08;
 const AAT_EN: u8 = 0x20;
-/// The modulation depths that NFC-F allows, percent.
 const DEPTHS: core::ops::RangeInclusive<u8> = 8..=30;
-/// The modulation depth, percent, for each value of am_mod (28, bits 7:4) on the ST25R3916; `DEPTH_B` is for the
-/// ST25R3916B.
+/// The modulation depth, percent, for each value of am_mod (28, bits 7:4) on the ST25R3916.
 const DEPTH_A: [u8; 16] = [5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 17, 19, 22, 26, 40];
 const DEPTH_B: [u8; 16] = [0, 8, 10, 11, 12, 13, 14, 15, 20, 25, 30, 40, 50, 60, 70, 82];
 
-/// Whether the settings of a poller allow it to send NFC-F. Each unsuitable setting is reported as a finding.
+/// Whether a poller's settings can send NFC-F. Each unsuitable setting is a finding.
 pub(crate) fn suits(core: &mut Core) -> bool {
     let is_b = core.config().variant == Variant::St25r3916b;
     let driver = core.a(reg::TX_DRIVER);
@@ -47,17 +44,15 @@ pub(crate) fn suits(core: &mut Core) -> bool {
     let deep_enough = DEPTHS.contains(&depths[usize::from(driver >> 4)]) && driver & 0x0F != 0x0F;
     let mode = core.a(reg::MODE);
     let looks = [(mode & TR_AM != 0, Space::A, reg::MODE, mode), (deep_enough, Space::A, reg::TX_DRIVER, driver)];
-    // The operator is `&`, so that the second check also runs and reports its findings when the first one fails.
+    // The operator is `&`, so that both checks report their findings.
     all(core, looks) & supply_suits(core)
 }
 
-/// Whether an ST25R3916B's settings for the supply of its driver suit its board and each other. The result is true for
-/// an ST25R3916, which has no such settings.
+/// Whether an ST25R3916B's settings for the supply of its driver suit each other. The ST25R3916 has none.
 pub(crate) fn supply_suits(core: &mut Core) -> bool {
     let is_a = core.config().variant == Variant::St25r3916;
     let (auxiliary, shaping) = (core.registers().b(reg::B_AUX_MOD), core.registers().b(reg::B_AWS1));
-    // The capacitor at VDD_AM is either small or large, and dis_reg_am and act_amsink must both be set for the same
-    // one.
+    // The capacitor at VDD_AM is either small or large. dis_reg_am and act_amsink must be set for the same one.
     let pair = (auxiliary & DIS_REG_AM != 0) != (core.a(reg::IO2) & ACT_AMSINK != 0);
     let looks = [
         (is_a || pair, Space::B, reg::B_AUX_MOD, auxiliary),
@@ -66,8 +61,7 @@ pub(crate) fn supply_suits(core: &mut Core) -> bool {
     all(core, looks)
 }
 
-/// Whether every register in `looks` has a suitable value. Each other register is reported as a finding. An entry of
-/// `looks` has the suitability, the space, the address and the value of a register.
+/// Whether every register in `looks` (suitability, space, address, value) is suitable. An unsuitable one is a finding.
 pub(crate) fn all<const N: usize>(core: &mut Core, looks: [(bool, Space, usize, u8); N]) -> bool {
     for (_, space, address, value) in looks.iter().filter(|(right, ..)| !right) {
         core.note(Kind::Modulation { space: *space, address: *address as u8, value: *value });

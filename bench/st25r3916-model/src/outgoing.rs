@@ -1,4 +1,4 @@
-//! A frame being sent: its parts, and the arithmetic of its bits in time.
+//! A frame that is being sent: its contents, and the instants of its bits.
 
 use crate::clock::{CYCLES_106, bit_cycles, bits_in, bits_ns, rate_of};
 use crate::core::Core;
@@ -7,40 +7,34 @@ use crate::event::{Chunk, FrameStart, Technology};
 use crate::registers::reg;
 use crate::report::Kind;
 
-/// A frame being sent.
 #[derive(Clone, Debug)]
 pub(crate) struct Outgoing {
-    /// The start of the frame on the air. Its chunk holds the bytes that the chip itself puts before the bytes of the
-    /// FIFO, and then every byte given to the air so far, without the CRC.
+    /// The frame on the air. Its chunk has the bytes that the chip adds, then those given to the air, without the CRC.
     frame: FrameStart,
     trailer_bits: u32,
-    /// The number of bytes that the chip itself puts before the bytes of the FIFO.
+    /// The number of bytes that the chip puts before those of the FIFO.
     prefix: usize,
     /// The number of whole bytes that the frame takes from the FIFO.
     whole: usize,
-    /// The number of bits in an incomplete last byte from the FIFO, 0 if there is none.
+    /// The number of bits in an incomplete last byte from the FIFO, or 0.
     last_bits: u32,
     with_crc: bool,
-    /// Whether no part of the frame reaches the air, because an answer has no load modulator or the settings cannot
-    /// modulate the frame.
+    /// Whether the frame does not reach the air, for lack of a load modulator or because of unsuitable settings.
     pub(crate) silent: bool,
 
-    /// When the frame's first bit is on the air, ns.
     start: u64,
     started: bool,
-    /// The number of bytes from the FIFO that were announced to the air, some of them before they leave the FIFO.
+    /// The number of bytes from the FIFO that were given to the air. Some of them are still in the FIFO.
     announced: usize,
     /// The number of announced bytes that have left the FIFO.
     consumed: usize,
-    /// The instant at which the next announced byte leaves the FIFO, ns.
     next_byte: u64,
-    /// Whether the controller cleared or read the FIFO during the frame. Announced bytes that are still in the FIFO are
-    /// then not sent, and the frame underflows.
+    /// Whether the controller cleared or read the FIFO during the frame, so that the frame underflows.
     cut: bool,
 }
 
 impl Outgoing {
-    /// Returns a frame with bits of `cycles` carrier cycles that begins with `prefix` and has no other bytes yet.
+    /// Returns a frame with `cycles` carrier cycles per bit that so far has only the bytes `prefix`.
     fn new(core: &Core, technology: Technology, cycles: u64, prefix: Vec<u8>) -> Self {
         let frame = FrameStart {
             technology,
@@ -70,8 +64,7 @@ impl Outgoing {
         frame
     }
 
-    /// Returns the frame that the registers describe, for the transmit commands C4 and C5. An unmodelled setting is
-    /// reported, and there is no frame.
+    /// Returns the frame that the registers describe, for C4 and C5; `None` with a finding for a setting not modelled.
     pub(crate) fn described(core: &mut Core, with_crc: bool) -> Option<Self> {
         let length = core.registers().a16(reg::TRANSMIT_LENGTH);
         let (whole, last_bits) = (usize::from(length >> 3), u32::from(length & 0x07));
@@ -106,7 +99,7 @@ impl Outgoing {
                 }
                 let len = ((whole + 1) & 0xFF) as u8;
                 let mut frame = Self::new(core, technology, bit_cycles(rate), vec![len]);
-                // f_p selects 48, 64, 80 or 96 bits of preamble; 16 bits of sync follow.
+                // f_p selects a preamble of 48, 64, 80 or 96 bits; a sync of 16 bits follows.
                 frame.frame.header_bits = 48 + 16 * u32::from(core.a(reg::PREAMBLE) & 0x03) + 16;
                 frame
             }
@@ -117,8 +110,7 @@ impl Outgoing {
         Some(frame)
     }
 
-    /// Returns a short frame of seven bits, for the transmit commands C6 and C7. In another mode than NFC-A's there is
-    /// no frame, and the mode is reported.
+    /// Returns a short frame of seven bits, for C6 and C7; `None` with a finding in another mode than NFC-A's.
     pub(crate) fn short(core: &mut Core, byte: u8) -> Option<Self> {
         if core.target() || core.operation_mode() != 1 {
             core.note(Kind::UnmodelledMode(core.a(reg::MODE)));
@@ -127,14 +119,13 @@ impl Outgoing {
         Some(Self::new(core, Technology::NfcA, CYCLES_106, vec![byte]).nfc_a(7))
     }
 
-    /// Returns the automatic answer in slot 0: a SENSF_RES from the passive target memory.
+    /// Returns the automatic answer in slot 0: a SENSF_RES with the contents of the passive target memory.
     pub(crate) fn automatic_answer(core: &Core) -> Self {
         let rate = match core.a(reg::RATE_DETECTED) >> 4 & 0x03 {
             0 => core.a(reg::BIT_RATE) & 0x03,
             detected => detected,
         };
-        // The NFC-F part of the passive target memory has two bytes of system code, then the 19 bytes of the answer
-        // with its request data.
+        // The NFC-F section of the passive target memory has two bytes of system code, then the 19 bytes of the answer.
         let body = &core.registers().target_memory()[17..36];
         let mut prefix = vec![1 + body.len() as u8];
         prefix.extend_from_slice(body);
@@ -144,8 +135,7 @@ impl Outgoing {
         answer
     }
 
-    /// Gives the frame the start of communication and the end of communication of NFC-A. The latter is a logic 0 and a
-    /// bit without modulation.
+    /// Adds NFC-A's start of communication and end of communication (a logic 0 and a bit without modulation).
     fn nfc_a(mut self, byte_bits: u32) -> Self {
         self.frame.header_bits = 1;
         self.frame.byte_bits = byte_bits;
@@ -153,88 +143,76 @@ impl Outgoing {
         self
     }
 
-    /// Returns the frame's technology.
     pub(crate) fn technology(&self) -> Technology {
         self.frame.technology
     }
 
-    /// Whether the frame is an answer, which is sent by load modulation.
     pub(crate) fn is_answer(&self) -> bool {
         self.frame.load_modulation
     }
 
-    /// Sets the instant of the frame's first bit to `at`.
     pub(crate) fn starts_at(&mut self, at: u64) {
         self.start = at;
     }
 
-    /// Whether the frame's first bit has left.
     pub(crate) fn started(&self) -> bool {
         self.started
     }
 
-    /// Returns the number of bytes that the frame takes from the FIFO, including an incomplete last byte.
     fn total(&self) -> usize {
         self.whole + usize::from(self.last_bits != 0)
     }
 
-    /// Returns the number of the frame's bytes from the FIFO that were not given to the air yet.
+    /// Returns the number of bytes from the FIFO that have not been given to the air yet.
     pub(crate) fn missing(&self) -> usize {
         self.total() - self.announced
     }
 
-    /// Whether the controller cleared or read the FIFO during the frame, so that the frame gets no more bytes from the
-    /// FIFO.
+    /// Whether the controller cleared or read the FIFO during the frame, which then gets no more bytes.
     pub(crate) fn is_cut(&self) -> bool {
         self.cut
     }
 
-    /// Whether every byte that the frame takes from the FIFO has left the FIFO.
     pub(crate) fn all_taken(&self) -> bool {
         self.consumed == self.total()
     }
 
-    /// Returns the instant at which the frame's byte `i` from the FIFO starts on the air, ns.
+    /// Returns the instant at which byte `i` from the FIFO starts on the air, ns.
     fn byte_start(&self, i: usize) -> u64 {
         let bits = u64::from(self.frame.header_bits) + u64::from(self.frame.byte_bits) * (self.prefix + i) as u64;
         self.start.saturating_add(bits_ns(bits, self.frame.bit_as))
     }
 
-    /// Returns the instant at which the next byte that leaves the FIFO starts on the air, ns.
+    /// Returns the instant at which the next byte leaves the FIFO, ns.
     pub(crate) fn next_taken(&self) -> u64 {
         self.byte_start(self.consumed)
     }
 
-    /// Returns the instant at which the frame leaves only `below` - 1 of the `level` bytes that are in the FIFO now,
-    /// ns; `None` when the frame takes fewer bytes.
+    /// Returns the instant, ns, from which less than `below` of the FIFO's present `level` bytes are left, if any.
     pub(crate) fn falls_below(&self, below: usize, level: usize) -> Option<u64> {
         let last = self.consumed + level.checked_sub(below)?;
         (self.started && last < self.total()).then(|| self.byte_start(last))
     }
 
-    /// Returns the instant at which the air needs a byte that it was not given yet, ns; `None` when it was given every
-    /// byte.
+    /// Returns the instant at which the air needs a byte that it has not been given, ns; `None` if it has all bytes.
     pub(crate) fn needs_more_at(&self) -> Option<u64> {
         (self.missing() != 0).then(|| self.byte_start(self.announced))
     }
 
-    /// Returns the instant at which the frame's last bit has left, ns.
     pub(crate) fn ends_at(&self) -> u64 {
         self.start.saturating_add(bits_ns(self.lengths().1, self.frame.bit_as))
     }
 
-    /// Returns the number of data bits in the whole frame.
     pub(crate) fn data_bits(&self) -> u32 {
         self.lengths().0
     }
 
-    /// Returns the number of the frame's data bits that have left by `now`.
     pub(crate) fn bits_by(&self, now: u64) -> u32 {
         let bits = self.frame.data_bits_in(now.saturating_sub(self.start));
         u32::try_from(bits).unwrap_or(u32::MAX).min(self.data_bits())
     }
 
-    /// Returns the number of data bits in the whole frame, and the number of bits that the frame takes on the air.
+    /// Returns the whole frame's number of data bits and its number of bits on the air.
     fn lengths(&self) -> (u32, u64) {
         let FrameStart { header_bits, byte_bits, .. } = self.frame;
         let bytes = self.prefix + self.whole + if self.with_crc { 2 } else { 0 };
@@ -257,7 +235,7 @@ impl Outgoing {
         usize::try_from(begun).unwrap_or(usize::MAX).clamp(self.consumed, self.announced) - self.consumed
     }
 
-    /// Records that the announced bytes whose time has come have left the FIFO, and returns their number.
+    /// Returns the number of announced bytes that have left the FIFO since the last call, and records them as taken.
     pub(crate) fn take_due(&mut self, now: u64) -> usize {
         let due = self.due(now);
         if due != 0 {
@@ -267,7 +245,6 @@ impl Outgoing {
         due
     }
 
-    /// Starts the frame on the air, with its first bytes from the FIFO, `data`.
     pub(crate) fn start(&mut self, data: &[u8]) -> FrameStart {
         self.started = true;
         self.next_byte = self.byte_start(0);
@@ -276,7 +253,7 @@ impl Outgoing {
         frame
     }
 
-    /// Gives further bytes from the FIFO, `data`, to the air, and adds the CRC after the frame's last byte.
+    /// Gives further bytes from the FIFO, `data`, to the air, and adds the CRC after the last one.
     pub(crate) fn more(&mut self, data: &[u8]) -> Chunk {
         let chunk = self.give(data);
         self.next_byte = self.byte_start(self.consumed);
@@ -298,8 +275,7 @@ impl Outgoing {
         chunk
     }
 
-    /// Records that the controller cleared or read the FIFO. Returns whether bytes that were announced to the air had
-    /// not left the FIFO yet.
+    /// Records that the controller cleared or read the FIFO. Returns whether announced bytes were still in the FIFO.
     pub(crate) fn disturb(&mut self) -> bool {
         let promised = self.started && self.announced > self.consumed;
         if promised {

@@ -1,8 +1,8 @@
-//! Checks the receive chain: whether its settings can pass the technology that is received.
+//! Checks whether the settings of the receive chain can pass the received technology.
 //!
 //! After reset the receive chain suits NFC-A's 848 kHz subcarrier: 0B = 08 puts the first zero of the high-pass at 600
-//! kHz. NFC-F has no subcarrier; its spectrum at 424 kbit/s lies below that zero. The modelled air has no signal
-//! strength, so a wrong setting is a finding ([`crate::Kind::ReceiveChain`]), and the frame is received all the same
+//! kHz. NFC-F has no subcarrier, and its spectrum at 424 kbit/s lies below that zero. The modelled air has no signal
+//! strength, so an unsuitable setting is a finding ([`crate::Kind::ReceiveChain`]). The frame is received all the same,
 //! unless [`crate::Config::unsuited_chain_receives`] is false.
 //!
 //! Accepted for NFC-F:
@@ -26,20 +26,19 @@
 //!   board with the B)
 //! - \[4\] flipperdevices/flipperzero-firmware `targets/f7/furi_hal/furi_hal_nfc_iso14443a.c` (poller and listener)
 //!
-//! The channel (0B bit 7, AM or PM) is not checked. Where sources disagree about a listener (\[1\] sets nothing for a
-//! passive one and so keeps the settings of an earlier poller), every setting that one of the sources uses is accepted,
-//! and the reset values are not. A further value that works on a bench with silicon can be added to these lists, with
-//! the measurement.
+//! The channel (0B bit 7, AM or PM) is not checked. Where sources disagree about a listener, every setting that one of
+//! them uses is accepted, but not the reset values; \[1\] sets nothing for a passive listener and keeps the settings of
+//! an earlier poller. Further values that work on silicon can be added with their measurement.
 
 use crate::core::Core;
 use crate::event::Technology;
 use crate::registers::reg;
 use crate::report::{Kind, Space};
 
-/// The bit dis_corr of register 0A: when it is set, the correlator is off and its settings have no effect.
+/// dis_corr of register 0A: the correlator is off, and its settings have no effect.
 const DIS_CORR: u8 = 0x04;
 
-/// Whether every register of the receive chain suits `technology`. Each unsuitable register is reported as a finding.
+/// Whether every register of the receive chain suits `technology`. Each unsuitable one is a finding.
 pub(crate) fn suits(core: &mut Core, technology: Technology) -> bool {
     let filter = core.a(reg::RX_CONF1);
     let (lp, hz) = ((filter >> 4) & 0x07, filter & 0x0F);

@@ -1,7 +1,6 @@
 //! The receiver: frames from the air into the FIFO.
 //!
-//! The number of bytes of an incoming frame that have reached the FIFO is computed from the time, when the FIFO is
-//! accessed ([`Receiver::settle`]).
+//! The number of received bytes in the FIFO is calculated when the FIFO is accessed ([`Receiver::settle`]).
 //!
 //! | covered | DS13541 |
 //! |---|---|
@@ -34,81 +33,67 @@ use crate::report::Kind;
 use crate::schedule::Due;
 use crate::timers::{self, Trigger};
 
-/// The number of bytes in the FIFO at which a reception raises the water level interrupt, I_wl.
+/// The number of bytes in the FIFO at which a reception raises I_wl, the water level interrupt.
 const LEVEL: usize = 300;
-/// The number of carrier cycles from the end of a SENSF_REQ to the answer's first slot: 512 × 64 (ISO 18092, 2.417 ms).
+/// The carrier cycles from the end of a SENSF_REQ to the first slot of its answer: 512 × 64 (ISO 18092, 2.417 ms).
 const ANSWER_DELAY_CYCLES: u64 = 512 * 64;
-/// The number of carrier cycles from the end of a frame to the earliest answer in NFC-F (NFC Forum, Digital Protocol
-/// 1.1, TR0F,LISTEN,MIN; proxmark3 `armsrc/felica.c`, stm32duino/ST25R3916's family of libraries).
+/// The carrier cycles from the end of a frame to the earliest answer in NFC-F (NFC Forum, Digital Protocol 1.1,
+/// TR0F,LISTEN,MIN; proxmark3 `armsrc/felica.c`, stm32duino/ST25R3916's family of libraries).
 const GUARD_CYCLES: u64 = 2_672;
 
-/// The receiver, and the frame that it is receiving.
 #[derive(Clone, Debug)]
 pub(crate) struct Receiver {
     frame: Option<Incoming>,
-    /// The virtual time since which the receiver has been unmasked, ns; `None` when the receiver is masked.
+    /// The instant since which the receiver has been unmasked, ns; `None` if it is masked.
     unmasked_since: Option<u64>,
-    /// When the last frame received ended on the air, ns; `None` once a target has answered that frame.
+    /// The instant at which the last received frame ended, ns; `None` after a target has answered it.
     asked: Option<u64>,
 }
 
 impl Receiver {
-    /// Returns a receiver that is unmasked from time 0.
     pub(crate) fn new() -> Self {
         Self { frame: None, unmasked_since: Some(0), asked: None }
     }
 
-    /// Resets the receiver as Set default does: the frame being received is lost, and the receiver is unmasked from now
-    /// on.
     pub(crate) fn set_default(&mut self, now: u64) {
         *self = Self { frame: None, unmasked_since: Some(now), asked: None };
     }
 
-    /// Whether the receiver has accepted a frame and is receiving it.
     pub(crate) fn busy(&self) -> bool {
         self.frame.as_ref().is_some_and(|frame| frame.locked)
     }
-
-    // --- mask ---
 
     /// Whether the receiver is masked, by D0 or by the end of a frame.
     pub(crate) fn masked(&self) -> bool {
         self.unmasked_since.is_none()
     }
 
-    /// Masks the receiver, because of D0 or because the receiver hangs after a broken frame.
+    /// Masks the receiver, by D0 or because it hangs after a broken frame.
     pub(crate) fn mask(&mut self) {
         self.unmasked_since = None;
     }
 
-    /// Unmasks the receiver by D1. The receiver cannot join a frame that is already past its sync, and a frame that is
-    /// being received goes on.
+    /// Unmasks the receiver by D1. A frame that is already past its sync is not received.
     pub(crate) fn unmask(&mut self, now: u64) {
         self.unmasked_since.get_or_insert(now);
     }
 
-    /// Handles the end of the mask-receive timer: the decoder runs from now on, unless the receiver is masked
-    /// otherwise.
+    /// Starts the decoder at the end of the mask-receive timer, unless the receiver is masked for another reason.
     pub(crate) fn mask_timer_ends(&mut self, now: u64) {
         self.unmasked_since = self.unmasked_since.map(|_| now);
     }
 
-    /// Sets the mask to its state after a change of mode, a stop or a received frame: a target that must be re-armed is
-    /// masked until D1, and any other receiver is unmasked.
+    /// Unmasks the receiver, or masks a target that must be re-armed by D1, after a change of mode, a stop or a frame.
     pub(crate) fn mask_idle(&mut self, core: &Core) {
         let waits = core.target() && core.config().target_rearms_by_command;
         self.unmasked_since = (!waits).then_some(core.now());
     }
 
-    // --- FIFO ---
-
-    /// Returns the number of received bytes that have become due for the FIFO since the last call of
-    /// [`Receiver::settle`].
+    /// Returns the number of received bytes that have become due since the last call of [`Receiver::settle`].
     pub(crate) fn arriving(&self, core: &Core) -> usize {
         self.frame.as_ref().map_or(0, |frame| frame.due(core.now()))
     }
 
-    /// Puts the received bytes that have become due into the FIFO.
     pub(crate) fn settle(&mut self, core: &mut Core, fifo: &mut Fifo) {
         let Some(frame) = &mut self.frame else { return };
         let mut lost = false;
@@ -120,15 +105,14 @@ impl Receiver {
         }
     }
 
-    /// Handles a byte that the controller has read from the FIFO. If the FIFO has fallen below its water level, I_wl is
-    /// planned again.
+    /// Plans I_wl again, if a byte that the controller read has brought the FIFO below its water level.
     pub(crate) fn taken(&mut self, core: &mut Core, fifo: &mut Fifo) {
         if fifo.len() + 1 == LEVEL {
             self.plan_level(core, fifo);
         }
     }
 
-    /// Plans the water level interrupt (I_wl) for the instant at which the 300th byte is in the FIFO.
+    /// Plans the water level interrupt (I_wl) for the instant at which the FIFO holds 300 bytes.
     pub(crate) fn plan_level(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         let level = fifo.len();
@@ -141,7 +125,7 @@ impl Receiver {
         }
     }
 
-    /// Raises the water level interrupt (I_wl) if the FIFO holds 300 bytes or more, and otherwise plans it again.
+    /// Raises the water level interrupt (I_wl) if the FIFO holds 300 bytes or more, and plans it again otherwise.
     pub(crate) fn level(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         if fifo.len() >= LEVEL {
@@ -151,11 +135,8 @@ impl Receiver {
         }
     }
 
-    // --- the air ---
-
-    /// Handles the start of a frame on the air at `at`.
     pub(crate) fn frame_starts(&mut self, core: &mut Core, fifo: &mut Fifo, at: u64, frame: FrameStart) {
-        // If the previous frame is still unfinished, the new frame masks it.
+        // A new frame masks the rest of an unfinished one.
         self.signal_lost(core, fifo, at);
         if self.busy() {
             core.statistics_mut().missed += 1;
@@ -172,7 +153,6 @@ impl Receiver {
         core.plan(Due::RxStart, sync.max(core.now()));
     }
 
-    /// Handles further bytes of the frame on the air.
     pub(crate) fn frame_goes_on(&mut self, core: &mut Core, fifo: &mut Fifo, chunk: &Chunk) {
         if let Some(frame) = self.frame.as_mut().filter(|frame| !frame.has_ended()) {
             frame.more(chunk);
@@ -180,18 +160,16 @@ impl Receiver {
         }
     }
 
-    /// Handles the end of the frame on the air at `at`, after `bits` data bits.
     pub(crate) fn frame_ends(&mut self, core: &mut Core, fifo: &mut Fifo, at: u64, bits: u32) {
         let Some(frame) = self.frame.as_mut().filter(|frame| !frame.has_ended()) else { return };
         if !frame.locked && at < frame.header_end() {
-            // The frame broke off before its sync had ended, so it cannot be found.
+            // A frame that broke off before the end of its sync cannot be detected.
             return self.signal_lost(core, fifo, at);
         }
         frame.ends(at, bits);
         self.plan_end(core, fifo);
     }
 
-    /// Handles the loss at `at` of the signal of the frame being received.
     pub(crate) fn signal_lost(&mut self, core: &mut Core, fifo: &mut Fifo, at: u64) {
         let Some(frame) = self.frame.as_mut().filter(|frame| !frame.has_ended()) else { return };
         if frame.stops(at) {
@@ -203,15 +181,12 @@ impl Receiver {
         }
     }
 
-    // --- a frame ---
-
-    /// Whether the receiver accepts the frame `rx` with the chip's present settings. `sending` says whether the
-    /// transmitter has a frame.
+    /// Whether the receiver accepts the frame `rx`. `sending` is true if the transmitter has a frame.
     fn takes(&self, core: &Core, field: &Field, sending: bool, rx: &Incoming) -> bool {
         if !core.powered() || !core.oscillator() || !core.operates(RX_EN) || sending {
             return false;
         }
-        // The decoder must have been running when the sync, or the start of communication, began.
+        // The decoder must have run since the sync, or the start of communication, began.
         if self.unmasked_since.is_none_or(|since| since > rx.sync_start()) {
             return false;
         }
@@ -223,7 +198,7 @@ impl Receiver {
             }
             match rx.frame.technology {
                 Technology::NfcF if om == 0x04 => right_rate,
-                // The bit om3 selects bit rate detection, together with om2 for NFC-F and om0 for NFC-A.
+                // om3 selects bit rate detection, with om2 for NFC-F and om0 for NFC-A.
                 Technology::NfcF => om & 0x08 != 0 && om & 0x04 != 0,
                 Technology::NfcA => om & 0x08 != 0 && om & 0x01 != 0,
             }
@@ -236,7 +211,7 @@ impl Receiver {
         }
     }
 
-    /// Reports a mode or a bit rate that is not modelled, for a frame that the receiver should accept.
+    /// Whether mode and bit rate are modelled for the frame `rx`; if not, they are a finding.
     fn is_modelled(&self, core: &mut Core, sending: bool, rx: &Incoming) {
         let listening = core.powered() && core.oscillator() && core.operates(RX_EN) && !sending;
         if !listening || self.masked() || core.target() == rx.frame.load_modulation {
@@ -246,8 +221,7 @@ impl Receiver {
         let rate_modelled = match (core.target(), core.operation_mode()) {
             (false, 0x01) => rate == 0,
             (false, 0x03) | (true, 0x04) => matches!(rate, 1 | 2),
-            // With bit rate detection the chip finds the bit rate by itself, for NFC-A if om0 is set and for NFC-F if
-            // om2 is set.
+            // With bit rate detection (om3) the chip finds the rate itself, for NFC-A with om0 and for NFC-F with om2.
             (true, 0x09 | 0x0C | 0x0D) => true,
             _ => return core.note(Kind::UnmodelledMode(core.a(reg::MODE))),
         };
@@ -256,8 +230,7 @@ impl Receiver {
         }
     }
 
-    /// Handles the end of the sync (NFC-F) or of the start of communication (NFC-A) of a frame: the receiver accepts
-    /// the frame, or misses it. `sending` says whether the transmitter has a frame.
+    /// Accepts or misses a frame at the end of its header. `sending` is true if the transmitter has a frame.
     pub(crate) fn starts(&mut self, core: &mut Core, fifo: &mut Fifo, field: &Field, sending: bool) {
         let Some(mut rx) = self.frame.take() else { return };
         self.is_modelled(core, sending, &rx);
@@ -335,7 +308,7 @@ impl Receiver {
         if rx.frame.chunk.parity_error && core.a(reg::ISO14443A) & 0x40 == 0 {
             raised |= irq::PAR;
         }
-        // d_212_424_1r (08, bit 2) keeps the target from answering a request.
+        // d_212_424_1r (08, bit 2) disables the automatic answer.
         if core.target() && !crc_wrong && asks_for_own(core, &rx) && core.a(reg::PASSIVE_TARGET) & 0x04 == 0 {
             raised = (raised & !irq::RXE) | irq::RXE_PTA | irq::WU_F;
             let delay = core.clock().cycles(ANSWER_DELAY_CYCLES);
@@ -350,8 +323,7 @@ impl Receiver {
         }
     }
 
-    /// Reports an answer, whose first bit leaves at `start`, if no unanswered frame came before it or if it comes
-    /// within the guard time.
+    /// Reports an answer that begins at `start` within the guard time or without an unanswered frame before it.
     pub(crate) fn answers(&mut self, core: &mut Core, start: u64) {
         let Some(end) = self.asked.take() else { return core.note(Kind::AnswerUnasked) };
         let after = start.saturating_sub(end);
@@ -360,7 +332,6 @@ impl Receiver {
         }
     }
 
-    /// Drops the frame being received, without an interrupt.
     pub(crate) fn abort(&mut self, core: &mut Core, fifo: &mut Fifo) {
         if self.busy() {
             self.settle(core, fifo);
@@ -380,9 +351,8 @@ fn crc_right(rx: &Incoming) -> bool {
     right == *crc
 }
 
-/// Whether the frame is a SENSF_REQ (LEN 6, command 0, system code, request code, slots) for the chip's own system
-/// code. The frame's system code must be the one in the passive target memory, or FF in bytes that do not matter (JIS X
-/// 6319-4). A frame with another system code is received like any frame.
+/// Whether the frame is a SENSF_REQ (LEN 6, command 0, system code, request code, slots) for the chip's system code,
+/// which is in the passive target memory. FF in a byte of the request's system code fits any value (JIS X 6319-4).
 fn asks_for_own(core: &Core, rx: &Incoming) -> bool {
     let own = &core.registers().target_memory()[15..17];
     rx.frame.technology == Technology::NfcF

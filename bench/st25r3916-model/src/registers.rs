@@ -1,5 +1,4 @@
-//! The register map: existing registers, their writable bits and reset values, and the extent to which they are
-//! modelled.
+//! The register map: which registers exist, their writable bits and reset values, and how far they are modelled.
 //!
 //! | covered | DS13541 |
 //! |---|---|
@@ -13,15 +12,15 @@
 //! | stream mode, EMD suppression, wake-up by amplitude or phase, | the link uses none; a write of another value |
 //! | PPON2, capacitive sensor | than reset is reported |
 //!
-//! The reset values of 03, 0B, 0C, 0D, 0F, 15, 28, B0B, B0C, B15 and B29 are those of a recording of silicon after a
-//! bring-up that does not write these registers. The reset values of 26, 27, 29–2B and B2A follow from public drivers.
-//! B28 has the load modulator connected after reset, which is the cautious assumption for a listener that must not
-//! answer. All other reset values are 0.
+//! The reset values of 03, 0B, 0C, 0D, 0F, 15, 28, B0B, B0C, B15 and B29 come from a recording of silicon after a
+//! bring-up that does not write them, those of 26, 27, 29–2B and B2A from public drivers. B28 connects the load
+//! modulator after reset, which is the cautious assumption for a listener that must not answer. All other reset values
+//! are 0.
 
 use crate::Variant;
 use crate::report::Space;
 
-/// The register addresses in space A, and in space B where a name begins with `B_`.
+/// The register addresses; a name with `B_` is in space B.
 pub(crate) mod reg {
     pub(crate) const IO2: usize = 0x01;
     pub(crate) const OPERATION: usize = 0x02;
@@ -53,20 +52,13 @@ pub(crate) mod reg {
     pub(crate) const RSSI: usize = 0x2D;
     pub(crate) const GAIN: usize = 0x2E;
     pub(crate) const WAKE_UP: usize = 0x32;
-    /// Correlator configuration, in space B.
     pub(crate) const B_CORR1: usize = 0x0C;
     pub(crate) const B_CORR2: usize = 0x0D;
-    /// Space B: field-on guard time.
     pub(crate) const B_GUARD: usize = 0x15;
-    /// Space B: lm_ext and lm_dri connect the load modulator.
     pub(crate) const B_AUX_MOD: usize = 0x28;
-    /// Space B: TX driver timing display.
     pub(crate) const B_DRIVER_TIMING: usize = 0x2B;
-    /// Space B: AWS configuration (ST25R3916B).
     pub(crate) const B_AWS1: usize = 0x2E;
-    /// Space B: regulator display.
     pub(crate) const B_REGULATOR: usize = 0x2C;
-    /// Space B: RC calibration display.
     pub(crate) const B_RC_CALIBRATION: usize = 0x39;
 }
 
@@ -75,25 +67,22 @@ pub(crate) const EN: u8 = 0x80;
 pub(crate) const RX_EN: u8 = 0x40;
 pub(crate) const TX_EN: u8 = 0x08;
 pub(crate) const EN_FD: u8 = 0x03;
-/// The bit targ of the mode register (03): the chip is a target.
+/// targ: the chip is a target.
 pub(crate) const TARGET: u8 = 0x80;
 
-/// The extent to which a register is modelled.
+/// How far a register is modelled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Class {
-    /// The register's function is modelled, or the register is analog and has no effect in the model; its value is
-    /// stored.
+    /// The value is stored. The function is modelled, or is analog and has no effect in the model.
     Stored,
-    /// The register shows a result or a status; writes to it have no effect.
+    /// The register shows a result or a status, and writes have no effect.
     ReadOnly,
-    /// The register has a digital function that is not modelled; its value is stored, and a write of another value than
-    /// the reset value is reported.
+    /// The value is stored, but the digital function is not modelled. A write of a new value is a finding.
     Unmodelled,
-    /// The part does not have the register.
+    /// The variant does not have the register.
     Absent,
 }
 
-/// The reset values of space A.
 pub(crate) const RESET_A: [u8; 64] = {
     let mut r = [0u8; 64];
     r[0x03] = 0x08;
@@ -111,7 +100,6 @@ pub(crate) const RESET_A: [u8; 64] = {
     r
 };
 
-/// The reset values of space B.
 pub(crate) const RESET_B: [u8; 64] = {
     let mut r = [0u8; 64];
     r[0x0B] = 0x0C;
@@ -123,7 +111,6 @@ pub(crate) const RESET_B: [u8; 64] = {
     r
 };
 
-/// Returns the reset value of a register.
 pub(crate) fn reset(space: Space, address: u8) -> u8 {
     let i = usize::from(address & 0x3F);
     match space {
@@ -133,8 +120,7 @@ pub(crate) fn reset(space: Space, address: u8) -> u8 {
     }
 }
 
-/// Returns the bits of a register that a fault can flip: those that exist in stored registers and in the interrupt
-/// registers. The result is 0 where the part has no register, or the register shows a result.
+/// Returns the bits of a register that a fault can flip: those of stored registers and of interrupt registers.
 pub(crate) fn flippable(variant: Variant, space: Space, address: u8) -> u8 {
     match class(variant, space, address) {
         Class::Stored | Class::Unmodelled => writable(space, address),
@@ -143,33 +129,33 @@ pub(crate) fn flippable(variant: Variant, space: Space, address: u8) -> u8 {
     }
 }
 
-/// Returns the bits that exist in a register; the other bits read 0.
+/// Returns the bits that exist in a register. The others read 0.
 pub(crate) fn writable(space: Space, address: u8) -> u8 {
     match (space, address) {
-        // Bit 1 is reserved. Bit 0 is slow_up (ST25R3916) or act_amsink (B).
+        // Bit 1 is reserved, and bit 0 is slow_up (ST25R3916) or act_amsink (B).
         (Space::A, 0x01) => 0xFD,
         (Space::A, 0x04) => 0x33,
-        // Bit 2 is reserved: in the recording of silicon, FF is written and FB is read back.
+        // Bit 2 is reserved: in the recording of silicon FF is written and FB is read back.
         (Space::A, 0x19) => 0xFB,
         (Space::A, 0x12) => 0xEF,
         _ => 0xFF,
     }
 }
 
-/// Returns the bits that `value` sets in a stored register and that are not modelled; a write of such bits is reported.
+/// Returns the bits of `value` that are not modelled; a write that sets them is a finding.
 pub(crate) fn unmodelled_bits(space: Space, address: u8, value: u8) -> u8 {
     match (space, address) {
-        // The bits nfc_ar make the chip switch a response field on by itself.
+        // nfc_ar lets the chip switch a response field on by itself.
         (Space::A, 0x03) => value & 0x03,
         // These bits are no_rx_par, nfc_f0 and antcl.
         (Space::A, 0x05) => value & 0x61,
-        // The modelled values of gptc are 1 and 2; nrt_nfc and nrt_emv are not modelled.
+        // Values of gptc other than 1 and 2, and nrt_nfc and nrt_emv, are not modelled.
         (Space::A, 0x12) => value & 0x06 | if value >> 5 > 2 { value & 0xE0 } else { 0 },
         _ => 0,
     }
 }
 
-/// Returns the extent to which a register is modelled for the part `variant`.
+/// Returns how far a register is modelled for `variant`.
 pub(crate) fn class(variant: Variant, space: Space, address: u8) -> Class {
     match space {
         Space::A => match address {
@@ -188,7 +174,7 @@ pub(crate) fn class(variant: Variant, space: Space, address: u8) -> Class {
             0x2E | 0x2F | 0x34..=0x38 if variant == Variant::St25r3916b => Class::Stored,
             _ => Class::Absent,
         },
-        // Test register 04 (overheat protection off) belongs to the bring-up of the ST25R3916.
+        // The bring-up of the ST25R3916 writes test register 04 (overheat protection off).
         Space::Test => match address {
             0x04 => Class::Stored,
             _ => Class::Unmodelled,
@@ -196,7 +182,6 @@ pub(crate) fn class(variant: Variant, space: Space, address: u8) -> Class {
     }
 }
 
-/// The values of all registers, and the passive target memory.
 #[derive(Clone, Debug)]
 pub(crate) struct Registers {
     a: [u8; 64],
@@ -209,17 +194,15 @@ pub(crate) struct Registers {
 const TARGET_MEMORY: usize = 48;
 
 impl Registers {
-    /// Returns the registers as they are after power-up.
     pub(crate) fn new() -> Self {
         Self { a: RESET_A, b: RESET_B, test: [0; 64], target_memory: [0; TARGET_MEMORY] }
     }
 
-    /// Sets every register to its reset value; the passive target memory is kept.
+    /// Gives every register its reset value, but keeps the passive target memory.
     pub(crate) fn reset(&mut self) {
         *self = Self { target_memory: self.target_memory, ..Self::new() };
     }
 
-    /// Returns the stored value of a register.
     pub(crate) fn get(&self, space: Space, address: u8) -> u8 {
         let i = usize::from(address & 0x3F);
         match space {
@@ -229,7 +212,7 @@ impl Registers {
         }
     }
 
-    /// Stores a value in a register, whether or not its bits are writable.
+    /// Stores a value in a register, even in bits that are not writable.
     pub(crate) fn set(&mut self, space: Space, address: u8, value: u8) {
         let i = usize::from(address & 0x3F);
         match space {
@@ -239,17 +222,15 @@ impl Registers {
         }
     }
 
-    /// Returns the value of register `i` in space A.
     pub(crate) fn a(&self, i: usize) -> u8 {
         self.a[i]
     }
 
-    /// Returns registers `i` and `i + 1` of space A as one number; register `i` is the higher byte.
+    /// Returns registers `i` (the higher byte) and `i + 1` of space A as one number.
     pub(crate) fn a16(&self, i: usize) -> u16 {
         u16::from_be_bytes([self.a[i], self.a[i + 1]])
     }
 
-    /// Returns the value of register `i` in space B.
     pub(crate) fn b(&self, i: usize) -> u8 {
         self.b[i]
     }
@@ -259,12 +240,11 @@ impl Registers {
         u32::from_le_bytes([self.a[reg::MASK], self.a[reg::MASK + 1], self.a[reg::MASK + 2], self.a[reg::MASK + 3]])
     }
 
-    /// Returns the passive target memory.
     pub(crate) fn target_memory(&self) -> &[u8; TARGET_MEMORY] {
         &self.target_memory
     }
 
-    /// Loads byte `i` of the passive target memory; bytes beyond its end are ignored.
+    /// Loads byte `i` of the passive target memory; a byte beyond its end is ignored.
     pub(crate) fn load_target_memory(&mut self, i: u8, value: u8) {
         if let Some(cell) = self.target_memory.get_mut(usize::from(i)) {
             *cell = value;

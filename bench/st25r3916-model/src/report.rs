@@ -1,5 +1,4 @@
-//! Findings that must not pass unnoticed: accesses that the model does not cover, and accesses that the data sheet does
-//! not allow.
+//! Findings: uses of the chip that the model does not cover or that the data sheet does not allow.
 use core::fmt;
 
 use crate::event::Technology;
@@ -18,7 +17,7 @@ pub enum Space {
 /// One kind of finding, with its first instant and its count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Report {
-    /// When the finding first occurred, virtual ns.
+    /// The instant at which the finding first occurred, virtual ns.
     pub first_ns: u64,
     /// The number of times that the finding occurred.
     pub count: u64,
@@ -30,80 +29,74 @@ pub struct Report {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Kind {
-    /// The controller sent a direct command that is not modelled; the command had no effect.
+    /// A direct command that is not modelled was sent and had no effect.
     UnmodelledCommand(u8),
-    /// Measure amplitude (D3) or Measure phase (D9) was used. The result is that of
-    /// [`Config::amplitude`](crate::Config::amplitude) or [`Config::phase`](crate::Config::phase), whatever signal the
-    /// antenna has. The field that silicon drives while it measures is not emitted.
+    /// Measure amplitude (D3) or phase (D9) was used, whose result is a constant of [`Config`](crate::Config).
     ConstantMeasurement(u8),
-    /// The controller sent an SPI mode byte that the data sheet does not define.
+    /// An SPI mode byte was sent that the data sheet does not define.
     UnknownModeByte(u8),
-    /// A register whose function is not modelled was set to another value than its reset value; the value is only
-    /// stored.
+    /// A register whose function is not modelled was set to another value than its reset value.
     UnmodelledRegister(Space, u8),
-    /// Bits whose function is not modelled (the third value) were set in a register that is modelled otherwise; the
-    /// bits are only stored.
+    /// Bits that are not modelled were set in a register that is modelled otherwise: space, address, bits.
     UnmodelledBits(Space, u8, u8),
-    /// A register that the part does not have was accessed.
+    /// A register was accessed that this variant does not have.
     NoSuchRegister(Space, u8),
     /// A read-only register was written.
     ReadOnlyWritten(Space, u8),
-    /// An operation mode (03) that is not modelled was in force when a frame was to be sent or received.
+    /// A frame was to be sent or received in an operation mode (03) that is not modelled.
     UnmodelledMode(u8),
-    /// A bit rate (04) that is not modelled in this mode was in force when a frame was to be sent or received.
+    /// A frame was to be sent or received at a bit rate (04) that is not modelled in its mode.
     UnmodelledBitRate(u8),
-    /// The FIFO was accessed without a stable oscillator: bytes written are lost, bytes read are 0.
+    /// The FIFO was accessed without a stable oscillator. Bytes written are lost, bytes read are 0.
     FifoWithoutOscillator,
-    /// A command that needs a stable oscillator came without one; the command was ignored.
+    /// A command that needs a stable oscillator came without one and was ignored.
     CommandWithoutOscillator(u8),
-    /// The mode register (03) was written without a stable oscillator; the write was ignored.
+    /// The mode register (03) was written without a stable oscillator, which was ignored.
     ModeWithoutOscillator,
-    /// A transmission was requested without a field; the request was ignored.
+    /// A transmission was requested without a field and was ignored.
     TransmitWithoutField,
-    /// A transmission was requested while another one was on the air; the request was ignored.
+    /// A transmission was requested during another one and was ignored.
     TransmitWhileBusy,
-    /// A transmission of no bytes was requested where the mode does not allow it; the request was ignored.
+    /// A transmission of no bytes was requested in a mode that does not allow it, and was ignored.
     EmptyFrame,
     /// An NFC-F frame was longer than its length byte can express.
     FrameTooLong(u16),
     /// A transmission ran out of FIFO bytes and broke off.
     TransmitUnderflow,
-    /// The FIFO was cleared or read while a transmission still had to take bytes out of it. The bytes that were loaded
-    /// for the transmission are not sent: the frame breaks off by an underflow when the byte on the air ends. If no
-    /// byte of the frame was on the air yet, bytes that are loaded in time are sent instead.
+    /// The FIFO was cleared or read during a transmission that still needed its bytes. Those bytes are not sent, and
+    /// the frame breaks off by an underflow when the byte on the air ends. If no byte was on the air yet, bytes that
+    /// are loaded in time are sent instead.
     FifoDisturbed,
-    /// The mode (03) or the bit rate (04) was changed during a frame. A frame being sent goes on unchanged, and one
-    /// being received is dropped when the change concerns reception; no document describes silicon's behaviour.
+    /// The mode (03) or the bit rate (04) was changed during a frame, for which no document describes silicon's
+    /// behaviour. A frame being sent continues, and a frame being received is dropped if the change concerns reception.
     ChangedInFrame(u8),
-    /// More bytes were written than the FIFO holds; the excess bytes were lost.
+    /// More bytes were written than the FIFO can hold, and the excess was lost.
     FifoOverflow,
     /// The FIFO was read when it was empty.
     FifoUnderflow,
-    /// A frame began to arrive while bytes of the frame before were unread in the FIFO; the unread bytes are lost.
+    /// A frame began to arrive while the FIFO still held unread bytes of the frame before, which were lost.
     FrameOverwritten,
-    /// The SPI clock was above the part's 10 MHz; the value is the clock rate, Hz.
+    /// The SPI clock was above 10 MHz, the chip's highest: its rate in Hz.
     SpiTooFast(u32),
-    /// The controller used another SPI mode than 1, so that bits are sampled one bit too early or too late.
+    /// The controller used another SPI mode than 1, with which bits are sampled too early or too late.
     WrongSpiMode(u8),
-    /// A transfer ended with fewer than eight clocks after its last byte; the bits of these clocks were lost.
+    /// A transfer ended within a byte: the number of clocks, 1 to 7, whose bits were lost.
     BitsLost(u8),
     /// The SPI clock ran without chip select.
     NotSelected,
     /// Chip select was asserted twice.
     SelectedTwice,
-    /// A transfer ended after a prefix or an address that needs more bytes.
+    /// A transfer ended after a prefix or an address that requires more bytes.
     TransferCutShort,
-    /// The part was accessed without a supply.
+    /// The chip was accessed without a supply.
     NotPowered,
-    /// The setting of sup3V (01, bit 7) does not suit the supply voltage.
+    /// sup3V (01, bit 7) does not suit the supply voltage.
     SupplyMismatch,
-    /// The supply voltage, mV, lies outside the part's range.
+    /// The supply voltage, mV, is outside the chip's range.
     SupplyOutOfRange(u16),
-    /// Antenna tuning values (26, 27) were written and the antenna is used, but aat_en (01, bit 5) is clear, so they
-    /// have no effect.
+    /// The antenna was used with tuning values (26, 27) that have no effect, because aat_en (01, bit 5) is clear.
     AntennaTuningOff,
-    /// A frame was received while a register of the receive chain had a value with which no public source receives its
-    /// technology.
+    /// A frame was received with a value of the receive chain that no public source uses for its technology.
     ReceiveChain {
         /// The frame's technology.
         technology: Technology,
@@ -114,8 +107,7 @@ pub enum Kind {
         /// The register's value.
         value: u8,
     },
-    /// A poller sent a frame of NFC-F while a register had a value with which the part cannot modulate NFC-F, or a
-    /// combination that is not documented.
+    /// A poller sent a frame of NFC-F with a register value that cannot modulate NFC-F or is undocumented.
     Modulation {
         /// The register's space.
         space: Space,
@@ -124,19 +116,18 @@ pub enum Kind {
         /// The register's value.
         value: u8,
     },
-    /// The external field detector's lower threshold (2A, 2B, peer detection) is not below its upper one.
+    /// The field detector's lower threshold (2A, 2B, peer detection) is not below its upper one.
     FieldWithoutHysteresis(u8, u8),
-    /// Initial field on (C8) came with the external field detector off, so collision avoidance cannot detect a field.
+    /// Initial field on (C8) came while the field detector was off, so collision avoidance could not detect a field.
     CollisionAvoidanceBlind,
-    /// A target was armed with automatic answers enabled (08) and its load modulator connected.
+    /// A target was armed while automatic answers were enabled (08) and the load modulator was connected.
     AutomaticAnswersEnabled,
-    /// The chip answered although it is not meant to ([`Config::answers`](crate::Config::answers)): load modulation
-    /// was, or would have been, on the air.
+    /// The chip answered, on the air or not, although it may not ([`Config::answers`](crate::Config::answers)).
     LoadModulation,
     /// The chip answered although it had received no frame since its last answer.
     AnswerUnasked,
-    /// The first bit of an answer came before the guard time of NFC-F had passed, which is 2672 carrier cycles from the
-    /// end of the frame. The value is the time from the end of the frame to the answer, ns.
+    /// An answer began within the guard time of NFC-F, 2672 carrier cycles. The value is the time from the end of the
+    /// frame to the answer, ns.
     AnswerTooEarly(u64),
 }
 
@@ -204,11 +195,9 @@ impl fmt::Display for Report {
     }
 }
 
-/// The largest number of kinds of findings that are kept. One driver cannot cause more kinds; only noise on the bus
-/// can.
+/// The largest number of kinds of findings that are kept. Only noise on the bus can cause so many.
 const KINDS: usize = 512;
 
-/// The list of findings, with one entry per kind.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Reports(Vec<Report>);
 

@@ -1,6 +1,6 @@
-//! The model's only source of randomness, which is small, seeded, and the same on every machine.
+//! The model's random numbers, which depend only on the seed.
 
-/// SplitMix64 (Steele, Lea, Flood 2014), good enough to choose faults and to scatter an instant.
+/// The generator SplitMix64 (Steele, Lea, Flood 2014), good enough for faults and scatter.
 #[derive(Clone, Debug)]
 pub(crate) struct SplitMix(u64);
 
@@ -17,17 +17,17 @@ impl SplitMix {
         z ^ (z >> 31)
     }
 
-    /// Returns true with probability `p`; no number is drawn when `p` is 0 or less.
+    /// Returns true with probability `p`. No number is drawn if `p` is 0 or less.
     pub(crate) fn hit(&mut self, p: f64) -> bool {
         p > 0.0 && ((self.next() >> 11) as f64) < p * (1u64 << 53) as f64
     }
 
-    /// Returns a random number from 0 to `n` - 1, or 0 when `n` is 0.
+    /// Returns a random number from 0 to `n` - 1; 0 if `n` is 0.
     pub(crate) fn below(&mut self, n: usize) -> usize {
         ((u128::from(self.next()) * n as u128) >> 64) as usize
     }
 
-    /// Returns a uniformly distributed random number from 0 to `most`; no number is drawn when `most` is 0.
+    /// Returns a uniform random number from 0 to `most`. No number is drawn if `most` is 0.
     pub(crate) fn up_to(&mut self, most: u64) -> u64 {
         if most == 0 {
             return 0;

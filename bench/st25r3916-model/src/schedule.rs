@@ -1,16 +1,14 @@
-//! The chip's own actions as a table of deadlines, with one entry for each kind.
+//! The deadlines of the chip's own actions, one for each kind.
 
-/// The value in the table where no deadline is set.
 const NEVER: u64 = u64::MAX;
 
-/// The kinds of deadlines. Of two deadlines at the same instant, the one that is listed first here is carried out
-/// first.
+/// The kinds of deadlines. Of deadlines at the same instant, those listed first are carried out first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Due {
     /// The oscillator becomes stable.
     Osc,
-    /// Collision avoidance is over, and the chip's own field goes on.
+    /// Collision avoidance ends, and the chip's own field goes on.
     FieldOn,
     /// The field detector's output changes.
     FieldDetect,
@@ -18,31 +16,26 @@ pub(crate) enum Due {
     Heard,
     /// The first bit of a frame being sent leaves.
     TxStart,
-    /// A frame being sent needs bytes that were not in the FIFO when the last chunk went onto the air.
+    /// A frame being sent needs bytes that the FIFO has received since the last chunk.
     TxMore,
     /// The FIFO falls below its water level for sending.
     TxLevel,
     /// The last bit of a frame being sent has left.
     TxEnd,
-    /// The sync (NFC-F) or start of communication (NFC-A) of a frame was received.
+    /// The sync (NFC-F) or start of communication (NFC-A) of a received frame ends.
     RxStart,
     /// The FIFO reaches its water level for receiving.
     RxLevel,
-    /// A frame was received to its end.
     RxEnd,
-    /// The chip's own field is on, and I_apon is raised.
+    /// I_apon is due after the chip's own field was switched on.
     Apon,
-    /// The field-on guard time is over, and I_cat is raised.
+    /// The field-on guard time ends, and I_cat is due.
     Guard,
     /// A measurement, an adjustment or a calibration is done.
     CommandDone,
-    /// The mask-receive timer expires.
     MaskReceive,
-    /// The no-response timer expires.
     NoResponse,
-    /// The general purpose timer expires.
     GeneralPurpose,
-    /// The wake-up timer expires.
     WakeUp,
     /// The automatic answer to a SENSF_REQ begins.
     Answer,
@@ -70,7 +63,6 @@ const DUES: [Due; 19] = [
     Due::Answer,
 ];
 
-/// The chip's deadlines, virtual ns.
 #[derive(Clone, Debug)]
 pub(crate) struct Schedule {
     due: [u64; DUES.len()],
@@ -78,33 +70,30 @@ pub(crate) struct Schedule {
 }
 
 impl Schedule {
-    /// Returns a table without deadlines.
     pub(crate) fn new() -> Self {
         Self { due: [NEVER; DUES.len()], next: NEVER }
     }
 
-    /// Sets the deadline of kind `what` to `at`, in place of an earlier deadline of the same kind.
+    /// Sets the deadline of kind `what` to `at`, in place of an earlier one.
     pub(crate) fn plan(&mut self, what: Due, at: u64) {
         self.due[what as usize] = at;
         self.next = self.due.iter().copied().min().unwrap_or(NEVER);
     }
 
-    /// Cancels the deadline of kind `what`.
     pub(crate) fn cancel(&mut self, what: Due) {
         self.plan(what, NEVER);
     }
 
-    /// Whether a deadline of kind `what` is set.
     pub(crate) fn running(&self, what: Due) -> bool {
         self.due[what as usize] != NEVER
     }
 
-    /// Returns the instant of the first deadline, virtual ns; `None` when no deadline is set.
+    /// Returns the instant of the first deadline, virtual ns; `None` if none is set.
     pub(crate) fn next(&self) -> Option<u64> {
         (self.next != NEVER).then_some(self.next)
     }
 
-    /// Removes and returns the first deadline, with its instant, if it is not after `now`.
+    /// Removes and returns the first deadline with its instant, if it is not after `now`.
     pub(crate) fn take(&mut self, now: u64) -> Option<(u64, Due)> {
         if self.next > now {
             return None;

@@ -1,4 +1,4 @@
-//! Supply and antenna tuning: a driver's measurements, and settings that do not suit the board.
+//! Supply and antenna tuning: measurements, and settings that do not suit the board.
 //!
 //! | covered | source |
 //! |---|---|
@@ -20,18 +20,15 @@ use crate::field::Field;
 use crate::registers::{self, RX_EN, reg};
 use crate::report::{Kind, Space};
 
-/// The part's range of supply voltages, mV.
 const RANGE_MV: core::ops::RangeInclusive<u16> = 2_400..=5_500;
-/// The supply voltage, mV, below which the bit sup3V must be set and above which it must be clear.
+/// The bit sup3V must be set below this supply voltage, mV, and clear above it.
 const SUP3V_MV: u16 = 3_600;
-/// One step of the A/D converter in a supply measurement, rounded up, mV. Nearer than this to the threshold of sup3V, a
-/// measurement may fall on either side, so either setting of sup3V is accepted.
+/// A step of the A/D converter in a supply measurement, rounded up, mV: the tolerance of [`SUP3V_MV`].
 const STEP_MV: u16 = 24;
 const SUP3V: u8 = 0x80;
 const AAT_EN: u8 = 0x20;
 
-/// Reports a supply voltage outside the part's range, and a bit sup3V that does not suit the supply voltage. The check
-/// runs when the receiver or the field is switched on, and at Adjust regulators (D6).
+/// Reports a supply voltage outside the chip's range and an unsuitable sup3V, when receiver or field is switched on.
 pub(crate) fn suits(core: &mut Core) {
     let mv = core.config().vdd_mv;
     if !RANGE_MV.contains(&mv) {
@@ -43,10 +40,9 @@ pub(crate) fn suits(core: &mut Core) {
     }
 }
 
-/// Reports antenna tuning values that were written but have no effect, because aat_en is clear while the antenna is in
-/// use.
+/// Reports antenna tuning values that have no effect, because the antenna is used while aat_en is clear.
 pub(crate) fn tuning_suits(core: &mut Core, field: &Field) {
-    // The antenna is in use when the chip's own carrier is on, or when the chip listens for another chip's carrier.
+    // The antenna is used if the chip's carrier is on, or if the chip listens for another chip's carrier.
     let listens = core.oscillator() && core.target() && core.operates(RX_EN);
     if !field.own() && !listens {
         return;
@@ -57,8 +53,7 @@ pub(crate) fn tuning_suits(core: &mut Core, field: &Field) {
     }
 }
 
-/// Returns the result of Measure power supply (DF), in A/D steps of 23.4 mV, at most 255. The bits mpsv (2C, bits 2:0)
-/// select the supply that is measured.
+/// Returns the result of Measure power supply (DF), steps of 23.4 mV, for the supply that mpsv (2C, bits 2:0) selects.
 pub(crate) fn measured(core: &Core) -> u8 {
     let mv = match core.a(reg::REGULATOR) & 0x07 {
         0 => core.config().vdd_mv,

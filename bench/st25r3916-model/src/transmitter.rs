@@ -1,8 +1,8 @@
 //! The transmitter: frames out of the FIFO onto the air.
 //!
-//! A frame needs only a few events of the model, not one per byte. When a frame starts, everything then in the FIFO
-//! goes onto the air as one chunk. Bytes that the controller loads later follow as further chunks, each when the air
-//! needs its first byte. The number of bytes that have left the FIFO is computed on access ([`Transmitter::settle`]).
+//! At the start of a frame, all bytes in the FIFO go onto the air as one chunk. Bytes that the controller loads later
+//! follow as further chunks, each when the air needs its first byte. The number of bytes that have left the FIFO is
+//! calculated when the FIFO is accessed ([`Transmitter::settle`]).
 //!
 //! | covered | DS13541 |
 //! |---|---|
@@ -34,39 +34,35 @@ use crate::report::Kind;
 use crate::schedule::Due;
 use crate::timers;
 
-/// The number of bytes in the FIFO below which a transmission raises the water level interrupt, I_wl.
+/// The number of bytes in the FIFO below which a transmission raises I_wl, the water level interrupt.
 const LEVEL: usize = 200;
 
-/// The transmitter, with the frame that it sends.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Transmitter {
     frame: Option<Outgoing>,
 }
 
 impl Transmitter {
-    /// Whether the transmitter has a frame that is or will be on the air.
     pub(crate) fn busy(&self) -> bool {
         self.frame.is_some()
     }
 
-    /// Whether the transmitter has a frame on the air.
     pub(crate) fn on_air(&self) -> bool {
         self.frame.as_ref().is_some_and(Outgoing::started)
     }
 
-    /// Returns the number of bytes that have left the FIFO for the air since the last call of [`Transmitter::settle`].
+    /// Returns the number of bytes that have left the FIFO since the last call of [`Transmitter::settle`].
     pub(crate) fn leaving(&self, core: &Core) -> usize {
         self.frame.as_ref().map_or(0, |frame| frame.due(core.now()))
     }
 
-    /// Removes from the FIFO the bytes that the transmitter has put on the air.
     pub(crate) fn settle(&mut self, core: &Core, fifo: &mut Fifo) {
         if let Some(frame) = &mut self.frame {
             fifo.drop_front(frame.take_due(core.now()));
         }
     }
 
-    /// Whether `frame` can be sent now. Each reason against the transmission is reported as a finding.
+    /// Whether `frame` can be sent now. Each reason against it is a finding.
     pub(crate) fn admits(&self, core: &mut Core, field: &Field, frame: &mut Outgoing) -> bool {
         if self.busy() {
             core.note(Kind::TransmitWhileBusy);
@@ -81,21 +77,18 @@ impl Transmitter {
             if !core.config().answers {
                 core.note(Kind::LoadModulation);
             }
-            // The operator is `&`, so that the second check also runs and reports its findings when the first one
-            // fails.
+            // The operator is `&`, so that both checks report their findings.
             let modulates = load_modulation::suits(core) & modulation::in_tune(core);
             frame.silent = !core.load_modulator() || !modulates && !core.config().unsuited_modulation_reaches;
         } else if frame.technology() == Technology::NfcF {
-            // The operator is `&`, so that the second check also runs and reports its findings when the first one
-            // fails.
+            // The operator is `&`, so that both checks report their findings.
             let modulates = modulation::suits(core) & modulation::in_tune(core);
             frame.silent = !modulates && !core.config().unsuited_modulation_reaches;
         }
         true
     }
 
-    /// Starts the transmission of a frame that [`Transmitter::admits`] has accepted. Returns the instant of the frame's
-    /// first bit, which follows after the transmitter's latency, ns.
+    /// Starts the transmission of a frame that [`Transmitter::admits`] accepted; returns its first bit's instant, ns.
     pub(crate) fn send(&mut self, core: &mut Core, fifo: &mut Fifo, mut frame: Outgoing) -> u64 {
         core.cancel(Due::NoResponse);
         fifo.clear_flags();
@@ -108,7 +101,6 @@ impl Transmitter {
         start
     }
 
-    /// Puts the first bit of the frame, and the bytes that are in the FIFO, on the air.
     pub(crate) fn starts(&mut self, core: &mut Core, fifo: &mut Fifo) {
         let Some(frame) = &mut self.frame else { return };
         let start = frame.start(&fifo.front(frame.missing()));
@@ -127,8 +119,7 @@ impl Transmitter {
         }
     }
 
-    /// Puts bytes on the air that the controller loaded into the FIFO after the last chunk. If there are none, the
-    /// transmission breaks off by an underflow.
+    /// Puts bytes on the air that the controller loaded since. If there are none, the frame breaks off by an underflow.
     pub(crate) fn goes_on(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         let Some(frame) = &mut self.frame else { return };
@@ -149,8 +140,7 @@ impl Transmitter {
         self.plan(core);
     }
 
-    /// Handles a clearing or reading of the FIFO by the controller. A transmission that still needs bytes from the FIFO
-    /// does not get them, and breaks off at its next byte.
+    /// Breaks off a transmission at its next byte, if it still needs bytes of the FIFO that was cleared or read.
     pub(crate) fn disturb(&mut self, core: &mut Core) {
         let Some(frame) = self.frame.as_mut().filter(|frame| !frame.all_taken()) else { return };
         if frame.disturb() {
@@ -160,7 +150,6 @@ impl Transmitter {
         core.note(Kind::FifoDisturbed);
     }
 
-    /// Ends the transmission after the last bit of its frame.
     pub(crate) fn ends(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         let Some(frame) = self.frame.take() else { return };
@@ -171,7 +160,6 @@ impl Transmitter {
         over(core);
     }
 
-    /// Breaks off the frame that is being sent, without an interrupt.
     pub(crate) fn break_off(&mut self, core: &mut Core, fifo: &mut Fifo) {
         if self.frame.is_none() {
             return;
@@ -186,7 +174,7 @@ impl Transmitter {
         }
     }
 
-    /// Handles a byte that the controller has loaded into the FIFO, which may bring the FIFO back to its water level.
+    /// Handles a byte that the controller loaded, which may bring the FIFO back to its water level.
     pub(crate) fn loaded(&mut self, core: &mut Core, fifo: &mut Fifo) {
         if fifo.len() == LEVEL {
             self.plan_level(core, fifo);
@@ -201,7 +189,7 @@ impl Transmitter {
         }
     }
 
-    /// Raises the water level interrupt (I_wl) if the FIFO holds fewer than 200 bytes, and otherwise plans it again.
+    /// Raises the water level interrupt (I_wl) if the FIFO holds fewer than 200 bytes, and plans it again otherwise.
     pub(crate) fn level(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         if fifo.len() < LEVEL {
@@ -212,7 +200,7 @@ impl Transmitter {
     }
 }
 
-/// Raises I_txe at the end of a transmission, with or without an underflow, and starts the timers that begin there.
+/// Raises I_txe at the end of a transmission, even after an underflow, and starts the timers that begin there.
 fn over(core: &mut Core) {
     core.cancel(Due::TxLevel);
     if core.operates(RX_EN) {

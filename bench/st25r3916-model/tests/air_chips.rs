@@ -1,4 +1,4 @@
-//! Tests the faults of the air between two chips, as the listener's controller observes them.
+//! Tests the air's faults between two chips, as the listener's controller observes them.
 
 use crate::common;
 
@@ -16,13 +16,11 @@ fn pair(faults: AirFaults) -> Pair {
     Pair::started(exact(), exact(), Air::new(1, faults))
 }
 
-/// Sets the faults of the air from the present time on.
 fn set(pair: &mut Pair, faults: AirFaults) {
     let Pair { air, listener, now, .. } = pair;
     air.set_faults(*now, faults, |at, event| listener.hear(at, event));
 }
 
-/// Sends a frame with `n` bytes of payload from the poller.
 fn send(pair: &mut Pair, n: usize, seed: u64) {
     pair.load(&payload(n, seed));
     pair.fire();
@@ -47,7 +45,7 @@ fn the_crc_finds_every_burst_of_up_to_16_bits() {
         pair.run_for(5 * MS);
         let heard = pair.air.take_heard().remove(0);
         let (irqs, data) = received(&mut pair);
-        // A burst in LEN makes the frame appear shorter or longer than it is.
+        // A burst in LEN makes the frame appear shorter or longer.
         if heard.bytes[0] == 101 {
             assert_eq!((irqs, &data), ([0x30, 0, 0x80, 0], &heard.bytes));
             whole += 1;
@@ -140,8 +138,8 @@ fn the_fifo_holds_the_bits_of_a_byte_that_breaks_off() {
         let mut pair = pair(clean());
         send(&mut pair, 60, 1);
         let start = pair.now + pair.poller.config().transmit_latency_ns;
-        // When the field goes off, the preamble, the sync, LEN, nine bytes of payload and `bits` further bits have
-        // arrived. The field goes off in the middle of a bit.
+        // Preamble, sync, LEN, nine bytes of payload and `bits` bits have arrived when the field goes off in the middle
+        // of a bit.
         let came = 64 + 80 + bits;
         pair.run_to(start + (2 * came + 1) * 18_879 / 16);
         set(&mut pair, AirFaults { field_off: true, ..clean() });
@@ -155,7 +153,7 @@ fn the_fifo_holds_the_bits_of_a_byte_that_breaks_off() {
         // NFC-F sends the most significant bit of a byte first.
         let of_last = held.get(bytes).copied().unwrap_or(0);
         assert_eq!(of_last, sent[bytes - 1] & !(0xFF >> last), "{bits} bits");
-        // The air's record of the received frame has only whole bytes.
+        // The air's record has only whole bytes.
         assert_eq!(pair.air.take_heard().remove(0).bytes, held[..bytes], "{bits} bits");
     }
 }
@@ -187,7 +185,7 @@ fn a_frame_that_breaks_off_within_its_sync_is_not_received() {
         send(&mut pair, 60, 1);
         let start = pair.now + pair.poller.config().transmit_latency_ns;
         pair.run_to(start + bits_in * 2_360 - BYTE_NS);
-        // The command Stop breaks off the frame but leaves the field on.
+        // Stop breaks off the frame but leaves the field on.
         pair.spi(Side::Poller, &[0xC2]);
         pair.run_for(MS);
         let irqs = pair.irqs(Side::Listener);
@@ -214,8 +212,8 @@ fn a_frame_whose_fifo_runs_dry_is_not_delivered() {
 
 #[test]
 fn an_nfc_a_frame_is_delivered_unless_its_fifo_runs_dry() {
-    // The first two cases send three bytes with CRC, of which the FIFO has three or only two. The last case sends a
-    // short frame.
+    // The first two cases send three bytes with CRC, of which the FIFO has three or two. The last case sends a short
+    // frame.
     for (loaded, command, delivered) in [(3, 0xC4, true), (2, 0xC4, false), (0, 0xC6, true)] {
         let mut pair = nfc_a_poller(Config::default());
         pair.spi(Side::Poller, &[0xDB]);
@@ -231,7 +229,7 @@ fn an_nfc_a_frame_is_delivered_unless_its_fifo_runs_dry() {
 
 #[test]
 fn a_listener_behind_the_airs_time_still_receives_its_frames() {
-    // The poller and the air run a millisecond ahead of the listener.
+    // Poller and air run a millisecond ahead of the listener.
     let faults = AirFaults { repeated: 1.0, repeat_after_ns: (2 * MS, 2 * MS), ..clean() };
     let mut pair = pair(faults);
     send(&mut pair, 60, 1);

@@ -1,5 +1,5 @@
-//! Tests faults of the air that concern the time of frames: repeated, delayed, scattered and colliding frames, and
-//! frames without a field.
+//! Tests faults of the air that change the time of frames: repetitions, delays, scatter, collisions, and a missing
+//! field.
 
 use crate::common;
 
@@ -10,24 +10,22 @@ fn clean() -> AirFaults {
     AirFaults::default()
 }
 
-/// Returns faults that repeat every frame `after_ns` after its end.
 fn repeating(after_ns: u64) -> AirFaults {
     AirFaults { repeated: 1.0, repeat_after_ns: (after_ns, after_ns), ..clean() }
 }
 
-/// Returns faults that delay every frame by `ns`.
 fn delaying(ns: u64) -> AirFaults {
     AirFaults { delayed: 1.0, delay_ns: (ns, ns), ..clean() }
 }
 
-/// Returns the frames that reached the antenna: first bit, last bit, whether whole, and origin.
+/// Returns the frames that reached the antenna: first bit, last bit, whether whole, origin.
 fn heard(antenna: &mut Antenna) -> Vec<(u64, u64, bool, Origin)> {
     antenna.heard().iter().map(|heard| (heard.started_ns, heard.ended_ns, heard.whole, heard.origin)).collect()
 }
 
 #[test]
 fn a_repetition_follows_once_after_its_delay_with_the_same_bytes() {
-    // A burst of errors makes the received frame differ from the sent one.
+    // A burst of errors distinguishes the received frame from the sent one.
     let faults = AirFaults { burst: 1.0, burst_bits: 8, ..repeating(3 * MS) };
     let mut antenna = Antenna::new(1, faults);
     let end = antenna.send(10 * MS, &frame(20, 1));
@@ -56,7 +54,7 @@ fn a_repetition_comes_at_any_instant_of_its_range() {
         after[usize::try_from(antenna.injected("repeated")[0] - end - 100).unwrap()] += 1;
     }
     assert!(after.iter().all(|count| (60..140).contains(count)), "{after:?}");
-    // A range of times whose end is before its beginning is treated as its beginning alone.
+    // A range of times whose end is before its beginning counts as its beginning.
     antenna.set(5_000 * MS, AirFaults { repeated: 1.0, repeat_after_ns: (200, 100), ..clean() });
     let end = antenna.send(5_001 * MS, &frame(5, 1));
     antenna.run_to(6_000 * MS);
@@ -111,7 +109,7 @@ fn when_the_poller_begins_during_a_repetition_neither_is_heard_whole() {
     assert_eq!((antenna.ended(), antenna.air.counters().collisions), ((1, 0, 1), 1));
     let sent = antenna.air.take_sent();
     assert_eq!((sent[1].whole, sent[1].ended_ns), (true, second), "the poller sent it, all the same");
-    // After the collision the air is free again.
+    // The air is free again after the collision.
     antenna.send(50 * MS, &frame(30, 3));
     assert_eq!(antenna.ended(), (2, 0, 1));
 }
@@ -134,7 +132,6 @@ fn a_delayed_frame_is_heard_later_and_only_then() {
     assert_eq!(antenna.told.len(), 1, "nothing at its own time");
     assert_eq!(antenna.ended(), (0, 0, 0), "not before it has ended at the listener");
     antenna.set(end, clean());
-    // Another frame is sent and received before the delayed one.
     antenna.send(13 * MS, &frame(20, 2));
     antenna.run_to(100 * MS);
     let all = antenna.heard();
@@ -219,7 +216,7 @@ fn without_a_field_the_listener_receives_no_frame() {
     let mut antenna = Antenna::new(1, clean());
     antenna.set(5 * MS, AirFaults { field_off: true, ..clean() });
     antenna.send(10 * MS, &frame(20, 1));
-    // The field stays off when a new set of faults also has it off.
+    // The field stays off if new faults have it off too.
     antenna.set(15 * MS, AirFaults { field_off: true, lost: 0.5, ..clean() });
     antenna.set(20 * MS, clean());
     let end = antenna.send(30 * MS, &frame(20, 1));
@@ -245,7 +242,7 @@ fn a_field_fault_is_reported_only_where_it_changes_the_listeners_field() {
     antenna.set(9 * MS, clean());
     assert_eq!(antenna.told[2..], [(6 * MS, AirEvent::FieldOn), (7 * MS, AirEvent::FieldOff)]);
     assert_eq!(antenna.injected("field off"), [2 * MS, 4 * MS, 7 * MS]);
-    // In this part of the test the field is off from the start.
+    // The field is off from the start.
     let mut antenna = Antenna::new(1, off);
     antenna.set(MS, clean());
     assert_eq!(antenna.told, [(MS, AirEvent::FieldOn)]);
@@ -274,7 +271,7 @@ fn a_field_that_drops_within_a_frame_breaks_it_off() {
 fn late_frames_are_lost_when_they_are_due_without_a_carrier() {
     let off = AirFaults { field_off: true, ..clean() };
     for faults in [repeating(5 * MS), delaying(5 * MS)] {
-        // The field goes off by a fault of the air, or because the poller switches its field off.
+        // Either a fault of the air or the poller switches the field off.
         for poller in [false, true] {
             let mut antenna = Antenna::new(1, faults);
             let end = antenna.send(10 * MS, &frame(20, 1));

@@ -1,14 +1,12 @@
 //! Replays recordings of silicon (an ST25R3916 at 5.2 V reading an NFC-A tag): the same MOSI bytes at the same instants
-//! must give the same MISO bytes, and the IRQ pin must move in the same way.
+//! must give the same MISO bytes and the same changes of the IRQ pin.
 //!
 //! The recordings are not part of this repository. The tests look for them in `shared/data/st25r3916-silicon` beside
-//! the checkout or beside a folder that contains it. Without them these tests report "not run"; where `CI` is set, they
-//! fail.
+//! the checkout or beside a folder that contains it. Without them the tests report "not run", or fail if `CI` is set.
 //!
-//! Before a recording is replayed, the chip is set up over SPI as the recorded firmware had set it up (registers that
-//! it had written, and a general purpose timer that had run out while masked). The tag is a stand-in that answers with
-//! the recorded bytes at the recorded instants. These instants are derived from the recorded edges of I_rxs, which are
-//! therefore checked only for order and level; a separate check compares them with the frame delay time of ISO 14443-3.
+//! Before a replay the chip is set up over SPI as the recorded firmware had set it up. A model of the tag answers with
+//! the recorded bytes at instants derived from the recorded edges of I_rxs. These edges are therefore checked only for
+//! order and level; a separate check compares them with the frame delay time of ISO 14443-3.
 
 use std::path::Path;
 
@@ -16,18 +14,17 @@ use st25r3916_model::{
     AirEvent, BrokenFrame, Chip, Chunk, Config, FrameStart, IrqEdge, Kind, Space, Technology, Variant,
 };
 
-/// The virtual time at which a recording begins, after the chip's setup, ns.
+/// The virtual time at which a recording begins, ns. The chip is set up before.
 const BEGIN_NS: u64 = 60_000_000;
-/// The recorded controller's SPI clock, Hz.
 const SPI_HZ: u32 = 10_500_000;
 /// The time from the first rising clock edge of an SPI byte to the end of its eighth clock at 10.5 MHz, ns.
 const BYTE_NS: u64 = 762;
-/// The tolerance of a fall of the IRQ pin against the recording, ns. The recording's text gives the instants of
-/// transfers and edges to 100 ns each, and the bytes of an interrupt read start up to 60 ns from their instants in
-/// [`byte_ends`]. A fall at the byte's end would be 683 ns away.
+/// The tolerance of a fall of the IRQ pin against the recording, ns. The recording has instants to 100 ns each, and
+/// bytes of an interrupt read start up to 60 ns from their instants in [`byte_ends`]. A fall at the byte's end would be
+/// 683 ns away.
 const FALL_TOLERANCE_NS: u64 = 150;
-/// The tolerance of a rise of the IRQ pin against the recording, ns. A command may cause a rise, and commands start up
-/// to 300 ns from their instants in [`byte_ends`]. The recorded receiver's own delays vary by 400 ns.
+/// The tolerance of a rise of the IRQ pin against the recording, ns. A command that causes a rise starts up to 300 ns
+/// from its instant in [`byte_ends`], and the delays of the recorded receiver vary by 400 ns.
 const EDGE_TOLERANCE_NS: u64 = 250;
 /// The duration of one bit at 106 kbit/s, attoseconds.
 const BIT_AS: u64 = 9_439_528_023_598;
@@ -56,7 +53,7 @@ fn capture(name: &str) -> Option<Vec<Line>> {
     };
     let hex = |s: &str| -> Vec<u8> { s.split_whitespace().map(|b| u8::from_str_radix(b, 16).expect("hex")).collect() };
     let mut lines = Vec::new();
-    // The first two lines of a recording name the channels.
+    // The first two lines name the channels.
     for line in text.lines().skip(2).filter(|l| !l.trim().is_empty()) {
         let (time, rest) = line.trim().split_once(' ').expect("an instant and what happened");
         let (us, tenths) = time.split_once('.').expect("microseconds with a tenth");
@@ -69,12 +66,12 @@ fn capture(name: &str) -> Option<Vec<Line>> {
             }
         });
     }
-    // A recording may list an edge of the IRQ pin before the transfer within which it lies.
+    // A recording may list an edge of the IRQ pin before the transfer that contains it.
     lines.sort_by_key(Line::at);
     Some(lines)
 }
 
-/// Returns a chip that is configured like the one on the recorded board.
+/// Returns a chip with the configuration of the recorded board.
 fn board() -> Chip {
     let mut chip = Chip::new(Config {
         variant: Variant::St25r3916,
@@ -82,7 +79,7 @@ fn board() -> Chip {
         regulator_display: 0xE0,
         driver_timing_display: 0x04,
         broken_frame: BrokenFrame::EndsWithError,
-        // Each frame starts at the mean instant; the test allows for the scatter of the recorded frames.
+        // Each frame starts at the mean instant; the test's tolerance covers the scatter of the recorded frames.
         transmit_scatter_ns: 0,
         ..Config::default()
     });
@@ -90,10 +87,10 @@ fn board() -> Chip {
     chip
 }
 
-/// Returns the instants at which the bytes of a transfer end, ns after the fall of chip select. They are from the same
-/// recordings at a resolution of 2 ns (hydrabus/st25r3916_decoder_dumps_sigrok). The first byte starts later the more
-/// the controller has to prepare; the second byte starts 1.5 µs after the first, and each further byte 1.88 µs after
-/// the one before.
+/// Returns the instants at which a transfer's bytes end, ns after the fall of chip select, from the same recordings at
+/// a resolution of 2 ns (hydrabus/st25r3916_decoder_dumps_sigrok). The first byte starts later for transfers that take
+/// the controller longer to prepare. The second starts 1.5 µs after the first, and each further byte 1.88 µs after the
+/// one before.
 fn byte_ends(mosi: &[u8]) -> impl Iterator<Item = u64> {
     let first = match mosi {
         [_] => 2_040,
@@ -108,12 +105,12 @@ fn byte_ends(mosi: &[u8]) -> impl Iterator<Item = u64> {
 fn exchange(chip: &mut Chip, at: u64, mosi: &[u8]) -> Vec<u8> {
     chip.select(at);
     let miso = mosi.iter().zip(byte_ends(mosi)).map(|(&b, end)| chip.transfer(at + end, b)).collect();
-    // The recorded controller raises chip select 1.8 us or more after the last clock edge.
+    // The recorded controller raises chip select at least 1.8 µs after the last clock edge.
     chip.deselect(at + byte_ends(mosi).last().unwrap_or(0) + 1_800);
     miso
 }
 
-/// Repeats the recorded firmware's actions before its first scan for a tag.
+/// Repeats what the recorded firmware did before its first scan for a tag.
 fn bring_up(chip: &mut Chip, writes: &[&[u8]]) {
     let mut now = 1_000_000;
     let mut run = |bytes: &[u8], then: u64| {
@@ -127,11 +124,10 @@ fn bring_up(chip: &mut Chip, writes: &[&[u8]]) {
     run(&[0x02, 0x80], 1_000_000);
     run(&[0x03, 0x08], 0);
     run(&[0x5A, 0, 0, 0, 0], 0);
-    // The firmware measures the supply and adjusts the regulators.
     run(&[0xDF], 100_000);
     run(&[0xD6], 4_000_000);
     run(&[0x5A, 0, 0, 0, 0], 0);
-    // The general purpose timer runs out after 20 ms. Its interrupt is masked, so the interrupt bit stays set.
+    // The general purpose timer runs out after 20 ms. Its interrupt is masked, so its bit stays set.
     run(&[0x13, 0x84, 0x6C], 0);
     run(&[0xE0], 21_000_000);
     run(&[0x02, 0x83], 0);
@@ -145,7 +141,7 @@ fn bring_up(chip: &mut Chip, writes: &[&[u8]]) {
 fn every_register_of_both_spaces_reads_as_on_silicon() {
     let Some(lines) = capture("Read_All_Registers_SpaceA_B.txt") else { return };
     let mut chip = board();
-    // These are the remaining writes of the recorded firmware's start sequence.
+    // The remaining writes of the recorded firmware's start.
     bring_up(
         &mut chip,
         &[&[0x08, 0x50], &[0x26, 0x49, 0x45], &[0x29, 0x5F, 0x11, 0x00], &[0xFB, 0x05, 0x40], &[0x5A, 0, 0, 0, 0]],
@@ -156,14 +152,13 @@ fn every_register_of_both_spaces_reads_as_on_silicon() {
         }
     }
     assert!(!chip.irq());
-    // Every address that the recording reads exists in the part.
+    // Every address that the recording reads exists.
     assert_eq!(chip.reports().iter().filter(|r| matches!(r.kind, Kind::NoSuchRegister(..))).count(), 0);
 }
 
 /// An NFC-A tag that repeats the answers of the recorded tag at the recorded instants.
 struct Tag {
-    /// The instants of the recorded edges of I_rxs, each with the bytes that the firmware then read, which the model
-    /// must receive.
+    /// The instants of the recorded edges of I_rxs, each with the bytes that the firmware then read.
     answers: Vec<(u64, Vec<u8>)>,
     /// The time from the start of an answer to I_rxs, ns.
     to_rxs: u64,
@@ -176,15 +171,15 @@ impl Tag {
         for line in lines {
             match line {
                 Line::Irq { at, level: true } => rose = *at,
-                // In such a read of the interrupt registers only I_rxs is set, so an answer has begun.
+                // I_rxs alone is set, so an answer has begun.
                 Line::Transfer { mosi, miso, .. } if mosi[0] == 0x5A && miso[1] == 0x20 => {
                     answers.push((rose, Vec::new()));
                 }
                 Line::Transfer { mosi, miso, .. } if mosi[0] == 0x9F => {
                     let (_, data) = answers.last_mut().expect("data after a start");
                     data.extend_from_slice(&miso[1..]);
-                    // The recorded firmware read only the first of the SAK's three bytes in the FIFO. The two bytes of
-                    // CRC_A are added here as the standard defines them.
+                    // The firmware read only the first of the SAK's three bytes, so the standard's two bytes of CRC_A
+                    // are added.
                     if data.len() == 1 {
                         let crc = crc_a(data);
                         data.extend_from_slice(&crc);
@@ -197,7 +192,7 @@ impl Tag {
         Self { answers, to_rxs: bit + config.nfc_a_start_latency_ns }
     }
 
-    /// Passes every answer of the tag to the chip in advance.
+    /// Passes all answers of the tag to the chip in advance.
     fn speak(&self, chip: &mut Chip) {
         for (rxs, data) in &self.answers {
             let start = rxs - self.to_rxs;
@@ -268,8 +263,7 @@ fn the_model_reads_a_tag_exactly_as_the_recorded_chip_did() {
         lines.iter().filter_map(|l| if let Line::Irq { at, level } = l { Some((*at, *level)) } else { None }).collect();
     assert_eq!(edges.len(), recorded.len(), "edges {edges:?}");
     assert_eq!(recorded.iter().filter(|(_, level)| !level).count(), 22);
-    // The recorded chip started each frame at a random instant within the scatter. The frame's end (I_txe) varies with
-    // it, and so does I_nre, which is counted from that end.
+    // The recorded chip started each frame at a random instant within the scatter, which also moves I_txe and I_nre.
     let scatter = Config::default().transmit_scatter_ns / 2;
     let mut starts: Vec<i64> = Vec::new();
     for (edge, (was, level)) in edges.iter().zip(&recorded) {
@@ -303,7 +297,7 @@ fn the_model_reads_a_tag_exactly_as_the_recorded_chip_did() {
     let used = starts.iter().max().expect("frames") - starts.iter().min().expect("frames");
     assert!(used > scatter as i64 && used <= 2 * (scatter + EDGE_TOLERANCE_NS) as i64, "{starts:?}");
 
-    // The tag receives the frames of ISO 14443-3, with the CRC that the chip adds.
+    // The sent frames are those of ISO 14443-3, with the CRC that the chip adds.
     let frames: Vec<&Vec<u8>> = sent
         .iter()
         .filter_map(|(_, e)| if let AirEvent::FrameStart(f) = e { Some(&f.chunk.data) } else { None })
@@ -327,10 +321,10 @@ fn the_model_reads_a_tag_exactly_as_the_recorded_chip_did() {
     }
     assert_eq!(sent.first().map(|(_, e)| e), Some(&AirEvent::FieldOn));
     assert_eq!(sent.last().map(|(_, e)| e), Some(&AirEvent::FieldOff));
-    // The supply range, antenna tuning and receive chain that worked on silicon must cause no finding.
+    // Settings of supply range, antenna tuning and receive chain that work on silicon must cause no finding.
     let kinds: Vec<Kind> = chip.reports().iter().map(|r| r.kind).collect();
-    // The recorded controller clocks faster than the data sheet allows. It also sets antcl and a register for EMD
-    // suppression, both of which are not modelled.
+    // The recorded controller clocks faster than the data sheet allows, and sets antcl and a register for EMD
+    // suppression, which are not modelled.
     let expected = |k: &Kind| {
         matches!(
             k,
@@ -344,8 +338,8 @@ fn the_model_reads_a_tag_exactly_as_the_recorded_chip_did() {
     assert_eq!(chip.statistics().received, 6);
     assert_eq!(chip.statistics().crc_errors, 0);
 
-    // By ISO 14443-3 an answer starts 1172 carrier cycles (86.4 us) plus the pause after the end of the frame's last
-    // bit. I_txe comes two bits after that bit.
+    // By ISO 14443-3 an answer starts 1172 carrier cycles (86.4 µs) plus the pause after the frame's last bit. I_txe
+    // comes two bits after that bit.
     let delays: Vec<u64> = sent
         .iter()
         .zip(sent.iter().skip(1))

@@ -13,8 +13,8 @@ fn pair() -> Pair {
     Pair::started(Config::default(), Config::default(), clean())
 }
 
-/// Waits until the listener has received a frame. Returns the listener's interrupts at the start and at the end of the
-/// frame, and its FIFO bytes.
+/// Waits until the listener has received a frame. Returns the listener's interrupts at the frame's start and end, and
+/// its FIFO bytes.
 fn receive(pair: &mut Pair) -> ([u8; 4], Vec<u8>) {
     assert!(pair.wait_irq(Side::Listener, 7_000_000), "I_rxs");
     assert_eq!(pair.irqs(Side::Listener)[0], 0x20);
@@ -132,7 +132,7 @@ fn running_dry_breaks_the_frame_off_and_the_receiver_says_so() {
             BrokenFrame::EndsWithError => assert_eq!(pair.irqs(Side::Listener), [0x30, 0, 0x90, 0]),
             BrokenFrame::NeverEnds => assert_eq!(pair.irqs(Side::Listener), [0x20, 0, 0, 0]),
         }
-        // The listener recovers when its controller clears the FIFO (DB) and unmasks the receiver (D1).
+        // Clear FIFO (DB) and unmask (D1) let the listener recover.
         pair.arm();
         pair.irqs(Side::Poller);
         pair.load(&payload(10, 6));
@@ -147,8 +147,8 @@ fn the_water_level_of_a_long_frame_sets_its_masked_interrupt() {
     pair.load(&payload(244, 5));
     pair.fire();
     let start = pair.now + pair.poller.config().transmit_latency_ns;
-    // The FIFO holds fewer than 200 bytes once byte 45 of the payload has left it, which is after 64 + 8 + 44 * 8 bits
-    // of the frame.
+    // Fewer than 200 bytes are in the FIFO once byte 45 of the payload has left it, 64 + 8 + 44 * 8 bits into the
+    // frame.
     pair.run_to(start + (72 + 44 * 8) * 2_360 - 4_000);
     assert_eq!(pair.irqs(Side::Poller)[0], 0);
     pair.run_for(4_000);
@@ -163,13 +163,13 @@ fn an_unarmed_listener_hears_nothing_until_unmasked() {
     pair.load(&payload(20, 1));
     pair.fire();
     receive(&mut pair);
-    // The listener is not armed again (D1) before the second frame.
+    // The listener is not armed again (D1).
     pair.load(&payload(20, 2));
     pair.fire();
     pair.run_for(3_000_000);
     assert_eq!(pair.irqs(Side::Listener), [0, 0, 0, 0]);
     assert_eq!(pair.listener.statistics().missed, 1);
-    // The listener is armed in the middle of a frame. It misses this frame and receives the next one.
+    // A listener that is armed in the middle of a frame receives only the next frame.
     pair.load(&payload(200, 3));
     pair.fire();
     pair.run_for(1_000_000);
@@ -183,8 +183,7 @@ fn an_unarmed_listener_hears_nothing_until_unmasked() {
 
 #[test]
 fn a_sync_already_under_way_is_not_joined() {
-    // The sync is bits 48 to 63 of the frame. A listener that is armed before the sync receives the frame; a listener
-    // that is armed within the sync does not.
+    // The sync is bits 48 to 63 of the frame. A listener must be armed before it to receive the frame.
     for (bits_into, heard) in [(40, true), (50, false), (62, false)] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.spi(Side::Listener, &[0xD0]);
@@ -381,14 +380,13 @@ fn bit_rate_detection_finds_424_and_a_fixed_rate_ignores_another() {
     pair.run_for(1_000_000);
     assert_eq!(pair.irqs(Side::Listener), [0x30, 0x01, 0, 0]);
     assert_eq!(pair.spi(Side::Listener, &[0x64, 0])[1] & 0x30, 0x20);
-    // The listener is set to a fixed rate of 212 kbit/s, so it does not receive a frame at 424 kbit/s.
+    // At a fixed rate of 212 kbit/s the listener does not receive a frame at 424 kbit/s.
     pair.spi(Side::Listener, &[0x03, 0xA0, 0x11]);
     pair.arm();
     pair.load(&payload(20, 2));
     pair.fire();
     pair.run_for(1_000_000);
     assert_eq!(pair.irqs(Side::Listener), [0, 0, 0, 0]);
-    // The listener receives a frame at 212 kbit/s.
     pair.spi(Side::Poller, &[0x04, 0x11]);
     pair.load(&payload(20, 3));
     pair.fire();
@@ -407,7 +405,7 @@ fn initial_field_on_waits_for_silence_and_yields_to_a_foreign_field() {
     pair.spi(Side::Poller, &[0xC8]);
     let fired = pair.now;
     assert!(pair.wait_irq(Side::Poller, 1_000_000));
-    // The chip listens for 4096 carrier cycles and then switches its field on; I_apon follows.
+    // The chip listens for 4096 carrier cycles before it switches its field on; I_apon follows.
     assert_eq!(pair.now - fired, 302_065 + pair.poller.config().field_on_latency_ns);
     assert_eq!(pair.irqs(Side::Poller), [0, 0, 0, 0x20]);
     assert!(pair.wait_irq(Side::Poller, 1_000_000));
@@ -429,7 +427,7 @@ fn lock_step_with_a_microsecond_of_skew_changes_nothing() {
     pair.poller.select(now);
     pair.poller.transfer(now + 1_000, 0xC4);
     pair.poller.deselect(now + 1_000);
-    // The listener runs ahead of the poller by a microsecond.
+    // The listener runs a microsecond ahead of the poller.
     while now < base + 8_000_000 {
         now += 1_000;
         pair.listener.advance(now + 1_000);

@@ -1,5 +1,4 @@
-//! Tests that every misuse of the chip by its controller is reported, is never silently accepted, and never causes a
-//! panic.
+//! Tests that every misuse of the chip by its controller is a finding and causes no panic.
 
 use crate::common;
 
@@ -129,7 +128,7 @@ fn an_interrupt_set_behind_a_mask_raises_the_pin_when_unmasked() {
     assert!(chip.irq());
     assert_eq!(exchange(&mut chip, 800_000, &[0x5A, 0]), [0, 0x80]);
     assert!(!chip.irq());
-    // An interrupt bit that is set between the latching of the register's value and the end of the read must stay set.
+    // An interrupt bit that is set after the register's value was taken must survive the read.
     exchange(&mut chip, 800_000, &[0x02, 0x00]);
     exchange(&mut chip, 800_000, &[0x02, 0x80]);
     chip.select(1_499_000);
@@ -184,8 +183,8 @@ fn no_response_and_wake_up_timers_run_as_set() {
 
 #[test]
 fn clearing_the_fifo_in_mid_frame_never_lets_the_frame_arrive_whole() {
-    // The FIFO is cleared at different bytes of the frame, and is loaded again or not. The rest of the frame's bytes is
-    // never sent.
+    // The FIFO is cleared at different bytes of the frame, and loaded again or not. The rest of the frame is never
+    // sent.
     for (at_ns, reload) in [(200_000, false), (1_000_000, false), (1_000_000, true), (4_500_000, false)] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.load(&payload(244, 1));
@@ -199,20 +198,19 @@ fn clearing_the_fifo_in_mid_frame_never_lets_the_frame_arrive_whole() {
             pair.spi(Side::Poller, &load);
         }
         pair.run_for(6_000_000);
-        // The bytes that were loaded after the clearing were not sent.
+        // The bytes loaded after the clear were not sent.
         assert_eq!(pair.fifo(Side::Poller).0, if reload { 244 } else { 0 });
         assert_eq!(found(&pair.poller, Kind::TransmitUnderflow), 1);
         assert_eq!(pair.fifo(Side::Poller).1 & 0x20, 0x20, "fifo_unf");
         let irqs = pair.irqs(Side::Listener);
         assert_eq!((irqs[0] & 0x10, irqs[2] & 0x90), (0x10, 0x90), "I_rxe with I_crc and I_err1");
         let (n, _) = pair.fifo(Side::Listener);
-        // A byte takes 8 bits of 32 carrier cycles each, and 64 bits precede the first byte, LEN.
+        // A byte takes 8 bits of 32 carrier cycles, and 64 bits precede the first byte, LEN.
         let begun = (at_ns as f64 / 1e3 - 3.65 + 1.0 - 151.0) / 18.879;
         assert!((n as f64 - begun).abs() <= 2.0, "{n} bytes, {begun:.1} had begun");
         assert_eq!(pair.read_fifo(Side::Listener, n)[1..], payload(244, 1)[..n - 1]);
         let c = pair.air.counters();
         assert_eq!((c.sent, c.delivered, c.damaged), (1, 0, 1));
-        // The poller must be able to send the next frame.
         pair.arm();
         pair.irqs(Side::Poller);
         pair.load(&payload(10, 3));
@@ -232,7 +230,7 @@ fn a_frame_loaded_in_parts_and_then_cleared_counts_as_damaged() {
     let mut load = vec![0x80];
     load.extend_from_slice(&payload(244, 1)[16..]);
     pair.spi(Side::Poller, &load);
-    // The first 16 bytes were announced to the air alone. When the FIFO is cleared, about 40 bytes have been sent.
+    // Only the first 16 bytes were given to the air, and about 40 bytes have been sent when the FIFO is cleared.
     pair.run_for(650_000);
     pair.spi(Side::Poller, &[0xDB]);
     pair.run_for(6_000_000);
@@ -258,7 +256,7 @@ fn a_fifo_cleared_in_time_sends_the_bytes_loaded_after_it() {
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(40, 1));
     pair.fire();
-    // The frame's first bit is still due, so no byte has been announced to the air.
+    // The frame's first bit is still due, so the air has received no byte.
     let now = pair.now;
     pair.poller.select(now);
     pair.poller.transfer(now + 1_000, 0xDB);
@@ -278,7 +276,7 @@ fn clearing_the_fifo_when_its_last_byte_has_left_harms_nothing() {
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(20, 1));
     pair.fire();
-    // The CRC is on the air: 64 bits of preamble and sync, LEN and 20 bytes have been sent.
+    // The CRC is on the air after 64 bits of preamble and sync, LEN and 20 bytes.
     pair.run_for(3_650 + (64 + 21 * 8 + 4) * 2_360);
     assert!(pair.poller.is_transmitting());
     pair.spi(Side::Poller, &[0xDB]);
@@ -303,7 +301,7 @@ fn the_water_level_comes_again_each_time_a_reception_reaches_it() {
         let (n, _) = pair.fifo(Side::Poller);
         assert!((300..=301).contains(&n), "{n} bytes at I_wl");
         levels += 1;
-        // The FIFO falls to 50 bytes, so 250 more must arrive until the next I_wl.
+        // The FIFO falls to 50 bytes, so 250 more must arrive before the next I_wl.
         data.extend(pair.read_fifo(Side::Poller, 250));
     }
     assert_eq!(levels, 4, "at 300, 550, 800 and 1050 bytes");
@@ -329,10 +327,10 @@ fn the_water_level_comes_again_after_the_fifo_was_cleared() {
 #[test]
 fn a_mode_or_rate_that_is_not_modelled_is_reported() {
     for (writes, kind) in [
-        // The first mode is an NFC-A target with its anticollision, and the second is active communication.
+        // The modes are an NFC-A target with its anticollision, and active communication.
         (&[&[0x03u8, 0x88, 0x22][..]], Kind::UnmodelledMode(0x88)),
         (&[&[0x03, 0xB8, 0x22]], Kind::UnmodelledMode(0xB8)),
-        // At 106 kbit/s the chip has no NFC-F reception as a target.
+        // A target has no NFC-F reception at 106 kbit/s.
         (&[&[0x03, 0xA0, 0x20]], Kind::UnmodelledBitRate(0x20)),
     ] {
         let mut pair = Pair::started(exact(), exact(), clean());
@@ -348,7 +346,7 @@ fn a_mode_or_rate_that_is_not_modelled_is_reported() {
         assert_eq!(pair.listener.statistics().missed, 1);
     }
     for (mode, rate, kind) in [
-        // The settings are NFC-B, and NFC-A at 212 kbit/s, which the model does not cover.
+        // The settings are NFC-B, and NFC-A at 212 kbit/s.
         (0x10, 0x00, Kind::UnmodelledMode(0x10)),
         (0x08, 0x01, Kind::UnmodelledBitRate(0x01)),
     ] {
@@ -356,7 +354,7 @@ fn a_mode_or_rate_that_is_not_modelled_is_reported() {
         pair.spi(Side::Poller, &[0x03, mode, rate]);
         nfc_a_answer(&mut pair, &[1, 2, 3]);
         assert_eq!(found(&pair.poller, kind), 1);
-        // A chip whose receiver is off reports nothing.
+        // A chip with its receiver off has no finding.
         pair.spi(Side::Poller, &[0x02, 0x88]);
         nfc_a_answer(&mut pair, &[1, 2, 3]);
         assert_eq!(found(&pair.poller, kind), 1);
@@ -392,8 +390,8 @@ fn bits_that_are_kept_without_effect_are_reported_and_others_are_not() {
 
 #[test]
 fn collision_avoidance_sees_a_field_at_any_instant_of_its_window() {
-    // In these two cases an external field appears and disappears within the window of 302 us. In the case after them,
-    // the field is present at the start of the window and disappears at once.
+    // In these two cases a foreign field appears and disappears within the window of 302 µs. In the next case the
+    // foreign field is present at the start.
     for (on, off) in [(100_000, 150_000), (250_000, 290_000)] {
         let mut pair = Pair::new(exact(), exact(), clean());
         pair.start(Side::Listener);
@@ -463,7 +461,7 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
         assert_eq!(found(&pair.listener, Kind::ChangedInFrame(register)), 1);
         assert_eq!(pair.irqs(Side::Listener)[0] & 0x10 == 0, lost, "{write:02X?}");
     }
-    // A frame that is being sent goes on unchanged.
+    // A frame that is being sent continues unchanged.
     for write in [[0x03, 0x08], [0x04, 0x11]] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.load(&payload(200, 1));
@@ -474,7 +472,7 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
         assert_eq!(found(&pair.poller, Kind::ChangedInFrame(write[0])), 1);
         assert_eq!(pair.irqs(Side::Listener), [0x30, 0, 0, 0]);
     }
-    // A write of the present value during a frame is not reported, and neither is a change between frames.
+    // A write of the present value is no finding, nor is a change between frames.
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(200, 1));
     pair.fire();
@@ -485,7 +483,6 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
     assert_eq!(pair.poller.reports(), []);
 }
 
-/// One random action: an SPI transfer by a controller, a wait, or a switch of a supply.
 #[derive(Clone, Debug)]
 enum Act {
     Spi(Side, Vec<u8>),
@@ -548,7 +545,7 @@ proptest! {
             let make = if started { Pair::started } else { Pair::new };
             let mut pair = make(config.clone(), config.clone(), air);
             let mut heard = Vec::new();
-            // The start of the chips has left edges of the IRQ pins, perhaps more than the chip keeps.
+            // The start of the chips has left edges of the IRQ pins.
             let mut pins = [Side::Poller, Side::Listener].map(|side| {
                 let chip = pair.chip(side);
                 chip.take_irq_edges().for_each(drop);
@@ -566,7 +563,7 @@ proptest! {
                 for (i, side) in [Side::Poller, Side::Listener].into_iter().enumerate() {
                     let (now, chip) = (pair.now, pair.chip(side));
                     for edge in chip.take_irq_edges() {
-                        // The level of the IRQ pin changes at each edge, and the edges are in order of time.
+                        // Edges alternate in level and are in order of time.
                         prop_assert!(edge.level != pins[i].0 && edge.at_ns >= pins[i].1 && edge.at_ns <= now);
                         pins[i] = (edge.level, edge.at_ns);
                     }

@@ -1,5 +1,4 @@
-//! Tests that settings which do not suit the board or the technology are reported as findings. The settings concern the
-//! supply, the antenna tuning, the receive chain and the modulation.
+//! Tests that unsuitable settings of supply, antenna tuning, receive chain and modulation are findings.
 
 use crate::common;
 
@@ -21,8 +20,7 @@ fn a_driver_can_measure_the_supply_and_set_its_range() {
         (3_300, 141, true, false),
         (5_000, 213, false, false),
         (5_220, 223, false, false),
-        // The end of the A/D converter's range is 254 steps or 5.94 V. It is not the highest supply voltage that the
-        // part allows.
+        // The A/D converter ends at 254 steps or 5.94 V, above the highest permitted supply voltage.
         (5_950, 254, false, true),
     ] {
         let config = Config { vdd_mv, ..Config::default() };
@@ -68,8 +66,8 @@ fn a_supply_that_a_measurement_may_read_as_either_range_suits_both() {
 
 #[test]
 fn supply_and_tuning_are_looked_at_whatever_puts_the_part_to_work() {
-    // In the first case the field goes on with the oscillator. In the second case the receiver is switched on although
-    // the regulators were not adjusted.
+    // First the field goes on with the oscillator. Then the receiver is switched on, although the regulators were not
+    // adjusted.
     for operation in [[0x88, 0x88], [0x80, 0xC0]] {
         let mut pair = Pair::new(Config::default(), Config::default(), clean());
         pair.spi(Side::Poller, &[0x01, 0x9C]);
@@ -90,7 +88,7 @@ fn supply_and_tuning_are_looked_at_whatever_puts_the_part_to_work() {
 fn the_measured_supply_is_the_one_that_is_selected() {
     let mut pair = Pair::new(Config::default(), Config::default(), clean());
     pair.start(Side::Poller);
-    // The selected supplies are VDD, VDD_A, VDD_D, VDD_RF, VDD_AM, and one that does not exist.
+    // The supplies are VDD, VDD_A, VDD_D, VDD_RF, VDD_AM, and one that does not exist.
     for (mpsv, steps) in [(0, 213), (1, 128), (2, 128), (3, 128), (4, 115), (5, 0)] {
         pair.spi(Side::Poller, &[0x2C, mpsv]);
         pair.spi(Side::Poller, &[0xDF]);
@@ -115,7 +113,7 @@ fn antenna_tuning_without_aat_en_is_found_when_the_antenna_is_used() {
         (0x1C, 0x00, true, true),
         (0x1C, 0x00, false, false),
         (0x3C, 0x00, true, false),
-        // The tuning registers hold their reset value, for which aat_en is not needed.
+        // The tuning registers have their reset value, for which aat_en is not needed.
         (0x1C, 0x80, true, false),
     ] {
         let mut pair = Pair::new(Config::default(), Config::default(), clean());
@@ -138,13 +136,13 @@ fn antenna_tuning_without_aat_en_is_found_when_the_antenna_is_used() {
             );
         }
     }
-    // The order of the writes does not matter: the antenna may be tuned while the chip listens.
+    // The antenna may also be tuned after the chip has begun to listen.
     let mut pair = Pair::started(Config::default(), Config::default(), clean());
     pair.spi(Side::Listener, &[0x01, 0x1C]);
     assert_eq!(found(&pair.listener, Kind::AntennaTuningOff), 0);
     pair.spi(Side::Listener, &[0x27, 0xFF]);
     assert_eq!(found(&pair.listener, Kind::AntennaTuningOff), 1);
-    // In this part of the test the chip becomes a target after its antenna has been tuned.
+    // This chip becomes a target after its antenna was tuned.
     let mut pair = Pair::new(Config::default(), Config::default(), clean());
     pair.start(Side::Listener);
     pair.spi(Side::Listener, &[0x01, 0x1C]);
@@ -163,11 +161,10 @@ fn a_finding_names_register_value_and_technology() {
     assert_eq!(Kind::SupplyOutOfRange(5_950).to_string(), "supply of 5950 mV is outside 2400 to 5500 mV");
 }
 
-/// The space, address and value of a register that does not suit.
 type Finding = (Space, u8, u8);
 
-/// Makes the listener receive a frame after `writes` to a suitable receive chain. Returns the findings about the
-/// receive chain, and the number of frames received.
+/// Lets the listener receive a frame after `writes` to a suitable receive chain. Returns the findings about the receive
+/// chain, and the number of frames received.
 fn listens_with(writes: &[&[u8]], config: Config) -> (Vec<Finding>, u64) {
     let mut pair = Pair::started(Config::default(), config, clean());
     for w in writes {
@@ -203,13 +200,13 @@ fn a_listener_with_the_receive_chain_of_a_reset_is_reported() {
 fn each_setting_that_a_public_driver_receives_nfc_f_with_is_accepted() {
     let strict = Config { unsuited_chain_receives: false, ..Config::default() };
     let settings: [&[&[u8]]; 5] = [
-        // These two settings are those of Flipper Zero, the first for a listener and the second for a poller.
+        // Flipper Zero's settings for a listener and for a poller.
         &[&[0x0B, 0x13, 0x2D, 0x00, 0x00], &[0xFB, 0x0C, 0x54, 0x00]],
         &[&[0x0B, 0x13], &[0xFB, 0x0C, 0x58, 0x00]],
-        // These two settings are those of ST for a poller, with an ST25R3916 and with an ST25R3916B.
+        // ST's settings for a poller, on an ST25R3916 and on an ST25R3916B.
         &[&[0x0B, 0x13, 0x3D, 0x00, 0x00], &[0xFB, 0x0C, 0x54, 0x00]],
         &[&[0x0B, 0x13, 0xFD, 0x00, 0x00], &[0xFB, 0x0C, 0x54, 0x00]],
-        // This setting is one of a listener, for the filter and the mixer.
+        // A listener's settings of filter and mixer.
         &[&[0x0B, 0x01, 0x6D]],
     ];
     for writes in settings {
@@ -220,13 +217,12 @@ fn each_setting_that_a_public_driver_receives_nfc_f_with_is_accepted() {
 #[test]
 fn each_register_of_the_receive_chain_is_looked_at() {
     let cases: [(&[u8], Finding); 8] = [
-        // The first four writes select a high-pass zero at 600 kHz, zeros at 60 and 400 kHz, a low-pass of 300 kHz, and
-        // a code that does not exist.
+        // A high-pass zero at 600 kHz, zeros at 60 and 400 kHz, a low-pass of 300 kHz, and a code that does not exist.
         (&[0x0B, 0x18], (Space::A, 0x0B, 0x18)),
         (&[0x0B, 0x10], (Space::A, 0x0B, 0x10)),
         (&[0x0B, 0x23], (Space::A, 0x0B, 0x23)),
         (&[0x0B, 0x33], (Space::A, 0x0B, 0x33)),
-        // The next two writes select the low-frequency input, and a reduced gain of the second stage.
+        // The low-frequency input, and a reduced gain of the second stage.
         (&[0x0D, 0x03], (Space::A, 0x0D, 0x03)),
         (&[0x0E, 0x80], (Space::A, 0x0E, 0x80)),
         (&[0xFB, 0x0C, 0x51], (Space::B, 0x0C, 0x51)),
@@ -235,7 +231,7 @@ fn each_register_of_the_receive_chain_is_looked_at() {
     for (write, finding) in cases {
         assert_eq!(listens_with(&[write], Config::default()), (vec![finding], 1), "{write:02X?}");
     }
-    // With the correlator off, its settings cause no finding.
+    // Settings of a correlator that is off cause no finding.
     assert_eq!(listens_with(&[&[0x0A, 0x04], &[0xFB, 0x0C, 0x51, 0x01]], Config::default()), (vec![], 1));
 }
 
@@ -252,12 +248,12 @@ fn an_nfc_a_poller_with_an_nfc_f_receive_chain_is_reported() {
     }
 }
 
-/// Returns the configuration of a chip on which every unsuitable setting has its effect on the air.
+/// Returns a configuration in which unsuitable settings have effects on the air.
 fn strict(config: Config) -> Config {
     Config { unsuited_chain_receives: false, unsuited_modulation_reaches: false, ..config }
 }
 
-/// Returns a pair in which both chips are set up and the listener's antenna is in tune.
+/// Returns two started chips, with the listener's antenna in tune.
 fn strict_pair(config: &Config) -> Pair {
     let mut pair = Pair::started(strict(config.clone()), strict(config.clone()), clean());
     let [a, b] = config.tuning[1];
@@ -282,14 +278,14 @@ const BOTH: fn() -> [Config; 2] = || [Config::default(), Config::st25r3916()];
 #[test]
 fn a_poller_that_cannot_modulate_nfc_f_is_not_heard() {
     let b = Variant::St25r3916b;
-    // Each case has the part, the write, and the register that is then unsuitable.
+    // Each case has the configuration, the write, and the register that becomes unsuitable.
     type Written = (Space, u8, u8);
     let cases: [(Variant, &[u8], Written); 9] = [
         (b, &[0x03, 0x18], (Space::A, 0x03, 0x18)),
         (b, &[0x28, 0x00], (Space::A, 0x28, 0x00)),
         (b, &[0x28, 0xC0], (Space::A, 0x28, 0xC0)),
         (b, &[0x28, 0x4F], (Space::A, 0x28, 0x4F)),
-        // Each of the next two writes leads to a combination of dis_reg_am and act_amsink that is not documented.
+        // The next two writes lead to undocumented combinations of dis_reg_am and act_amsink.
         (b, &[0xFB, 0x28, 0x04], (Space::B, 0x28, 0x04)),
         (b, &[0x01, 0x3D], (Space::B, 0x28, 0x84)),
         (b, &[0xFB, 0x2E, 0x01], (Space::B, 0x2E, 0x01)),
@@ -365,8 +361,7 @@ fn a_field_detector_without_hysteresis_is_a_finding() {
 
 #[test]
 fn the_field_detector_has_hysteresis() {
-    // The voltage at the antenna is 350 mV. The bits trg of register 2A select the threshold of detection, from 75 to
-    // 800 mV.
+    // The voltage at the antenna is 350 mV. trg of register 2A selects the threshold of detection, 75 to 800 mV.
     for (trg, seen) in [(1, true), (4, true), (5, false), (7, false)] {
         let mut pair = Pair::new(Config::default(), Config::default(), clean());
         pair.start_listener();
@@ -394,8 +389,7 @@ fn a_bit_that_flips_takes_effect_without_a_finding() {
             (Side::Listener, Space::A, 0x03, 5),
             (Side::Listener, Space::A, 0x04, 0),
             (Side::Listener, Space::A, 0x26, 7),
-            // The flipped bit changes the modulation depth from 12 % to 40 % on the ST25R3916 and to 50 % on the
-            // ST25R3916B.
+            // The flip changes the modulation depth from 12 % to 40 % on the ST25R3916 and to 50 % on the ST25R3916B.
             (Side::Poller, Space::A, 0x28, 7),
             (Side::Poller, Space::A, 0x27, 6),
             (Side::Poller, Space::A, 0x02, 3),
@@ -425,8 +419,7 @@ fn a_mask_or_an_interrupt_that_flips_moves_the_pin() {
     pair.listener.flip(Space::A, 0x16, 5);
     pair.listener.flip(Space::A, 0x1A, 5);
     assert!(!pair.listener.irq());
-    // A flip has no effect on the bits of a result register, of a register that the part lacks and of a reserved bit,
-    // nor on a chip without a supply.
+    // Bits of a result register, of a missing register, a reserved bit, and a chip without supply cannot be flipped.
     for (space, address, bit) in [(Space::A, 0x3F, 0), (Space::A, 0x30, 0), (Space::B, 0x01, 0), (Space::A, 0x19, 2)] {
         assert_eq!(pair.listener.flippable(space, address) >> bit & 1, 0);
         let before = pair.listener.peek(space, address);

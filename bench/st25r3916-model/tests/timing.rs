@@ -5,7 +5,7 @@ use crate::common;
 use common::{Pair, exact, payload};
 use st25r3916_model::{Air, AirFaults, Chip, Config, IrqEdge};
 
-/// Returns a chip whose oscillator has become stable at about 700 us, so that I_osc is pending and the IRQ pin is high.
+/// Returns a chip with I_osc pending and its IRQ pin high; the oscillator became stable at about 700 µs.
 fn with_irq(hz: u32) -> Chip {
     let mut chip = Chip::new(exact());
     chip.spi_clock_hz(hz);
@@ -20,8 +20,7 @@ fn with_irq(hz: u32) -> Chip {
 
 #[test]
 fn the_irq_pin_falls_at_the_first_edge_of_the_byte_read() {
-    // From the first rising edge of a byte to its end there are eight clock periods. The IRQ pin falls 31 ns after that
-    // edge.
+    // A byte ends eight clock periods after its first rising edge, and the IRQ pin falls 31 ns after that edge.
     for (hz, before_end) in [(10_000_000, 769), (8_000_000, 969), (1_000_000, 7_969)] {
         let mut chip = with_irq(hz);
         chip.select(720_000);
@@ -59,7 +58,7 @@ fn the_pin_never_falls_before_the_byte_that_was_read() {
 
 #[test]
 fn an_interrupt_within_the_byte_that_clears_another_makes_a_pulse() {
-    // I_osc is read in the byte that ends at 807.2 us; the no-response timer expires in the middle of this byte.
+    // I_osc is read in the byte that ends at 807.2 µs, in whose middle the no-response timer expires.
     let config = Config { no_response_extra_ns: 0, ..exact() };
     let mut chip = Chip::new(config);
     chip.spi_clock_hz(8_000_000);
@@ -79,7 +78,7 @@ fn an_interrupt_within_the_byte_that_clears_another_makes_a_pulse() {
     // The no-response timer takes 64 carrier cycles, 4.720 us.
     chip.select(804_000);
     chip.transfer(805_000, 0x5A);
-    // The test reads the IRQ pin in the middle of the byte, but passes the byte to the chip at the byte's end.
+    // The IRQ pin is read in the middle of the byte, and the byte is passed to the chip at its end.
     chip.advance(806_720);
     assert!(chip.irq());
     chip.transfer(807_200, 0x00);
@@ -148,7 +147,7 @@ fn edges_that_nobody_takes_do_not_pile_up() {
     assert!(edges.windows(2).all(|w| w[0].at_ns < w[1].at_ns && w[0].level != w[1].level));
 }
 
-/// Returns the times from the end of the transmit command to the first bit of the frame, ns, for `frames` frames.
+/// Returns the times from the end of the transmit command to the first bit of `frames` frames, ns.
 fn starts(config: Config, frames: u64) -> Vec<u64> {
     let mut pair = Pair::started(config, exact(), Air::new(0, AirFaults::default()));
     (0..frames)
@@ -172,7 +171,7 @@ fn the_start_of_transmission_scatters_over_what_is_set_around_its_mean() {
         assert!(most - least > scatter * 95 / 100, "{least} to {most}");
         let average = seen.iter().sum::<u64>() / 500;
         assert!(average.abs_diff(mean) < scatter / 20, "{average}");
-        // With a uniform scatter, a quarter of the frames start in each quarter of the range.
+        // With a uniform scatter, a quarter of the frames starts in each quarter of the range.
         let quarter = seen.iter().filter(|s| **s < mean - scatter / 4).count();
         assert!((90..=160).contains(&quarter), "{quarter} of 500 in the first quarter");
     }

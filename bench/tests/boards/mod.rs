@@ -1,4 +1,4 @@
-//! The two boards with the release programs, which `cargo xtask test` builds before it runs these tests.
+//! Both boards with the release programs, which `cargo xtask test` builds before these tests.
 
 use std::path::PathBuf;
 
@@ -10,18 +10,17 @@ use nrf52840::{Nrf52840, Settings};
 use st25r3916_model::{Chip, Config};
 use stm32f429::{Oscillators, Stm32f429};
 
-/// The result of a test that lacks something it needs. With `ci` it is a failure: where no one reads the output, a test
-/// that could not run must not look as if it had passed. `how` explains how to get what is missing.
+/// Returns a failure if `ci` is set, because no one reads the output there. `how` explains how to get what is missing.
 pub(crate) fn verdict(ci: bool, missing: &str, how: &str) -> Result<String, String> {
     let words = format!("not run: {missing} ({how})");
     if ci { Err(words) } else { Ok(words) }
 }
 
-/// Reports that a test is not run because something is missing, or fails the test where the environment has `CI`.
+/// Reports that a test is not run because something is missing.
 ///
 /// # Panics
 ///
-/// Panics where `CI` is set.
+/// Panics if `CI` is set in the environment.
 pub(crate) fn not_run(missing: &str, how: &str) {
     match verdict(std::env::var_os("CI").is_some(), missing, how) {
         Ok(words) => eprintln!("{words}"),
@@ -29,8 +28,7 @@ pub(crate) fn not_run(missing: &str, how: &str) {
     }
 }
 
-/// The path of the ELF file called `name` for `receivers` receivers, or `None` (reported, see [`not_run`]) if it was
-/// not built.
+/// The path of the ELF file `name` for `receivers` receivers; `None` (reported by [`not_run`]) if it was not built.
 pub(crate) fn image(receivers: usize, name: &str) -> Option<PathBuf> {
     let how = "`cargo xtask test` builds the images and says in LINK_IMAGES where they are";
     let Some(folder) = std::env::var_os("LINK_IMAGES").map(PathBuf::from) else {
@@ -45,8 +43,7 @@ pub(crate) fn image(receivers: usize, name: &str) -> Option<PathBuf> {
     Some(path)
 }
 
-/// The longest test of a board's RAM at its start, ns: the DPR tests 96 KiB at 64 MHz, which takes longer than HORUS's
-/// test of 32 KiB at 16 MHz (`firmware_common::start_test`).
+/// The longest test of a board's RAM at its start, ns: the DPR's of 96 KiB at 64 MHz (`firmware_common::start_test`).
 pub(crate) const RAM_TEST: u64 = {
     let horus = start_test::longest_us(32 << 10, start_test::HORUS_CYCLES, 16);
     let dpr = start_test::longest_us(96 << 10, start_test::DPR_CYCLES, 64);
@@ -57,38 +54,33 @@ fn chip() -> Chip {
     Chip::new(Config { vdd_mv: 5000, ..Config::default() })
 }
 
-/// The HORUS board with three receivers, none of which sends; `None` if the firmware was not built.
+/// HORUS's board with three receivers that send nothing; `None` if the firmware was not built.
 pub(crate) fn horus() -> Option<Node<Horus>> {
     horus_on(Oscillators::default())
 }
 
-/// The board of [`horus`] with the given oscillators.
 pub(crate) fn horus_on(oscillators: Oscillators) -> Option<Node<Horus>> {
     horus_with(oscillators)
 }
 
-/// The board of [`horus_on`] with the clock `C`, by which the core's instructions take time.
 pub(crate) fn horus_with<C: Cost>(oscillators: Oscillators) -> Option<Node<Horus, C>> {
     horus_part(Stm32f429::new(oscillators).with_brown_out_level_3())
 }
 
-/// The board of [`horus_with`] with this part.
 pub(crate) fn horus_part<C: Cost>(part: Stm32f429) -> Option<Node<Horus, C>> {
     let image = Firmware::read(&image(3, "horus-tx-fw.elf")?).unwrap();
     Some(Node::new(part, Horus::new(chip(), 3, false), &image).unwrap())
 }
 
-/// The DPR board, outside any field.
+/// The DPR's board outside any field; `None` if the firmware was not built.
 pub(crate) fn dpr() -> Option<Node<Dpr>> {
     dpr_on(Settings::default())
 }
 
-/// The board of [`dpr`] whose part has the given settings.
 pub(crate) fn dpr_on(settings: Settings) -> Option<Node<Dpr>> {
     dpr_with(settings)
 }
 
-/// The board of [`dpr_on`] with the clock `C`, by which the core's instructions take time.
 pub(crate) fn dpr_with<C: Cost>(settings: Settings) -> Option<Node<Dpr, C>> {
     let image = Firmware::read(&image(3, "dpr-fw.elf")?).unwrap();
     let mut node = Node::new(Nrf52840::new(settings), Dpr::new(chip(), false), &image).unwrap();
@@ -96,7 +88,6 @@ pub(crate) fn dpr_with<C: Cost>(settings: Settings) -> Option<Node<Dpr, C>> {
     Some(node)
 }
 
-/// The counter at byte `offset` of the telemetry called `symbol`.
 pub(crate) fn counter<B: Board>(node: &Node<B>, symbol: &str, offset: usize) -> u32 {
     let mut word = [0; 4];
     node.read(node.address_of(symbol).unwrap() + offset as u64, &mut word).unwrap();

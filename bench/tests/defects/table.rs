@@ -1,44 +1,34 @@
-//! Defects that a hurried change could leave in the sources. Each defect has a small change of one file, the run of
-//! `cargo xtask sim` that shows the defect, and the violation that results.
+//! Defects that a hurried change could leave in the sources. Each has a change of one file, the run of `cargo xtask
+//! sim` that shows the defect, and the resulting violation.
 //!
-//! `cargo xtask defects` applies all defects to a copy of the workspace at once, each as a choice at run time, and runs
-//! each separately (`xtask/src/defects.rs`). If the new text contains the word `DEFECT`, that word is the choice;
-//! otherwise the program has both texts, and runs the new one if the defect is chosen.
+//! `cargo xtask defects` applies all defects to a copy of the workspace, each as a choice at run time, and runs each
+//! separately (`xtask/src/defects.rs`). The word `DEFECT` in a new text is that choice; without it, the program has
+//! both texts and runs the new one if the defect is chosen.
 //!
-//! A new defect needs a row in this table. Its old text must occur exactly once in its file, and not in a `const fn`.
+//! The old text of a row must occur exactly once in its file, and not in a `const fn`.
 
 use bench_judge::Violation;
 
-/// A change of a file.
 pub(crate) struct Edit {
     /// The file's path from the workspace's root.
     pub(crate) file: &'static str,
-    /// The original text.
     pub(crate) old: &'static str,
-    /// The text with the defect.
     pub(crate) new: &'static str,
 }
 
-/// The result of a defect's run.
 pub(crate) enum Shows {
     /// The run of a defect shows this violation, perhaps among others.
     By(Violation),
-    /// The run shows no violation. The text gives the reason: a missing rule or, if no rule is possible, the test that
-    /// finds the defect.
+    /// The run shows no violation, because a rule is missing, or only the named test finds the defect.
     Not(&'static str),
 }
 
-/// A defect.
 pub(crate) struct Defect {
-    /// The name of the defect.
     pub(crate) name: &'static str,
-    /// The effect of the defect.
     pub(crate) does: &'static str,
-    /// The change.
     pub(crate) edit: Edit,
     /// The arguments of `cargo xtask sim` for the run that shows the defect.
     pub(crate) run: &'static str,
-    /// The result of the defect's run.
     pub(crate) shows: Shows,
 }
 
@@ -61,31 +51,30 @@ const CLIENT: &str = "profile/src/ssi/client/mod.rs";
 const DRONE: &str = "base-station/src/drone/mod.rs";
 const ORDER: &str = "base-station/src/drone/order.rs";
 
-/// The run has no fault besides the defect.
 const PLAIN: &str = "--seconds 6";
-/// In this run the receivers start with their factory settings.
+/// A run in which the receivers start with their factory settings.
 const FACTORY: &str = "--seconds 8 --factory-settings";
-/// In this run receivers and their lines fail.
+/// A run with faults of receivers and their lines.
 const GNSS: &str = "--seconds 20 --seed 3 --faults gnss";
-/// In this run receivers and their lines fail, and all receivers jump at once.
+/// A run with faults of receivers and their lines, in which all receivers jump at once.
 const JUMPS: &str = "--seconds 20 --seed 6 --faults gnss";
-/// In this run the air and the front ends fail.
+/// A run with faults of the air and the front ends.
 const AIR: &str = "--seconds 20 --seed 4 --faults air";
-/// In this run the flight controller misbehaves.
+/// A run with misuses by the flight controller.
 const FC: &str = "--seconds 20 --seed 5 --faults fc";
-/// In this run supplies and reset pins fail.
+/// A run with faults of supplies and reset pins.
 const POWER: &str = "--seconds 20 --seed 6 --faults power";
-/// In this run bits of the DPR's buffers fail.
+/// A run with faulty bits in the DPR's buffers.
 const BUFFERS: &str = "--seconds 20 --seed 12 --faults buffers";
-/// In this run the inputs of HORUS's state fail.
+/// A run with faults of HORUS's state inputs.
 const STATES: &str = "--seconds 20 --seed 8 --faults inputs";
-/// In this run boards hang, and tasks are dead.
+/// A run in which boards hang, and tasks are dead.
 const HANG: &str = "--seconds 20 --seed 9 --faults hang";
-/// In this run bits of the front ends' registers flip.
+/// A run in which bits of the front ends' registers flip.
 const CHIPS: &str = "--seconds 20 --seed 10 --faults chips";
-/// In this run, which is the longest, all kinds of faults occur except those of the chips.
+/// The longest run, with all kinds of faults except those of the chips.
 const LONG: &str = "--seconds 60 --seed 31 --faults air,gnss,fc,power,buffers,inputs,hang";
-/// In this run all kinds of faults occur except those of the chips.
+/// A run with all kinds of faults except those of the chips.
 const ALL: &str = "--seconds 20 --seed 11 --faults air,gnss,fc,power,buffers,inputs,hang";
 
 const fn edit(file: &'static str, old: &'static str, new: &'static str) -> Edit {
@@ -99,7 +88,6 @@ const fn row(name: &'static str, does: &'static str, edit: Edit, run: &'static s
 use Shows::{By, Not};
 use Violation as V;
 
-/// All defects.
 #[rustfmt::skip]
 pub(crate) const DEFECTS: &[Defect] = &[
     // ---- HORUS: receivers
@@ -242,7 +230,7 @@ pub(crate) const DEFECTS: &[Defect] = &[
         "--seconds 20 --seed 13 --faults gnss,hang",
         Not("no receiver is excluded when HORUS hangs in this run; bench/tests/hang.rs has it")),
 
-    // ---- HORUS: what it says of itself
+    // ---- HORUS: status
 
     row("crystal-inverted", "HORUS says that it runs without its crystal when it has one",
         edit(CYCLE, "self.start.clock == Source::Internal", "self.start.clock != Source::Internal"),

@@ -2,11 +2,10 @@
 
 use crate::thumb::FLASH;
 
-/// The type of an executable ELF file.
 pub(crate) const ET_EXEC: u16 = 2;
 pub(crate) const EM_ARM: u16 = 40;
 
-/// Returns a little-endian 32-bit ELF file with these segments and symbols, in the layout of the System V ABI.
+/// Returns a little-endian 32-bit ELF file with these segments and symbols (System V ABI).
 pub(crate) fn elf(kind: u16, machine: u16, segments: &[(u64, Vec<u8>)], symbols: &[(&str, u32)]) -> Vec<u8> {
     const HEADER: usize = 52;
     const PROGRAM_HEADER: usize = 32;
@@ -25,7 +24,7 @@ pub(crate) fn elf(kind: u16, machine: u16, segments: &[(u64, Vec<u8>)], symbols:
     let symbol_table = at(&body);
     body.extend([0; 16]);
     for (name, address) in symbols {
-        // Each symbol is a global object in section 0xFFF1, SHN_ABS, which stands for an absolute address.
+        // A global object in section SHN_ABS (0xFFF1), which stands for an absolute address.
         body.extend(words(&[u32::try_from(names.len()).unwrap(), *address, 4, 0xFFF1_0011]));
         names.extend(name.bytes().chain([0]));
     }

@@ -1,5 +1,5 @@
-//! A simple reader of a DPR board, and a sender of frames to it, for tests that need neither the simulated flight
-//! controller nor HORUS.
+//! A simple reader of a DPR board, and a sender of frames to it, for tests without the simulated flight controller or
+//! HORUS.
 
 use bench::boards::{Dpr, Horus};
 use bench::world::ssi::{Crystal, Filler, Order, Progress, SsiMaster, Start};
@@ -11,10 +11,9 @@ use st25r3916_model::{Air, AirEvent, AirFaults, Chunk, FrameStart, Technology};
 pub(crate) const US: u64 = 1_000;
 pub(crate) const MS: u64 = 1_000_000;
 
-/// The number of receivers for which the firmwares of these tests are built.
+/// The number of receivers for which these tests' firmwares are built.
 pub(crate) const RECEIVERS: usize = 3;
 
-/// The layout of the image, which gives the objects' offsets.
 pub(crate) fn layout() -> Layout {
     Layout::for_receivers(RECEIVERS).expect("a profile of three receivers")
 }
@@ -22,20 +21,12 @@ pub(crate) fn layout() -> Layout {
 /// The duration of a bit at 424 kbit/s, attoseconds: 32 periods of 13.56 MHz.
 const BIT_AS: u64 = 32 * 1_000_000_000_000_000 / 13_560;
 
-// ---- what is read
-
-/// The contents of one transaction.
 #[derive(Clone, Debug)]
 pub(crate) struct View {
-    /// The instant at which chip select fell, ns.
     pub(crate) at: u64,
-    /// Whether every byte read 0xFF.
     pub(crate) silent: bool,
-    /// Link-Status, if it is intact.
     pub(crate) link: Option<LinkValues>,
-    /// The timestamps of the objects that are valid.
     pub(crate) valid: Vec<u32>,
-    /// The status of Reported-Position, if that is valid.
     pub(crate) reported: Option<ReportedStatus>,
 }
 
@@ -57,13 +48,12 @@ impl View {
     }
 }
 
-/// Carries out one transaction of `bytes` bytes that begins now, with every byte on MOSI being `mosi`, and the gap
-/// after it. Returns the bytes on MISO.
+/// Carries out a transaction with every byte on MOSI being `mosi`, and its gap. Returns the bytes on MISO.
 pub(crate) fn transact(node: &mut Node<Dpr>, bytes: usize, mosi: u8) -> Vec<u8> {
     carry(node, Order { filler: Filler::Byte(mosi), ..Order::read(bytes) })
 }
 
-/// Carries out a transaction that begins now, and the gap after it. Returns the bytes on MISO.
+/// Carries out a transaction now, and the gap after it. Returns the bytes on MISO.
 pub(crate) fn carry(node: &mut Node<Dpr>, order: Order) -> Vec<u8> {
     carry_by(node, order, |node, end| {
         while node.now() < end {
@@ -72,7 +62,7 @@ pub(crate) fn carry(node: &mut Node<Dpr>, order: Order) -> Vec<u8> {
     })
 }
 
-/// Carries out a transaction as [`carry`] does, while `pass` runs the board to each instant.
+/// Carries out a transaction like [`carry`], while `pass` runs the board to each instant.
 pub(crate) fn carry_by(node: &mut Node<Dpr>, order: Order, mut pass: impl FnMut(&mut Node<Dpr>, u64)) -> Vec<u8> {
     let mut master = SsiMaster::new(Crystal::default());
     let start = Start { bench_ns: node.now(), own_ns: 0 };
@@ -86,13 +76,12 @@ pub(crate) fn carry_by(node: &mut Node<Dpr>, order: Order, mut pass: impl FnMut(
     }
 }
 
-/// Reads a whole image now and returns its contents.
 pub(crate) fn view(node: &mut Node<Dpr>) -> View {
     let at = node.now();
     View::of(at, &transact(node, layout().image_len(), 0))
 }
 
-/// Reads images one after the other up to `end`, with 2 ms from the end of one to the beginning of the next.
+/// Reads images up to `end`, with 2 ms between two of them.
 pub(crate) fn views(node: &mut Node<Dpr>, end: u64) -> Vec<View> {
     let mut all = vec![];
     while node.now() < end {
@@ -105,9 +94,7 @@ pub(crate) fn views(node: &mut Node<Dpr>, end: u64) -> Vec<View> {
     all
 }
 
-// ---- what is sent
-
-/// The payload of a cycle's frame with `timestamp` ms, in which every object is valid.
+/// The payload of a cycle's frame with `timestamp` (ms), in which every object is valid.
 pub(crate) fn payload(timestamp: u32) -> Vec<u8> {
     let gps = GpsValues { status: GpsStatus::new().with_position_valid(true), ..GpsValues::absent(timestamp) };
     let reported = ReportedValues {
@@ -117,7 +104,7 @@ pub(crate) fn payload(timestamp: u32) -> Vec<u8> {
     Profile::<RECEIVERS>::seal(&reported, &[gps; RECEIVERS]).as_bytes().to_vec()
 }
 
-/// The time that the frame of [`payload`] is on the air, ns.
+/// The time on the air of a frame with [`payload`], ns.
 pub(crate) fn frame_ns() -> u64 {
     air_time_ns(u8::try_from(payload(0).len()).expect("it fits one frame"))
 }
@@ -130,13 +117,11 @@ fn crc16(bytes: &[u8]) -> [u8; 2] {
     crc.to_be_bytes()
 }
 
-/// Switches the field at the DPR's chip on.
 pub(crate) fn field_on(node: &mut Node<Dpr>) {
     node.board_mut(|board| board.front_end.hear(0, &AirEvent::FieldOn));
 }
 
-/// Sends the chip a frame with `payload` whose first bit is on the air at `at`, which may be in the future. Frames must
-/// not overlap.
+/// Sends the chip a frame with `payload`, whose first bit is on the air at `at`, now or later. Frames must not overlap.
 pub(crate) fn send(node: &mut Node<Dpr>, at: u64, payload: &[u8]) {
     let length = u8::try_from(payload.len()).expect("it fits one frame");
     let mut data = vec![length + 1];
@@ -158,31 +143,22 @@ pub(crate) fn send(node: &mut Node<Dpr>, at: u64, payload: &[u8]) {
     });
 }
 
-// ---- both boards
-
-/// A frame that was on the air.
 #[derive(Clone, Debug)]
 pub(crate) struct Sent {
-    /// The instant of the first bit, ns.
     pub(crate) started: u64,
-    /// The instant of the last bit, ns.
     pub(crate) ended: u64,
     pub(crate) payload: Vec<u8>,
 }
 
 impl Sent {
-    /// The timestamp of the frame's first object, ms.
     pub(crate) fn timestamp(&self) -> u32 {
         Object::verify(0, &self.payload[..64]).expect("Reported-Position comes first").timestamp()
     }
 }
 
-/// The antenna of HORUS's front end, with the instants of HORUS's transmit commands and ticks.
 #[derive(Default)]
 pub(crate) struct Antenna {
-    /// The instants at which HORUS gave its front end the transmit command, ns.
     pub(crate) transmits: Vec<u64>,
-    /// The instants of the 10 ms timer's ticks, ns.
     pub(crate) ticks: Vec<u64>,
 }
 
@@ -210,15 +186,12 @@ pub(crate) struct Reader {
     started: u64,
     frame: Vec<u8>,
     pub(crate) sent: Vec<Sent>,
-    /// The instants at which the field went off, ns.
     pub(crate) field_off: Vec<u64>,
 }
 
-/// The instant at which the reader's first transaction begins, ns.
 const FIRST_READ: u64 = 20 * MS;
 
-/// The pause from the end of a transaction's gap to the start of the next transaction, ns; it does not divide HORUS's
-/// cycle.
+/// The pause between two transactions, ns. It does not divide HORUS's cycle.
 const PAUSE: u64 = 1_830 * US;
 
 impl Reader {
@@ -236,7 +209,6 @@ impl Reader {
         reader
     }
 
-    /// Schedules the next transaction at `at` (ns).
     fn read(&mut self, at: u64) {
         self.master.begin(Start { bench_ns: at, own_ns: 0 }, Order::read(layout().image_len()));
     }

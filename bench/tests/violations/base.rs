@@ -1,12 +1,10 @@
-//! Rows of the table of violations about the flight controller's and the base station's use of the objects that were
-//! read.
+//! Rows of the table of violations: how the flight controller and the base station use the objects that were read.
 
 use bench::faults::{AirFaults, BaseFault, Fault, Faults, WireFault};
 use bench_judge::Violation;
 
 use super::{MS, Row, breaks, table};
 
-/// The faults of a run in which `fault` lasts for 40 ms.
 fn for_a_while(fault: Fault) -> Faults {
     Faults::none().with(breaks(), breaks() + 40 * MS, fault)
 }
@@ -15,8 +13,7 @@ table! {
     a_radio_that_drops_profiles => Row::new(Violation::BaseMissed, || {
         for_a_while(Fault::Wire(WireFault::RadioDrop))
     });
-    // The fault lasts for one profile only. Several damaged profiles would damage the framing, so that profiles would
-    // also be missing.
+    // The fault lasts for one profile only, because several damaged profiles would also damage the framing.
     a_radio_that_inverts_a_bit => Row::new(Violation::BaseChanged, || {
         Faults::none().with(breaks(), breaks() + 8 * MS, Fault::Wire(WireFault::RadioBit))
     });
@@ -42,7 +39,7 @@ table! {
     a_flight_controller_that_forwards_nothing => Row::new(Violation::NotForwarded, || {
         for_a_while(Fault::Wire(WireFault::ClientMute))
     });
-    // No profile arrives for a while, so the displayed profile gets old.
+    // The displayed profile gets old, because no other arrives.
     a_base_station_that_takes_all_for_new => Row {
         duration: || 1_200 * MS,
         ..Row::new(Violation::StationAge, || {
@@ -51,7 +48,7 @@ table! {
             Faults::none().with(breaks(), until, Fault::Base(BaseFault::Young)).with(breaks(), until, Fault::Air(lost))
         })
     };
-    // Before the receivers have a solution there is no position, for which the base station has to raise an alarm.
+    // Before the receivers have a solution there is no position, for which the base station must raise an alarm.
     a_base_station_that_alarms_nobody => Row::new(Violation::StationAlarm, || {
         Faults::none().with(0, u64::MAX, Fault::Base(BaseFault::Calm))
     });

@@ -1,5 +1,4 @@
-//! Rows of the table of violations about restarts, findings, misuse, load, counters, and faults that are added too
-//! late.
+//! Rows of the table of violations: restarts, findings, misuse, load, counters, and faults that are added too late.
 
 use bench::faults::{AirFaults, Board, Fault, Faults, ImageFault, Upset};
 use bench_judge::Violation;
@@ -9,16 +8,16 @@ use horus_tx_fw::telemetry::Telemetry as HorusTelemetry;
 use super::images::{ALWAYS, awake, bits, instead, never, stores, without_telemetry};
 use super::{MS, Row, US, breaks, table};
 
-/// The STM32's SPI1_CR1, with the prescaler of the front end's clock in bits 5 to 3 (RM0090 28.5.1).
+/// The STM32's SPI1_CR1; bits 5 to 3 are the prescaler of the front end's clock (RM0090 28.5.1).
 const SPI1_CR1: u32 = 0x4001_3000;
-/// The key register of the STM32's watchdog, IWDG_KR (RM0090 21.4.1).
+/// IWDG_KR, the key register of the STM32's watchdog (RM0090 21.4.1).
 const IWDG_KR: u32 = 0x4000_3000;
 /// The key that reloads the STM32's watchdog.
 const IWDG_RELOAD: u32 = 0xAAAA;
 
 /// The key that starts the STM32's watchdog.
 const IWDG_START: u32 = 0xCCCC;
-/// The address of the nRF52840's WDT, whose first register starts the watchdog (PS 6.36).
+/// The nRF52840's WDT, whose first register starts the watchdog (PS 6.36).
 const WDT: u32 = 0x4001_0000;
 
 /// Makes a word in the telemetry of `board` nonzero from [`breaks`] on.
@@ -34,14 +33,12 @@ fn log_destroyed(board: Board) -> Faults {
     Faults::none().with(breaks(), u64::MAX, Fault::Image(board, poke))
 }
 
-/// Flips a bit of a word of flash, and flips it back 1 µs later. The firmware does not read that word before its next
-/// start.
+/// Flips a bit of flash and flips it back 1 µs later, before the firmware reads it.
 fn flash_flips(board: Board, address: u32) -> Faults {
     let flip = || Fault::Upset(board, Upset::Flash { address, bit: 1 });
     Faults::none().with(breaks(), breaks(), flip()).with(breaks() + US, breaks() + US, flip())
 }
 
-/// Makes `board` hang from [`breaks`] on.
 fn hangs(board: Board) -> Faults {
     Faults::none().with(breaks(), breaks(), Fault::Hang(board))
 }
@@ -63,7 +60,8 @@ table! {
         duration: || 1_000 * MS,
         ..Row::new(Violation::HorusRestarted, Faults::none)
     };
-    // With a stack pointer outside memory the next interrupt leads to a fault, and the watchdog ends the safe state.
+    // The stack pointer leads outside the memory, so the next interrupt causes a fault, and the watchdog ends the safe
+    // state.
     a_dpr_whose_stack_pointer_lost_a_bit => Row {
         duration: || 3_000 * MS,
         ..Row::new(Violation::DprRestarted, || {
@@ -103,7 +101,7 @@ table! {
         added: || Faults::none().with(breaks() - 100 * MS, breaks() - 50 * MS, Fault::Air(AirFaults::default())),
         ..Row::new(Violation::Late, Faults::none)
     };
-    // The firmware does not check that bit of flash while it is flipped, so the logged upset has no consequence.
+    // The bit is flipped back before the firmware checks it, so the logged upset has no consequence.
     flash_of_horus_that_nobody_finds_changed => Row {
         duration: || breaks() + 10_050 * MS,
         ..Row::new(Violation::FaultUnnoticed, || flash_flips(Board::Horus, 0x0800_0004))

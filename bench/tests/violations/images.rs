@@ -1,4 +1,4 @@
-//! Changes to release programs at addresses that have to be searched for in the program.
+//! Changes to release programs at addresses that have to be searched for.
 
 use std::path::PathBuf;
 
@@ -15,16 +15,12 @@ use stm32f429::{Oscillators, Stm32f429};
 use super::MS;
 use super::boards::RAM_TEST;
 
-/// The length of the recording of a board's first stores, ns. It covers every store of the board's start, which begins
-/// with the test of its RAM, and of its first cycles.
+/// How long the stores of a board are recorded from its start, ns.
 const RECORDED: u64 = RAM_TEST + 30 * MS;
-/// The number of bytes of flash that are compared: more than a program and the stubs behind it have.
+/// The number of bytes of flash that are compared, more than a program and its stubs have.
 const FLASH: usize = 0x4_4000;
-/// The interval from the start to the end of a run, ns.
 pub(super) const ALWAYS: (u64, u64) = (0, u64::MAX);
-/// The instruction `WFI`, as bytes.
 const WAIT: [u8; 2] = 0xBF30_u16.to_le_bytes();
-/// The instruction `NOP`, as bytes.
 const NOTHING: [u8; 2] = 0xBF00_u16.to_le_bytes();
 
 fn image(setup: &Setup, board: Board) -> Firmware {
@@ -49,7 +45,7 @@ fn dpr(setup: &Setup) -> Node<Dpr> {
     Node::new(Nrf52840::new(Settings::default()), Dpr::new(chip(), false), &image(setup, Board::Dpr)).unwrap()
 }
 
-/// Makes the program of `board` store other values to registers between `at` and `until` (ns), with its CRC corrected.
+/// Makes the program of `board` store other values to registers between `at` and `until` (ns), with a correct CRC.
 pub(super) fn stores(setup: &mut Setup, board: Board, (at, until): (u64, u64), changes: &[Change]) {
     let patches = match board {
         Board::Horus => patches(horus(setup), changes),
@@ -61,7 +57,7 @@ pub(super) fn stores(setup: &mut Setup, board: Board, (at, until): (u64, u64), c
     }
 }
 
-/// The addresses at which flash differs after [`rewrite`], each with the bytes after it.
+/// The addresses at which flash differs after [`rewrite`], each with the new bytes.
 fn patches<B: Powered>(mut node: Node<B>, changes: &[Change]) -> Vec<(u32, Vec<u8>)> {
     let recording = Recording::of(&mut node.clone(), RECORDED, |node| {
         node.board_mut(|board| board.front_end().take_air());
@@ -86,7 +82,7 @@ fn patches<B: Powered>(mut node: Node<B>, changes: &[Change]) -> Vec<(u32, Vec<u
             _ => patches.push((address, vec![after])),
         }
     }
-    // The patches are applied in this order: first the stubs, then the branches to them.
+    // The stubs must be in place before the branches to them.
     patches.reverse();
     patches
 }
@@ -108,7 +104,7 @@ pub(super) fn awake(setup: &mut Setup, board: Board, at: u64) {
         }
         Board::Dpr => {
             let mut node = dpr(setup);
-            // The firmware's start copies the task's code to RAM, so the board runs until that is done.
+            // The board runs until its start has copied the task's code to RAM.
             while node.now() < RECORDED {
                 node.advance(RECORDED);
             }
@@ -138,17 +134,17 @@ pub(super) fn without_telemetry(setup: &mut Setup, board: Board) {
     std::fs::write(&*path, elf).unwrap();
 }
 
-/// The change that sets the bits of `mask` to `value` whenever the program stores to `address`.
+/// Sets the bits of `mask` to `value` in every store to `address`.
 pub(super) const fn bits(address: u32, mask: u32, value: u32) -> Change {
     Change { address, to: To::Bits { mask, value } }
 }
 
-/// The change that makes the program store `value` to `address` where it would store `of`.
+/// Replaces `of` by `value` in stores to `address`.
 pub(super) const fn instead(address: u32, of: u32, value: u32) -> Change {
     Change { address, to: To::Instead { of, value } }
 }
 
-/// The change that suppresses the program's stores to `address`.
+/// Omits all stores to `address`.
 pub(super) const fn never(address: u32) -> Change {
     Change { address, to: To::Nothing }
 }

@@ -1,9 +1,8 @@
-//! The table of violations. For each violation a row breaks the world or a release program such that the judge reports
-//! it. The judge must report no other violation, except that a firmware's own fault counter may report the same fault.
-//! A violation without a row fails the table, so every violation can occur.
+//! The table of violations. Each row breaks the world or a release program so that the judge reports one violation and
+//! no other, except that a firmware's own fault counter may report the fault too. A violation without a row fails the
+//! table.
 //!
-//! Each row's event log is judged twice, and a third time after it was stored and read again; all verdicts must be
-//! equal.
+//! Each row's event log is judged twice, and a third time after it was stored and read again, with equal verdicts.
 
 use crate::boards;
 
@@ -26,28 +25,24 @@ const MS: u64 = 1_000_000;
 /// The instant at which both boards have started and the link has been up for 200 ms, ns.
 const SETTLED: u64 = 300 * MS;
 
-/// The time from a tick of HORUS until the image of that tick's cycle can be read, with three receivers, ns.
+/// The time from a tick of HORUS until the image of its cycle can be read, with three receivers, ns.
 const READABLE: u64 = 5 * MS;
 
-/// The control cycle of the flight controller, ns. Exactly one transaction ends in any interval of this length.
+/// The flight controller's control cycle, ns. Exactly one transaction ends in any interval of this length.
 const CONTROL_CYCLE: u64 = 4 * MS;
 
-/// The instants, in a sound run after [`SETTLED`], at which faults begin.
+/// The instants after [`SETTLED`] at which faults begin; see [`breaks_with`] and [`reads`].
 struct Beat {
-    /// The instant that [`breaks_with`] returns, ns.
     breaks: u64,
-    /// The instant that [`reads`] returns, ns.
     reads: u64,
 }
 
-/// The instants at which faults begin in a link with `gps` receivers.
-///
-/// HORUS's first tick comes after the test of its RAM and the comparison of its program with the CRC, so the instants
-/// depend on the program.
+/// The instants at which faults begin in a link with `gps` receivers. They depend on the program, whose check delays
+/// HORUS's first tick.
 ///
 /// # Panics
 ///
-/// Panics where the images were not built.
+/// Panics if the images were not built.
 fn beat(gps: usize) -> &'static Beat {
     static BEATS: [OnceLock<Beat>; 6] = [const { OnceLock::new() }; 6];
     BEATS[gps].get_or_init(|| {
@@ -67,48 +62,40 @@ fn beat(gps: usize) -> &'static Beat {
     })
 }
 
-/// The instant from which on the world of a link with `gps` receivers is broken, ns. It comes [`READABLE`] after a tick
-/// of HORUS, and less than half a control cycle before the flight controller's next read.
+/// The instant at which the world breaks, ns: [`READABLE`] after a tick of HORUS, and less than half a control cycle
+/// before the next read.
 fn breaks_with(gps: usize) -> u64 {
     beat(gps).breaks
 }
 
-/// The value of [`breaks_with`] for three receivers.
 fn breaks() -> u64 {
     breaks_with(3)
 }
 
-/// The instant at which the flight controller begins its first transaction after [`breaks`], ns.
+/// The instant of the flight controller's first transaction after [`breaks`], ns.
 fn reads() -> u64 {
     beat(3).reads
 }
 
-/// A row of the table of violations.
 struct Row {
     /// The violation that must be reported first. Beside it only `also` may be reported.
     violation: Violation,
-    /// The violation with which a firmware's own fault counter reports the same fault.
+    /// The violation with which a firmware's own fault counter reports the fault.
     also: Option<Violation>,
-    /// The number of receivers in the profile.
     gps: usize,
-    /// The length of the run, ns.
     duration: fn() -> u64,
-    /// Changes the setup of a sound run to that of the row.
     setup: fn(&mut Setup),
-    /// The faults of the row.
     faults: fn() -> Faults,
-    /// Further faults, which the bench gets when both boards have reached the instant of [`breaks_with`].
+    /// Faults that the bench gets only when both boards have reached [`breaks_with`].
     added: fn() -> Faults,
 }
 
 impl Row {
-    /// A row with three receivers and a run of 600 ms.
     const fn new(violation: Violation, faults: fn() -> Faults) -> Self {
         Self { violation, also: None, gps: 3, duration: || 600 * MS, setup: |_| {}, faults, added: Faults::none }
     }
 }
 
-/// The setup for `gps` receivers that all rows share; `None` if the firmwares were not built.
 fn setup(gps: usize, duration: u64) -> Option<Setup> {
     let image = |name| boards::image(gps, name);
     let images = Images { horus: image("horus-tx-fw.elf")?, dpr: image("dpr-fw.elf")? };
@@ -121,7 +108,6 @@ fn bench(setup: &Setup) -> Bench {
     bench
 }
 
-/// Runs the link with `gps` receivers, with nothing broken; `None` if the firmwares were not built.
 fn sound(gps: usize, duration: u64) -> Option<Finished> {
     let setup = setup(gps, duration)?;
     let mut bench = bench(&setup);
@@ -129,7 +115,6 @@ fn sound(gps: usize, duration: u64) -> Option<Finished> {
     Some(bench.finish(duration))
 }
 
-/// Runs the link as the row states; `None` if the firmwares were not built.
 fn run(row: &Row) -> Option<Finished> {
     let mut setup = setup(row.gps, 0)?;
     let duration = (row.duration)();
@@ -143,7 +128,6 @@ fn run(row: &Row) -> Option<Finished> {
     Some(bench.finish(duration))
 }
 
-/// Runs a row and checks that the judge reports what the row states.
 fn holds(row: &Row) {
     let Some(finished) = run(row) else { return };
     let words: Vec<String> = finished.verdict.violations.iter().map(ToString::to_string).collect();
@@ -159,7 +143,6 @@ fn holds(row: &Row) {
 /// Defines a file's rows, each with a test of its own.
 macro_rules! table {
     ($($name:ident => $row:expr;)*) => {
-        /// The rows of this file.
         pub(super) const ROWS: &[Row] = &[$($row,)*];
 
         $(#[test]
@@ -186,8 +169,7 @@ fn the_world_breaks_when_the_image_of_a_cycle_is_readable() {
     assert!(nearest <= 200 * US, "{nearest} ns lie between them");
 }
 
-/// Nothing is violated in a sound world with any number of receivers, so the violation of a row is due to the row's
-/// fault.
+/// A sound world has no violation, so the violation of a row is due to the row's fault.
 #[test]
 fn a_sound_world_shows_no_violation() {
     for gps in [1, 2, 3, 5] {

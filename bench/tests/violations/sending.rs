@@ -1,4 +1,4 @@
-//! Rows of the table of violations about the sending side: HORUS's ticks, transmit commands, frames and objects.
+//! Rows of the table of violations: HORUS's ticks, transmit commands, frames and objects.
 
 use bench::faults::{Board, Fault, Faults, FrontEndFault, ImageFault, InputFault, ReceiverFault, WireFault};
 use bench_judge::Violation;
@@ -11,51 +11,46 @@ use super::{MS, Row, US, breaks, breaks_with, table};
 const GPIOE_MODER: u32 = 0x4002_1000;
 /// The mode register of the STM32's port D (RM0090 8.4.1).
 const GPIOD_MODER: u32 = 0x4002_0C00;
-/// The STM32's clock control register, with HSEON in bit 16 (RM0090 6.3.1).
+/// The STM32's clock control register; bit 16 is HSEON (RM0090 6.3.1).
 const RCC_CR: u32 = 0x4002_3800;
 
-/// A fault of a wire from [`breaks`] on for `duration`.
 fn wire(fault: WireFault, duration: u64) -> Faults {
     Faults::none().with(breaks(), breaks() + duration, Fault::Wire(fault))
 }
 
-/// A fault of HORUS's front end from [`breaks`] on for `duration`.
 fn front_end(fault: FrontEndFault, duration: u64) -> Faults {
     front_end_with(3, fault, duration)
 }
 
-/// A fault of HORUS's front end, in a link with `gps` receivers, from [`breaks_with`] on for `duration`.
 fn front_end_with(gps: usize, fault: FrontEndFault, duration: u64) -> Faults {
     Faults::none().with(breaks_with(gps), breaks_with(gps) + duration, Fault::FrontEnd(fault))
 }
 
-/// A fault of HORUS's program from [`breaks`] on for `duration`.
 fn image(fault: ImageFault, duration: u64) -> Faults {
     Faults::none().with(breaks(), breaks() + duration, Fault::Image(Board::Horus, fault))
 }
 
-/// The fault that the variable or table `symbol` of HORUS holds other bytes.
+/// The variable or table `symbol` of HORUS holds other bytes.
 fn poke(symbol: &str, bytes: &[u8]) -> ImageFault {
     ImageFault::Poke { symbol: symbol.into(), offset: 0, bytes: bytes.into() }
 }
 
-/// The fault that the code of a function of HORUS holds other bytes.
+/// The code of a function of HORUS holds other bytes.
 fn replaced(function: &str, was: &[u8], is: &[u8]) -> ImageFault {
     ImageFault::Replaced { function: function.into(), was: was.into(), is: is.into() }
 }
 
-/// The upper word of the float64 1e7, by which HORUS divides latitude and longitude, and the upper word of 2e7.
+/// The upper words of the float64 numbers 1e7, by which HORUS divides latitude and longitude, and 2e7.
 const DIVISOR: (u32, u32) = (0x4163_12D0, 0x4173_12D0);
 
-/// The constant with which HORUS's task that fills a cycle compares the time since a receiver's last message, ms: the
-/// first value for which the receiver counts as not heard.
+/// The time since a receiver's last message, ms, from which HORUS treats the receiver as not heard.
 const NOT_HEARD: u8 = {
     assert!(HEARD_MS < 0xFF);
     HEARD_MS as u8 + 1
 };
 
-/// Constants of the voter, as float32, and their replacements. They are the squares of the horizontal limit (30 m), of
-/// the vertical limits (8 m and 50 m) and of 200 m/s, and the number of 1/256 of 1e-7 degrees in a radian.
+/// Constants of the voter (float32) and their replacements: squares of limits (30 m, 8 m, 50 m, 200 m/s), and the
+/// number of 1/256 of 1e-7 degrees in a radian.
 const CEILING: u32 = 0x4461_0000;
 const CEILING_HEIGHT: u32 = 0x451C_4000;
 const FLOOR_HEIGHT: u32 = 0x4280_0000;
@@ -66,22 +61,20 @@ const MINUS_ONE: u32 = 0xBF80_0000;
 const TWO: u32 = 0x4000_0000;
 const MILLION_MILLIONS: u32 = 0x5368_D4A5;
 
-/// The faults that constants of the voter have other values, from [`breaks`] on.
+/// Constants of the voter have other values from [`breaks`] on.
 fn voter(constants: &[(u32, u32)]) -> Faults {
     let constants = constants.iter().map(|(of, value)| ImageFault::Constant { of: *of, value: *value });
     constants
         .fold(Faults::none(), |faults, fault| faults.with(breaks(), u64::MAX / 2, Fault::Image(Board::Horus, fault)))
 }
 
-/// Adds an offset of GPS2 to the north by `north` m, from an earlier instant on, so that its objects have the offset
-/// when the voter is changed.
+/// Adds an offset of GPS2 by `north` m, which begins before the voter is changed.
 fn with_offset(faults: Faults, north: i32) -> Faults {
     let fault = ReceiverFault::Offset { north, east: 0, up: 0 };
     faults.with(breaks() - 200 * MS, u64::MAX / 2, Fault::Receiver(1, fault))
 }
 
 table! {
-    // The next rows concern the wire TICK.
     a_tick_that_is_not_seen => Row::new(Violation::NoTick, || wire(WireFault::TickStuck, 6 * MS));
     ticks_that_are_not_seen => Row::new(Violation::NoTick, || wire(WireFault::TickStuck, 45 * MS));
     a_tick_too_many => Row::new(Violation::TickIrregular, || wire(WireFault::TickGlitch, 6 * MS));
@@ -94,7 +87,6 @@ table! {
         also: Some(Violation::HorusComplains),
         ..Row::new(Violation::NoFrame, || image(ImageFault::Dead("CAN1_RX0".into()), 35 * MS))
     };
-    // The next rows concern HORUS's front end.
     a_command_that_is_given_again => Row {
         gps: 1,
         ..Row::new(Violation::ExtraFrame, || front_end_with(1, FrontEndFault::CommandAgain(2 * MS), 15 * MS))
@@ -117,7 +109,6 @@ table! {
     a_chip_select_that_scatters => {
         Row::new(Violation::CommandJitter, || front_end(FrontEndFault::SelectLate(500), u64::MAX / 2))
     };
-    // The next rows concern the values that HORUS calculates.
     a_wrong_table_of_the_frame_crc => Row::new(Violation::SentInvalid, || {
         image(poke("crc::FRAME_TABLE", &[0; 1024]), 45 * MS)
     });
@@ -165,7 +156,7 @@ table! {
         let switches = Fault::Input(0, InputFault::Active);
         wire(WireFault::InputsUnseen, 300 * MS).with(breaks() + MS, breaks() + 61 * MS, switches)
     });
-    // The pin PE3, which is the chip select of the receiver on SPI, stays an input.
+    // PE3, the chip select of the receiver on SPI, stays an input.
     a_receiver_that_is_never_selected => Row {
         duration: || 1_800 * MS,
         setup: |setup| stores(setup, Board::Horus, ALWAYS, &[bits(GPIOE_MODER, 0xC0, 0)]),
@@ -174,7 +165,7 @@ table! {
     a_voter_that_is_too_strict => {
         Row::new(Violation::ExclusionWrong, || with_offset(voter(&[(CEILING, TWO)]), 3))
     };
-    // The pin PD5, on which HORUS sends to GPS1, stays an input.
+    // PD5, on which HORUS sends to GPS1, stays an input.
     a_receiver_that_hears_nothing_keeps_its_factory_settings => Row {
         gps: 1,
         duration: || 5_600 * MS,
@@ -190,12 +181,12 @@ table! {
             Faults::none().with(1, u64::MAX, Fault::Wire(WireFault::Sky(ReceiverFault::NoFix)))
         })
     };
-    // The receivers' offset begins before their first solution, so the position does not jump.
+    // The offset begins before the first solution, so the position does not jump.
     receivers_that_are_all_off_by_as_much => Row::new(Violation::PositionOff, || {
         let off = ReceiverFault::Offset { north: 40, east: 0, up: 0 };
         Faults::none().with(1, u64::MAX, Fault::Wire(WireFault::Sky(off)))
     });
-    // HORUS's program never switches its external oscillator on.
+    // HORUS never switches its external oscillator on.
     a_horus_that_does_not_use_its_crystal => Row {
         setup: |setup| stores(setup, Board::Horus, ALWAYS, &[bits(RCC_CR, 0x1_0000, 0)]),
         ..Row::new(Violation::CrystalWrong, Faults::none)

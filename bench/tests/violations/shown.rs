@@ -1,4 +1,4 @@
-//! Rows of the table of violations that compare the objects shown on the SSI with the frames at the DPR's antenna, and
+//! Rows of the table of violations that compare the objects on the SSI with the frames at the DPR's antenna, and
 //! Link-Status with the wires.
 
 use std::mem::offset_of;
@@ -13,19 +13,18 @@ use super::{CONTROL_CYCLE, MS, Row, US, bench, breaks, breaks_with, reads, run, 
 /// The cycle of HORUS, ns. Exactly one frame begins in any interval of this length.
 const CYCLE: u64 = 10 * MS;
 
-/// The fault that every frame is lost on the air from `at` to `until`.
+/// All frames are lost on the air from `at` to `until`.
 fn lost(at: u64, until: u64) -> Faults {
     Faults::none().with(at, until, Fault::Air(AirFaults { lost: 1.0, ..AirFaults::default() }))
 }
 
-/// Adds to `faults` that a bridge in the SSI hangs from `at` on: it repeats the last image and announces no other.
+/// Adds to `faults` that a bridge in the SSI repeats the last image from `at` on.
 fn hangs(faults: Faults, at: u64) -> Faults {
     let wire = |faults: Faults, fault| faults.with(at, u64::MAX, Fault::Wire(fault));
     wire(wire(faults, WireFault::FreshStuck), WireFault::MisoFrozen)
 }
 
-/// All frames are lost, and the SSI hangs when the last frame has been read and is still in the image. The DPR removes
-/// that frame's objects from its images 12.5 ms after the frame's end.
+/// The SSI hangs while the last frame before a silence is still in the image.
 fn hangs_in_silence() -> Faults {
     hangs(lost(breaks(), u64::MAX), breaks() + 8 * MS)
 }
@@ -34,13 +33,13 @@ fn of_wire(at: u64, until: u64, fault: WireFault) -> Faults {
     Faults::none().with(at, until, Fault::Wire(fault))
 }
 
-/// The fault that `bits` of byte `byte` of Link-Status are inverted in one transaction.
+/// `bits` of byte `byte` of Link-Status are inverted in one transaction.
 fn link_status(byte: usize, bits: u8) -> Faults {
     of_wire(breaks(), breaks() + CONTROL_CYCLE, WireFault::MisoForged { object: None, byte, bits })
 }
 
 fn regressed() -> Faults {
-    // The fault is present in the second transaction that reads the same image.
+    // The fault is present in the second read of the same image.
     let begins = reads() + CONTROL_CYCLE / 2;
     of_wire(begins, begins + CONTROL_CYCLE, WireFault::MisoReplay { age_ns: CYCLE })
 }
@@ -48,7 +47,7 @@ fn regressed() -> Faults {
 /// The nRF52840's register that enables PPI channels (PS 6.16).
 const PPI_CHENSET: u32 = 0x4001_F504;
 
-/// The DPR hangs when it has just put in an image, and the flight controller reads that image after its expiry.
+/// The DPR hangs with a new image, which the flight controller reads after its expiry.
 fn hangs_with_an_image() -> Faults {
     let silent = Fault::FlightController(Conduct::Silent);
     Faults::none().with(breaks(), breaks() + 30 * MS, silent).with(
@@ -67,8 +66,7 @@ table! {
         };
         (0..=3).fold(Faults::none(), vacant)
     });
-    // The DPR's front end fails for a while. No cycle has to be shown for as long as it may take to set the front end
-    // up anew. After that no object is shown, although the antenna receives intact frames again.
+    // The front end fails, and no object is shown even after the time that its new set-up may take.
     recovers_late => Row {
         duration: || 780 * MS,
         ..Row::new(Violation::RecoversLate, || {
@@ -93,18 +91,17 @@ table! {
     shown_never_sent => Row::new(Violation::ShownNeverSent, || {
         of_wire(breaks(), u64::MAX, WireFault::MisoForged { object: Some(2), byte: 30, bits: 0x10 })
     });
-    // A repeated frame makes the DPR remove its cycle from the image, but the hung SSI still shows that cycle.
+    // A repeated frame makes the DPR remove its cycle from the image, but the hung SSI still shows it.
     shown_out_of_sequence => Row {
         gps: 1,
         duration: || breaks_with(1) + 2 * CYCLE,
         ..Row::new(Violation::ShownOutOfSequence, || {
             let repeated = AirFaults { repeated: 1.0, repeat_after_ns: (2 * MS, 2 * MS), ..AirFaults::default() };
-            // The flight controller reads between the repeated frame and the frame after it.
+            // The flight controller reads between the repeated frame and the next one.
             let begins = breaks_with(1) + 750 * US;
             hangs(Faults::none().with(begins, begins + CYCLE, Fault::Air(repeated)), begins + CYCLE)
         })
     };
-    // The run ends before the image expires.
     shown_stale => Row { duration: || breaks() + 2 * CYCLE, ..Row::new(Violation::ShownStale, hangs_in_silence) };
     // The task that detects silence does nothing for 9 ms, and works again before the image expires.
     shown_stale_while_the_deadline_is_dead => Row::new(Violation::ShownStale, || {
@@ -117,8 +114,8 @@ table! {
         setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)]),
         ..Row::new(Violation::ShownExpired, hangs_with_an_image)
     };
-    // One transaction reads the same bytes again that a transaction read in the cycle before. The flight controller's
-    // clock is slow, so that no transaction is under way when FRESH rises.
+    // A transaction repeats the bytes of the cycle before. The flight controller's clock is slow, so that no
+    // transaction is under way when FRESH rises.
     regression => Row {
         setup: |setup| setup.crystals.flight_controller_ppb = -1_000_000,
         ..Row::new(Violation::Regression, regressed)
@@ -126,7 +123,7 @@ table! {
     link_age => Row::new(Violation::LinkAge, || link_status(25, 0x10));
     link_counters => Row::new(Violation::LinkCounters, || link_status(8, 0x01));
     link_flags => Row::new(Violation::LinkFlags, || link_status(7, 0x02));
-    // The counter of the DPR's RAM faults counts a fault that never occurred, and Link-Status reports it.
+    // The counter of the DPR's RAM faults, which Link-Status reports, is changed.
     link_flags_of_a_ram_fault => Row {
         also: Some(Violation::DprComplains),
         ..Row::new(Violation::LinkFlags, || {
@@ -136,7 +133,7 @@ table! {
             Faults::none().with(breaks(), u64::MAX, Fault::Image(Board::Dpr, poke))
         })
     };
-    // The DPR's oscillator is slow by 0.6 %, as a part without a crystal may be.
+    // The DPR's oscillator is slow by 0.6 %, as without a crystal.
     link_time => Row {
         setup: |setup| setup.crystals.dpr_ppb = -6_000_000,
         ..Row::new(Violation::LinkTime, Faults::none)
@@ -145,7 +142,7 @@ table! {
 
 #[test]
 fn each_field_of_port_status_is_judged() {
-    // Each row gives a byte of a field of Link-Status, and the bit of that byte that is inverted.
+    // A byte of each field of Link-Status, and the bit that is inverted.
     let fields = [
         ("time", 1, 0x10),
         ("uplink of the base station fresh", 6, 0x01),
@@ -187,9 +184,6 @@ fn a_dpr_that_hangs_with_its_hardware_expiry_shows_no_expired_image() {
     assert!(finished.log.events.iter().any(|event| event.what == What::Hung { board: Board::Dpr }));
 }
 
-// ---- the figures of such runs
-
-/// The figures and the log of a run of `duration` with three receivers; `None` if the firmwares were not built.
 fn figures(duration: fn() -> u64, faults: fn() -> Faults) -> Option<(bench_judge::Faults, bench_judge::Log)> {
     let finished = run(&Row { duration, ..Row::new(Violation::NotShown, faults) })?;
     Some((finished.verdict.figures.faults, finished.log))
@@ -197,14 +191,13 @@ fn figures(duration: fn() -> u64, faults: fn() -> Faults) -> Option<(bench_judge
 
 #[test]
 fn recovery_lasts_from_a_causes_end_until_a_later_frame_is_read() {
-    // While no more than 25 cycles are missed, the first frame after them is shown. This frame begins within a cycle,
-    // ends within another half of a cycle, and is read within the next 4 ms.
+    // After up to 25 missed cycles the first frame is shown, which is read within two cycles.
     let Some((short, _)) = figures(|| 1_000 * MS, || lost(breaks(), breaks() + 10 * CYCLE)) else { return };
     assert!((1..=2).contains(&short.max_recovery_cycles.unwrap()), "{short:?}");
     // After more missed cycles the DPR searches for the sequence, and the fourth frame is shown.
     let (long, _) = figures(|| 1_200 * MS, || lost(breaks(), breaks() + 30 * CYCLE)).unwrap();
     assert!((4..=5).contains(&long.max_recovery_cycles.unwrap()), "{long:?}");
-    // A cause that ended less than 400 ms before the run's end is not counted, and neither is one that never ends.
+    // A cause that ends less than 400 ms before the run's end, or never, is not counted.
     for until in [breaks() + 10 * CYCLE, u64::MAX] {
         let faults: fn() -> Faults =
             if until == u64::MAX { || lost(breaks(), u64::MAX) } else { || lost(breaks(), breaks() + 10 * CYCLE) };

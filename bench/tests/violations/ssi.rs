@@ -1,4 +1,4 @@
-//! Rows of the table of violations about contents and instants on the SSI: rule `ssi`.
+//! Rows of the table of violations: contents and instants on the SSI.
 
 use bench::faults::{AirFaults, Board, Fault, Faults, ImageFault, WireFault};
 use bench::sim::phases::{Edge, Placement, Sweep};
@@ -8,14 +8,11 @@ use profile::Identifier;
 use super::images::{ALWAYS, instead, stores};
 use super::{CONTROL_CYCLE, MS, Row, US, breaks, reads, table};
 
-/// The interrupt handler that serves the SSI.
 const SSI_END: &str = "SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1";
-/// The interrupt handler that publishes a frame's image.
 const COMMIT: &str = "SWI0_EGU0";
-/// The vector of the DPR's task `deadline`.
 const DEADLINE: &str = "TIMER1";
 
-/// The compare register CC[2] of the DPR's TIMER2 (PS 6.30).
+/// CC[2], a compare register of the DPR's TIMER2 (PS 6.30).
 const TIMER2_CC2: u32 = 0x4000_A548;
 
 /// The ticks per microsecond of the timer by which HORUS sends at its slots: 72 MHz.
@@ -23,18 +20,15 @@ const TICKS_PER_US: u32 = 72;
 /// The instant at which HORUS sends the second frame of five receivers, µs after its tick.
 const SECOND_SLOT_US: u32 = 4_130;
 
-/// A fault of a wire from `at` on for `ns`.
 fn wire(at: u64, ns: u64, fault: WireFault) -> Faults {
     Faults::none().with(at, at + ns, Fault::Wire(fault))
 }
 
-/// A fault of the DPR's program from `at` on for `ns`.
 fn dpr(at: u64, ns: u64, fault: ImageFault) -> Faults {
     Faults::none().with(at, at + ns, Fault::Image(Board::Dpr, fault))
 }
 
-/// A transaction `ns` after the end of the first frame, and 1 µs later after the end of each of the following ones, in
-/// `frames` cycles.
+/// A transaction `ns` after the end of the first frame, and 1 µs later after each following one, in `frames` cycles.
 fn after_each_frame(ns: i64, frames: u32) -> Sweep {
     let read = Placement { edge: Edge::Falls, after_ns: 0, bytes: None };
     let to_ns = ns + i64::from(frames - 1) * 1_000;
@@ -49,15 +43,14 @@ table! {
         setup: |setup| setup.sweep = Some(after_each_frame(200_000, 3)),
         ..Row::new(Violation::NoTransaction, Faults::none)
     };
-    // The DPR's watchdog, which its start switches on first, resets it 6 µs after the longest start-up time; the run
-    // ends before that.
+    // The run ends before the DPR's watchdog resets it, 6 µs after the longest start-up time.
     a_firmware_whose_commit_task_does_nothing_never_gets_ready => Row {
         also: Some(Violation::DprComplains),
         duration: || 100 * MS + 3 * US,
         ..Row::new(Violation::NeverReady, || {
             let sealed = ImageFault::Patch { address: 0, bytes: vec![], sealed: true };
             let dead = |task: &str| Fault::Image(Board::Dpr, ImageFault::Dead(task.into()));
-            // Either of the tasks `commit` and `deadline` would publish an image, so both do nothing.
+            // Either of the tasks `commit` and `deadline` would publish an image.
             let both = Faults::none().with(0, u64::MAX, dead(COMMIT)).with(0, u64::MAX, dead(DEADLINE));
             both.with(0, u64::MAX, Fault::Image(Board::Dpr, sealed))
         })
@@ -89,11 +82,11 @@ table! {
             ..Row::new(Violation::FreshUnreadable, || {
                 let other = Identifier(Identifier::LINK_STATUS.0 + 0x100);
                 let (of, value) = (Identifier::LINK_STATUS.0.into(), other.0.into());
-                // The identifier in the DPR's program changes while a frame is on the air.
+                // The identifier in the DPR's program changes during a frame.
                 dpr(breaks() - 2 * MS, 100 * MS, ImageFault::Constant { of, value })
             })
         };
-    // The last bit of the second frame comes just before the next tick, and the frame's image comes after that tick.
+    // The second frame ends just before the next tick, and its image comes after that tick.
     a_second_frame_in_a_late_slot_makes_its_sample_late => Row {
         gps: 5,
         ..Row::new(Violation::LateSample, || {
@@ -104,8 +97,7 @@ table! {
             Faults::none().with(0, u64::MAX, Fault::Image(Board::Horus, late))
         })
     };
-    // At the deadline after a lost frame the DPR itself requests the buffers. No transaction reads the image of that
-    // deadline, because each cycle has one transaction, just after its frame.
+    // At the deadline after a lost frame the DPR requests the buffers itself, and no transaction reads that image.
     a_processor_that_keeps_the_buffers_without_a_transaction_holds_the_ssi_back => Row {
         setup: |setup| setup.sweep = Some(after_each_frame(200_000, 60)),
         ..Row::new(Violation::HeldBack, || {
@@ -116,7 +108,7 @@ table! {
     };
     a_miso_line_that_is_stuck_high_for_one_transaction_serves_nothing =>
         Row::new(Violation::Unserved, || wire(reads() - US, CONTROL_CYCLE / 2, WireFault::MisoOnes));
-    // The changed value is that of the compare register of the timer that ends the pulse.
+    // The compare register of the timer that ends the pulse has another value.
     a_fresh_that_is_high_for_half_as_long_is_too_short => Row {
         setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(TIMER2_CC2, 2, 1)]),
         ..Row::new(Violation::FreshShort, Faults::none)

@@ -1,10 +1,9 @@
-//! Reads traces back with `wellen`, the library with which the viewer Surfer reads trace files.
+//! Reads traces with `wellen`, the library of the viewer Surfer.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The changes of each signal in the trace file at `path`, by the signal's name with its groups. Each change has its
-/// instant (ns) and the new value in binary; the value at 0 ns comes first.
+/// The changes of each signal in the trace file, by group and name, each as its instant (ns) and value in binary.
 pub(crate) fn read(path: &Path) -> BTreeMap<String, Vec<(u64, String)>> {
     let mut wave = wellen::simple::read(path).unwrap();
     let variables: Vec<_> = {

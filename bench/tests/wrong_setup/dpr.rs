@@ -12,31 +12,26 @@ const FIRST: u64 = 60 * MS;
 /// The instant from which the task `commit` hangs, ns, so that the image has to expire in hardware.
 const HANGS: u64 = 135 * MS;
 const DPR_RUN: u64 = 200 * MS;
-/// The interval in which two short transactions follow each transaction that reads the image, ns. All three are within
-/// one pause, and one image grants enough transactions for them.
+/// The interval in which two short transactions follow each read of the image within one pause, ns.
 const HASTY: std::ops::Range<u64> = 110 * MS..120 * MS;
-/// The interval from one read of the flight controller to the next, ns.
 const READ_EVERY: u64 = 2 * MS;
 
 /// What was observed of the DPR from outside during a run.
 #[derive(Clone, Debug, Default)]
 struct Shows {
-    /// Numbers of transactions: those in which every byte read 0xFF, those with an intact Link-Status, and those with a
-    /// valid object.
     silent: usize,
     intact: usize,
     valid: usize,
     all: usize,
-    /// The number of transactions that read data although the one before them ended within the pause.
+    /// The number of transactions that read data within the pause after the one before them.
     hasty: usize,
-    /// How long valid data were still read after `commit` hung, ns.
+    /// How long valid data were read after `commit` hung, ns.
     stale: u64,
-    /// The numbers of rises and of falls of FRESH.
     fresh: (usize, usize),
     received: u32,
     missed: u32,
     faults: u32,
-    /// The longest time from a frame's end to its publication, us.
+    /// The longest time from a frame's end to its publication, µs.
     publish_us: u32,
     expired: u32,
     log: String,
@@ -48,8 +43,7 @@ fn dpr() -> Option<&'static (Node<Dpr>, Recording)> {
     DPR.get_or_init(|| {
         let mut node = boards::dpr()?;
         field_on(&mut node);
-        // The flight controller reads during the recording, so that the stores that a transaction triggers are recorded
-        // too.
+        // The flight controller reads during the recording, so that the stores for a transaction are recorded too.
         let (mut run, mut recording) = (node.clone(), Recording::default());
         while run.now() < RAM_TEST + 30 * MS {
             let next = run.now() + READ_EVERY;
@@ -77,7 +71,6 @@ fn run_dpr(changes: &[Change]) -> (Shows, Vec<String>) {
         }
         if !hangs && node.now() >= HANGS {
             hangs = true;
-            // The task `commit` stays damaged to the end of the run.
             let _ = ImageFault::Hung("SWI0_EGU0".into()).apply(&mut node).unwrap();
         }
         let read: View = view(&mut node);
@@ -121,8 +114,7 @@ const PPI_CHENSET: u32 = 0x4001_F504;
 /// The PIN_CNF registers of the nRF52840's port 1.
 const P1_CNF: u32 = 0x5000_0A00;
 
-/// Whether the front end is never used, the log gives `reason` as the reason, and the SSI shows images without valid
-/// objects.
+/// Whether the front end is never used, the log gives `reason` for it, and the SSI shows no valid object.
 fn deaf_for(seen: &Shows, reason: &str) -> bool {
     seen.received == 0
         && seen.valid == 0
@@ -132,18 +124,17 @@ fn deaf_for(seen: &Shows, reason: &str) -> bool {
         && seen.restarts.is_empty()
 }
 
-/// Whether frames are received and published, but the flight controller receives no intact Link-Status.
+/// Whether frames are received and published, but no intact Link-Status is read.
 fn mute(seen: &Shows) -> bool {
     seen.received == 8 && seen.fresh.0 >= 10 && seen.intact == 0 && seen.valid == 0 && seen.restarts.is_empty()
 }
 
-/// Whether frames are received and published, but the flight controller reads an undriven line, or SPIS's default
-/// character.
+/// Whether frames are received and published, but an undriven line, or SPIS's default character, is read.
 fn mute_and_silent(seen: &Shows) -> bool {
     mute(seen) && seen.silent == seen.all
 }
 
-/// Whether the flight controller reads as many intact images as with the original program; FRESH is not checked.
+/// Whether as many intact images are read as with the original program; FRESH is not checked.
 fn shows_as_ever(seen: &Shows) -> bool {
     seen.received == 8 && seen.valid >= 25 && seen.intact >= 60 && seen.restarts.is_empty()
 }
@@ -155,7 +146,6 @@ const NO_SPIS_INPUT: &str = "SCK, MOSI or CSN of SPIS is no connected input";
 const _: () = assert!(PAUSE_US <= 0xFF);
 
 const DPR_ROWS: &[Row<Shows>] = &[
-    // ---- the front end's SPI
     row("SCK: input", &[bits(P1_CNF + 0x3C, 3, 0)], Expected::Finding(NO_OUTPUT), |seen| deaf_for(seen, "Absent")),
     row("MOSI: input", &[bits(P1_CNF + 0x34, 3, 0)], Expected::Finding(NO_OUTPUT), |seen| deaf_for(seen, "Absent")),
     row("chip select: input", &[bits(P1_CNF + 0x30, 3, 0)], Expected::Nothing, |seen| deaf_for(seen, "Absent")),
@@ -177,7 +167,7 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("SPIM0: least significant bit first", &[bits(SPIM0 + 0x554, 7, 3)], Expected::Finding("chip:"), |seen| {
         deaf_for(seen, "Absent")
     }),
-    // The chip is set up, but the firmware reads its FIFO more slowly than the air fills it.
+    // The firmware reads the chip's FIFO more slowly than the air fills it.
     row("SPIM0: 125 kbit/s", &[bits(SPIM0 + 0x524, !0, 0x0200_0000)], Expected::Nothing, |seen| {
         seen.received == 0 && seen.valid == 0 && seen.faults >= 3 && seen.log.contains("Lost(Bus)")
     }),
@@ -200,11 +190,10 @@ const DPR_ROWS: &[Row<Shows>] = &[
         Expected::Finding("writes outside data RAM"),
         |seen| deaf_for(seen, "Absent"),
     ),
-    // ---- the SSI
     row("SPIS1: CPHA", &[bits(SPIS1 + 0x554, 7, 2)], Expected::Finding("another SPI mode"), mute),
     row("SPIS1: CPOL", &[bits(SPIS1 + 0x554, 7, 4)], Expected::Finding("another SPI mode"), mute),
     row("SPIS1: least significant bit first", &[bits(SPIS1 + 0x554, 7, 1)], Expected::Nothing, |seen| {
-        // Several bytes of 0xFF in a row read the same in either bit order.
+        // Successive bytes of 0xFF read the same in either bit order.
         mute(seen) && seen.silent < seen.all / 2
     }),
     row("SPIS1: MISO on P1.07", &[bits(SPIS1 + 0x50C, 0x3F, 0x27)], Expected::Nothing, mute_and_silent),
@@ -216,13 +205,11 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("SPIS1: not enabled", &[bits(SPIS1 + 0x500, !0, 0)], Expected::Finding("while SPIS is not enabled"), |seen| {
         seen.received == 8 && seen.silent == seen.all && seen.fresh == (0, 0)
     }),
-    // Without interrupts the SSI's task runs only when the scrub requests its check-in, so most transactions find no
-    // image.
+    // Without interrupts the SSI's task runs only when the scrub requests its check-in.
     row("SPIS1: no interrupts", &[bits(SPIS1 + 0x304, !0, 0)], Expected::Nothing, rarely_shows),
     row("SPIS1: interrupt not enabled", &[never_iser(0, 0x10)], Expected::Nothing, |seen| {
         seen.silent == seen.all && seen.fresh.0 <= 1
     }),
-    // ---- FRESH and the expiry
     row("PPI 3: FRESH is never cleared", &[instead(PPI_CHENSET, 8, 0)], Expected::Nothing, |seen| {
         shows_as_ever(seen) && seen.fresh == (1, 0)
     }),
@@ -232,23 +219,19 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("FRESH: channel is an input", &[bits(GPIOTE + 0x514, 3, 1)], Expected::Nothing, |seen| {
         shows_as_ever(seen) && seen.fresh == (0, 0)
     }),
-    // Without expiry one more transaction reads the image; at the end of that transaction the SSI's task finds the
-    // image expired.
+    // Without expiry one more transaction reads the image, at whose end the SSI's task finds it expired.
     row(
         "PPI 1 and 2: no expiry",
         &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)],
         Expected::Nothing,
         |seen| shows_as_ever(seen) && (24 * MS..30 * MS).contains(&seen.stale),
     ),
-    // The image would expire after 800 ms. Before that the flight controller has made all transactions that are granted
-    // for one image.
+    // The image expires only after 800 ms, when all transactions that are granted for it have been made.
     row("TIMER2: prescaler 2^9", &[bits(TIMER2 + 0x510, 0xF, 9)], Expected::Nothing, |seen| {
         let granted = READ_EVERY * u64::from(BUDGET);
         shows_as_ever(seen) && (granted..granted + 3 * READ_EVERY).contains(&seen.stale) && seen.expired == 0
     }),
-    // ---- the pause after a transaction
-    // The timer's mode and bit mode are not changed here. The program leaves the mode at its reset value, and the pause
-    // is as long with eight bits, which suffice for it.
+    // The timer's mode keeps its reset value, and eight bits suffice for the pause, so neither is changed here.
     row("TIMER3: prescaler 2^9", &[bits(TIMER3 + 0x510, 0xF, 9)], Expected::Nothing, |seen| {
         seen.received == 8 && seen.valid < 25 && seen.intact < 60 && seen.restarts.is_empty()
     }),
@@ -259,7 +242,6 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("TIMER3: compares with 0", &[bits(TIMER3 + 0x540, !0, 0)], Expected::Nothing, is_bitten),
     row("TIMER3: no interrupt", &[bits(TIMER3 + 0x304, !0, 0)], Expected::Nothing, is_bitten),
     row("TIMER3: interrupt not enabled", &[never_iser(0, 0x400_0000)], Expected::Nothing, is_bitten),
-    // ---- the interrupt of the front end, and time
     row("PPI 0: the edge is not captured", &[instead(PPI_CHENSET, 1, 0)], Expected::Nothing, |seen| {
         seen.received == 8 && seen.valid == 0 && seen.publish_us > 50_000
     }),
@@ -274,20 +256,19 @@ const DPR_ROWS: &[Row<Shows>] = &[
     }),
     row("IRQ: interrupt not enabled", &[never_iser(0, 0x40)], Expected::Nothing, |seen| seen.valid == 0),
     row("SPIM0: interrupt not enabled", &[never_iser(0, 0x8)], Expected::Nothing, is_bitten),
-    // Without the prescaler the DPR counts a second after 63 ms.
+    // The DPR counts a second after 63 ms.
     row("TIMER0: no prescaler", &[bits(TIMER0 + 0x510, 0xF, 0)], Expected::Nothing, |seen| {
         deaf_for(seen, "Oscillator") && seen.log.contains("\n1.0")
     }),
-    // Without its timer the idle loop has nothing to do and does not feed the watchdog either.
+    // The idle loop has nothing to do and does not feed the watchdog either.
     row("TIMER0: not started", &[never(TIMER0)], Expected::Nothing, |seen| {
         seen.valid == 0 && restarts_by_watchdog(seen)
     }),
     row("TIMER1: no interrupt", &[bits(TIMER1 + 0x304, !0, 0)], Expected::Nothing, |seen| {
-        // No image is published while no frame comes, so the last one expires.
+        // The last image expires, because none is published without frames.
         seen.silent > 30 && seen.fresh.0 < 12 && seen.received == 8
     }),
     row("commit's interrupt not enabled", &[never_iser(0, 0x10_0000)], Expected::Nothing, is_bitten),
-    // ---- clock and watchdog
     row("HFXO: not started", &[never(CLOCK)], Expected::Nothing, |seen| {
         seen.silent == seen.all
             && seen.log.lines().all(|line| line.ends_with("the 32 MHz crystal does not start"))
@@ -303,18 +284,16 @@ fn restarts_by_watchdog(seen: &Shows) -> bool {
     seen.restarts == [Reset::Watchdog("WDT"); 2]
 }
 
-/// Whether images are published late: the firmware notices the end of a transfer only when the driver's wait is over, 2
-/// ms later.
+/// Whether images are published late, because the end of a transfer is noticed only after the driver's wait of 2 ms.
 fn publishes_late(seen: &Shows) -> bool {
     seen.received == 8 && seen.publish_us > 1_000
 }
 
-/// Whether images are published, but few of them reach the flight controller.
+/// Whether images are published, but few of them can be read.
 fn rarely_shows(seen: &Shows) -> bool {
     seen.received == 8 && seen.silent > 60 && seen.valid < 10
 }
 
-/// Whether the watchdog restarts the DPR because a task does not check in.
 fn is_bitten(seen: &Shows) -> bool {
     seen.restarts.contains(&Reset::Watchdog("WDT"))
 }

@@ -2,24 +2,19 @@
 
 use super::*;
 
-/// The length of HORUS's run, ns.
 const HORUS_RUN: u64 = RAM_TEST + 250 * MS;
 
-/// What was observed of the HORUS side from outside during a run.
+/// What was observed of HORUS from outside during a run.
 #[derive(Clone, Debug, Default)]
 struct Sends {
-    /// The instant at which each frame began, ns.
     frames: Vec<u64>,
-    /// How long the last frame was on the air, ns.
     air_ns: u64,
-    /// For each receiver, the number of frames in which its position was valid.
+    /// For each receiver, the number of frames with its valid position.
     valid: [usize; 3],
-    /// The instants of the 10 ms timer's ticks, ns.
     ticks: Vec<u64>,
-    /// Whether the field was switched on.
     field: bool,
-    /// For each receiver, the numbers of UBX messages, bytes and errors on its line. HORUS drops the first message of
-    /// the third receiver, which is on SPI.
+    /// The numbers of UBX messages, bytes and errors on each line. HORUS drops the first message of the receiver on
+    /// SPI.
     messages: [u32; 3],
     bytes: [u32; 3],
     errors: [u32; 3],
@@ -40,7 +35,7 @@ impl Sends {
     }
 }
 
-/// The HORUS board with three receivers that send their position every 20 ms.
+/// HORUS's board with three receivers that send their position every 20 ms.
 fn horus() -> Option<&'static (Node<Horus>, Recording)> {
     static HORUS: OnceLock<Option<(Node<Horus>, Recording)>> = OnceLock::new();
     HORUS
@@ -142,18 +137,17 @@ const TIM2: u32 = 0x4000_0000;
 const TIM5: u32 = 0x4000_0C00;
 const IWDG: u32 = 0x4000_3000;
 
-/// Whether only the first receiver is lost: the other two work, and a frame is sent every 10 ms.
+/// Whether only the first receiver is lost, and a frame is sent every 10 ms.
 fn first_receiver_alone_is_lost(seen: &Sends) -> bool {
     let [first, second, third] = seen.valid;
     first == 0 && second >= 20 && third >= 20 && seen.messages == [0, 11, 11] && on_time(seen)
 }
 
-/// Whether a frame is sent in every cycle of 10 ms.
 fn on_time(seen: &Sends) -> bool {
     seen.frames.len() >= 23 && seen.ticks.len() >= 23 && seen.period() == 10 * MS && seen.restarts.is_empty()
 }
 
-/// Whether the front end is never used, the log gives `reason` as the reason, and the rest of the board works.
+/// Whether the front end is never used, the log gives `reason` for it, and the rest of the board works.
 fn off_air_for(seen: &Sends, reason: &str) -> bool {
     off_air(seen, reason) && seen.messages[2] == 11
 }
@@ -171,7 +165,6 @@ const REFUSED: &str = "written without its clock";
 const I2C_FREQUENCY: &str = "CR2.FREQ is not PCLK1's frequency";
 
 const HORUS_ROWS: &[Row<Sends>] = &[
-    // ---- the first receiver's line
     row("USART2: half the baud rate", &[bits(USART2 + 8, 0xFFFF, 0x9C)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.errors[0] > 100
     }),
@@ -181,15 +174,14 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         Expected::Nothing,
         |seen| first_receiver_alone_is_lost(seen) && seen.errors[0] > 100,
     ),
-    // With nine bits in a character the UART reads the stop bit as parity and the next start bit as a stop bit.
+    // With nine bits in a character the stop bit is read as parity, and the next start bit as a stop bit.
     row("USART2: eight bits and parity", &[bits(USART2 + 0xC, 0x1400, 0x1400)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.errors[0] > 100
     }),
     row("USART2: receiver not enabled", &[bits(USART2 + 0xC, 4, 0)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] == 0
     }),
-    // Without DMAR, EIE reports no errors (RM0090 30.6.6). The error that is counted is the overrun of each idle line,
-    // which the task finds at its check-in.
+    // Without DMAR no error is reported (RM0090 30.6.6), but the task finds an overrun at its check-in.
     row("USART2: no DMA requests", &[bits(USART2 + 0x14, 0x40, 0)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] >= 12
     }),
@@ -205,15 +197,14 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("DMA1 stream 5: channel 3", &[bits(DMA1_STREAM5, 7 << 25, 3 << 25)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] > 100
     }),
-    // RXNE stays set, and with it the DMA request: the ring fills with zeros as fast as the DMA controller runs.
+    // RXNE and the DMA request stay set, so the ring fills with zeros as fast as the DMA controller runs.
     row("DMA1 stream 5: towards the UART", &[bits(DMA1_STREAM5, 0xC0, 0x40)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] > 100_000 && seen.errors[0] > 100
     }),
     row("DMA1 stream 5: reads CR3 for DR", &[bits(DMA1_STREAM5 + 8, !0, USART2 + 0x14)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] > 100_000 && seen.errors[0] > 100
     }),
-    // The receiver's first byte leads to an error of the DMA transfer. The firmware then restarts the ring, by code
-    // that the patch does not change.
+    // The receiver's first byte causes an error of the DMA transfer, after which the firmware restarts the ring.
     row(
         "DMA1 stream 5: ring in CCM RAM",
         &[bits(DMA1_STREAM5 + 0xC, !0, 0x1000_0000)],
@@ -221,10 +212,9 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         |seen| seen.errors == [1, 0, 0] && seen.messages == [11, 11, 11] && on_time(seen),
     ),
     row("DMA1: no clock", &[gate(0x30, 21)], Expected::Finding(REFUSED), |seen| {
-        // Receivers 1 and 2 use DMA1, so they are lost.
+        // Receivers 1 and 2 use DMA1.
         seen.valid[0] == 0 && seen.valid[1] == 0 && seen.valid[2] >= 20 && on_time(seen)
     }),
-    // ---- the buses of receivers 2 and 3
     row("I2C2: 667 kHz", &[bits(I2C2 + 0x1C, 0xFFF, 18)], Expected::Finding("more than 400 kHz"), |seen| {
         seen.valid[1] == 0 && seen.messages == [12, 0, 11] && on_time(seen)
     }),
@@ -234,7 +224,6 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("SPI5: mode 3", &[bits(SPI5, 3, 3)], Expected::Finding("not mode 0"), |seen| {
         seen.valid[2] == 0 && seen.messages == [12, 11, 0] && on_time(seen)
     }),
-    // ---- the front end's SPI
     row("SPI1: mode 0", &[bits(SPI1, 3, 0)], Expected::Finding("SPI mode 0"), |seen| off_air_for(seen, "Identity")),
     row("SPI1: mode 2", &[bits(SPI1, 3, 2)], Expected::Finding("SPI mode 2"), |seen| off_air_for(seen, "Identity")),
     row("SPI1: mode 3", &[bits(SPI1, 3, 3)], Expected::Finding("SPI mode 3"), |seen| off_air_for(seen, "Absent")),
@@ -242,7 +231,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         off_air_for(seen, "Absent")
     }),
     row("SPI1: 16 bits", &[bits(SPI1, 0x800, 0x800)], Expected::Finding("chip:"), |seen| off_air_for(seen, "Identity")),
-    // At 281 kHz it takes 7 ms to load a frame, so the slot passes. The chip answers, so no fault is reported.
+    // Loading a frame takes 7 ms at 281 kHz, so the slot passes. The chip answers, so no fault is reported.
     row("SPI1: clock divided by 256", &[bits(SPI1, 0x38, 0x38)], Expected::Nothing, |seen| {
         seen.frames.is_empty() && seen.field && seen.skipped >= 23 && seen.faults == 0 && seen.log.contains("HORUS")
     }),
@@ -262,7 +251,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("GPIOD: no clock", &[gate(0x30, 3)], Expected::Finding(REFUSED), |seen| {
         off_air_for(seen, "Absent") && seen.bytes == [0, 1100, 1100]
     }),
-    // A transfer never completes, and the firmware's time limit ends it.
+    // The transfer never completes, and the firmware's time limit ends it.
     row("DMA2 stream 0: channel 4", &[bits(DMA2_STREAM0, 7 << 25, 4 << 25)], Expected::Nothing, |seen| {
         off_air_for(seen, "Bus")
     }),
@@ -284,28 +273,24 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         Expected::Finding("does not reach 0x10000000"),
         |seen| off_air_for(seen, "Bus"),
     ),
-    // DMA2 also serves the receiver on SPI, so that receiver is lost too.
     row("DMA2: no clock", &[gate(0x30, 22)], Expected::Finding(REFUSED), |seen| {
         off_air(seen, "Bus") && seen.messages == [12, 11, 0]
     }),
     row("DMA2 stream 0: interrupt not enabled", &[never_iser(1, 0x0100_0000)], Expected::Nothing, |seen| {
         seen.frames.is_empty() && seen.watchdog()
     }),
-    // ---- the front end's interrupt and timer
-    // Without the edge the firmware notices the start of the oscillator and the end of the first frames only when its
-    // waits are over.
+    // The firmware notices the start of the oscillator and the end of the first frames only after its waits.
     row("EXTI3: from port D", &[bits(SYSCFG + 8, 0xF000, 0x3000)], Expected::Nothing, late_on_air),
     row("EXTI3: no rising edge", &[bits(EXTI + 8, 8, 0)], Expected::Nothing, late_on_air),
     row("EXTI3: masked", &[bits(EXTI, 8, 0)], Expected::Nothing, late_on_air),
     row("EXTI3: interrupt not enabled", &[never_iser(0, 0x200)], Expected::Nothing, Sends::watchdog),
-    // The firmware reads the pin's level once per cycle, at the check-in of the tasks, so half of the frames are sent.
+    // The firmware reads the pin's level once per cycle, at the tasks' check-in, so half of the frames are sent.
     row("EXTI3 masked, TIM5 without a clock", &[bits(EXTI, 8, 0), gate(0x40, 3)], Expected::Finding(REFUSED), |seen| {
         (1..=seen.ticks.len() / 2).contains(&seen.frames.len()) && seen.field && seen.faults == 0
     }),
     row("TIM5: no prescaler", &[bits(TIM5 + 0x28, 0xFFFF, 0)], Expected::Nothing, |seen| {
         off_air_for(seen, "Oscillator")
     }),
-    // ---- the cycle
     row("TIM2: prescaler 2", &[bits(TIM2 + 0x28, 0xFFFF, 1)], Expected::Nothing, |seen| {
         seen.period() == 20 * MS && seen.frames.len() == seen.ticks.len() && seen.restarts.is_empty()
     }),
@@ -326,16 +311,15 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("cycle's interrupt not enabled", &[never_iser(0, 0x10_0000)], Expected::Nothing, |seen| {
         !seen.ticks.is_empty() && seen.frames.is_empty() && seen.watchdog() && seen.log.contains("reset: watchdog")
     }),
-    // ---- clocks, flash, watchdog
     row("FLASH: no wait states", &[bits(FLASH, 0xF, 0)], Expected::Finding("too few wait states"), |seen| {
         seen.log.is_empty() && seen.ticks.is_empty() && !seen.field && seen.watchdog()
     }),
     row("FLASH: three wait states", &[bits(FLASH, 0xF, 3)], Expected::Finding("too few wait states"), |seen| {
         seen.log.is_empty() && seen.ticks.is_empty() && !seen.field && seen.watchdog()
     }),
-    // The UART's bit rate is wrong. I2C and SPI would only be slower, but I2C is set up for a wrong clock frequency.
+    // The UART's bit rate is wrong, and I2C is set up for another clock.
     row("PLL: 100 MHz", &[bits(RCC + 4, 0x7FC0, 100 << 6)], Expected::Finding(I2C_FREQUENCY), |seen| {
-        // I2C and SPI have a clock wire, so the receivers' messages are still read; the last message may be on its way.
+        // I2C and SPI have a clock line, so their receivers are read; the last message may be on its way.
         seen.period() == 14_400_000
             && seen.messages[0] == 0
             && seen.messages[1..].iter().all(|&messages| messages >= 10)
@@ -351,18 +335,18 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         seen.without_crystal && seen.log.contains("the external clock is missing") && seen.period() == 10 * MS
     }),
     row("APB1: divided by 8", &[bits(RCC + 8, 0x1C00, 0x1800)], Expected::Finding(I2C_FREQUENCY), |seen| {
-        // I2C and SPI are polled every 20 ms.
+        // The receivers on I2C and SPI are polled every 20 ms.
         seen.period() == 20 * MS && seen.messages == [0, 10, 11]
     }),
     row("APB1: divided by 2", &[bits(RCC + 8, 0x1C00, 0x1000)], Expected::Finding("PCLK1 is faster"), |seen| {
-        // TIM5 also runs twice as fast, so the wait for a frame's end is over before the frame is.
+        // TIM5 also runs twice as fast, so the wait for a frame's end is too short.
         let cut_off = !seen.frames.is_empty() && seen.faults as usize == seen.frames.len();
         seen.period() == 5 * MS && seen.messages == [0, 0, 11] && cut_off && seen.log.contains("radio: NoTransmitEnd")
     }),
     row("IWDG: never reloaded", &[instead(IWDG, 0xAAAA, 0)], Expected::Nothing, |seen| {
         seen.watchdog() && !seen.frames.is_empty() && seen.log.contains("reset: watchdog")
     }),
-    // Without the timer's interrupt the firmware does not poll receivers 2 and 3.
+    // Without the timer's interrupt receivers 2 and 3 are not polled.
     row(
         "IWDG: prescaler and reload stay locked, and TIM2's interrupt is not enabled",
         &[instead(IWDG, 0x5555, 0), never_iser(0, 0x1000_0000)],
@@ -377,13 +361,12 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     ),
 ];
 
-/// Whether the field comes on two cycles late, and every cycle after that has a frame.
+/// Whether the field comes on two cycles late, and every later cycle has a frame.
 fn late_on_air(seen: &Sends) -> bool {
     seen.frames.len() + 2 == seen.ticks.len() && seen.skipped == 2 && seen.faults == 0 && seen.messages == [12, 11, 11]
 }
 
-/// Whether frames leave at the tick instead of the slot 100 us after it. The cycle that begins at that tick is refused,
-/// because the rest of the frame before still has to be loaded, so only every second cycle sends a frame.
+/// Whether frames leave at the tick instead of the slot 100 µs later, so that every second cycle is refused.
 fn fires_at_every_second_tick(seen: &Sends) -> bool {
     let after = |frame: &u64| seen.ticks.iter().filter(|tick| *tick <= frame).map(|tick| frame - tick).min();
     seen.frames.len() == 12

@@ -1,10 +1,9 @@
-//! Tests wrong setups: both release programs, patched in flash so that they set a register up wrongly, must fail as
-//! they would on silicon.
+//! Tests wrong setups: both release programs are patched so that they set a register up wrongly, and must fail as on
+//! silicon.
 //!
-//! Each row changes the value that the firmware writes to one register (see [`rewrite`]) and states the symptom from
-//! outside: on the air, on the SSI, in the log, in the telemetry, or a restart. The original program must not show the
-//! symptom. A row also states the finding that the models must report; where silicon would report nothing, the models
-//! must report nothing either.
+//! Each row changes the value that the firmware writes to one register (see [`rewrite`]). It states the symptom on the
+//! air, on the SSI, in the log, in the telemetry, or a restart, which the original program must not show. It also
+//! states the finding that the models must report, or that they report none because silicon would not.
 
 use crate::boards;
 mod dpr;
@@ -26,39 +25,34 @@ use profile::{GpsObject, Identifier, ReportedPosition};
 use reader::{MS, US, View, field_on, payload, send, view};
 use st25r3916_model::AirEvent;
 
-// ---- what is changed
-
-/// The change that sets the bits of `mask` to `value` whenever the program stores to `address`.
+/// Sets the bits of `mask` to `value` in every store to `address`.
 const fn bits(address: u32, mask: u32, value: u32) -> Change {
     Change { address, to: To::Bits { mask, value } }
 }
 
-/// The change that makes the program store `value` to `address` where it would store `of`.
+/// Replaces `of` by `value` in stores to `address`.
 const fn instead(address: u32, of: u32, value: u32) -> Change {
     Change { address, to: To::Instead { of, value } }
 }
 
-/// The change that suppresses the program's stores to `address`.
+/// Omits all stores to `address`.
 const fn never(address: u32) -> Change {
     Change { address, to: To::Nothing }
 }
 
-/// The change that suppresses the store with which the program sets bit `bit` of the STM32's RCC register at `offset`,
-/// through its bit-band alias (ARMv7-M ARM B3.1.1).
+/// Omits the store that sets bit `bit` of the RCC register at `offset` by its bit-band alias (ARMv7-M ARM B3.1.1).
 const fn gate(offset: u32, bit: u32) -> Change {
     never(0x4247_0000 + 32 * offset + 4 * bit)
 }
 
-/// The finding that a wrong setup must cause.
 #[derive(Clone, Copy, Debug)]
 enum Expected {
     /// The models report no finding, because silicon cannot detect the wrong setup either.
     Nothing,
-    /// The models report a finding whose text contains this text.
+    /// The models report a finding whose text contains this one.
     Finding(&'static str),
 }
 
-/// A wrong setup of one register.
 struct Row<S> {
     what: &'static str,
     changes: &'static [Change],
@@ -70,7 +64,7 @@ const fn row<S>(what: &'static str, changes: &'static [Change], told: Expected, 
     Row { what, changes, seen, told }
 }
 
-/// Runs every row of `rows` on a patched clone of `board`, and checks the row's expectations.
+/// Runs every row on a patched clone of `board` and checks the row's expectations.
 fn check<S: Debug>(rows: &[Row<S>], healthy: &S, run: impl Fn(&[Change]) -> (S, Vec<String>)) {
     let mut wrong = vec![];
     for row in rows {
@@ -91,7 +85,7 @@ fn check<S: Debug>(rows: &[Row<S>], healthy: &S, run: impl Fn(&[Change]) -> (S, 
     assert!(wrong.is_empty(), "{} of {} rows:\n{}", wrong.len(), rows.len(), wrong.join("\n"));
 }
 
-/// Runs a patch for every row that leaves each value unchanged, because the stubs themselves must have no effect.
+/// Runs a patch for every row that changes no value, because the stubs themselves must have no effect.
 fn control<S: Debug>(rows: &[Row<S>], recording: &Recording, run: impl Fn(&[Change]) -> (S, Vec<String>)) -> Vec<S> {
     let mut all = vec![];
     for row in rows {
@@ -114,7 +108,7 @@ fn words(findings: Vec<Finding>) -> Vec<String> {
 /// The interrupts' enable registers, ARMv7-M ARM B3.4.4.
 const ISER: u32 = 0xE000_E100;
 
-/// The change with which the store that enables the interrupts `of` of ISER register `word` enables none.
+/// Makes the store that enables the interrupts `of` of ISER register `word` enable none.
 const fn never_iser(word: u32, of: u32) -> Change {
     instead(ISER + 4 * word, of, 0)
 }

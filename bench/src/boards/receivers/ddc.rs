@@ -21,37 +21,29 @@ use crate::faults::receivers::NOISE_ONE_IN;
 use crate::faults::receivers::bus::{BusFault, CLOCKS, GLITCH, GLITCHES, STRETCHED};
 use emulator_node::Input;
 
-/// The receiver's address, with the direction bit clear.
+/// The receiver's I2C address, shifted left by one; the lowest bit is the direction.
 const ADDRESS: u8 = 0x42 << 1;
-/// The shortest duration of a byte, ns: nine bits at 400 kHz take 22.5 µs, and a controller's clock, in whole
-/// nanoseconds, may be off by 1 %.
+/// The shortest permitted duration of a byte, ns: nine bits at 400 kHz, less 1 % for rounding.
 const SHORTEST_BYTE: u64 = 22_270;
 
 const TOO_FAST: &str = "I2C: more than 400 kHz (ZED-F9R data sheet 5.3)";
 
-/// The state of the transfer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum State {
-    /// The receiver is not addressed.
     Idle,
-    /// The receiver has received these bytes in the present transfer.
+    /// The controller writes; the bytes of this transfer so far.
     Written(Vec<u8>),
-    /// The receiver sends bytes.
     Read,
 }
 
-/// A fault of the bus.
 #[derive(Clone, Debug)]
 struct Failing {
     fault: BusFault,
     rng: Rng,
-    /// The number of clocks that the controller has made since the fault began.
     clocks: u32,
-    /// The instant at which the next glitch begins, ns.
     glitch_at: u64,
 }
 
-/// A receiver on I2C.
 #[derive(Clone, Debug)]
 pub(super) struct Ddc {
     pub(super) scl: Pin,
@@ -59,23 +51,18 @@ pub(super) struct Ddc {
     pub(super) outbox: Outbox,
     pub(super) crossings: Crossings,
     state: State,
-    /// The register that is read next.
     register: u8,
     /// The number of bytes that were available when the high byte of that number was read.
     available: u16,
-    /// The instant at which the controller's last byte ended, ns; `None` where the controller has held the clock since
-    /// then.
+    /// The end of the controller's last byte, ns; `None` if the controller has held the clock since then.
     last: Option<u64>,
-    /// Whether the controller did not acknowledge the last byte, after which it must end the transfer.
+    /// Whether the controller has not acknowledged the last byte. It must then end the transfer.
     closing: bool,
     failing: Option<Failing>,
-    /// The levels that the part drives on SCL and SDA: high where the part releases the line.
     made: [bool; 2],
-    /// Whether the receiver holds SCL and SDA low: the present values, and the values that were last passed to the
-    /// part.
+    /// Whether the receiver holds SCL and SDA low: now, and as last passed on.
     low: [bool; 2],
     told: [bool; 2],
-    /// The instant at which the present glitch ends, ns.
     glitch_over: u64,
 }
 
@@ -99,7 +86,6 @@ impl Ddc {
         }
     }
 
-    /// Begins `fault` of the I2C bus at `now` (ns).
     pub(super) fn begin_fault(&mut self, now: u64, fault: BusFault, mut rng: Rng) {
         self.crossings.spoil_open();
         let glitch_at = if fault == BusFault::Glitches { now + rng.between(GLITCHES.0, GLITCHES.1) } else { u64::MAX };
@@ -109,14 +95,12 @@ impl Ddc {
             _ => {}
         }
         if self.low != [false; 2] {
-            // The fault aborts the transfer under way.
             self.state = State::Idle;
             self.crossings.end();
         }
         self.failing = Some(Failing { fault, rng, clocks: 0, glitch_at });
     }
 
-    /// Ends `fault` of the bus.
     pub(super) fn end_fault(&mut self, fault: BusFault) {
         if self.failing.as_ref().is_some_and(|failing| failing.fault == fault) {
             self.failing = None;
@@ -130,7 +114,6 @@ impl Ddc {
         self.failing.as_ref().is_some_and(|failing| failing.fault == fault)
     }
 
-    /// The bits of a byte that a fault of the bus inverts.
     fn flips(&mut self) -> u8 {
         match &mut self.failing {
             Some(Failing { fault: BusFault::Noise, rng, .. }) => {
@@ -140,8 +123,7 @@ impl Ddc {
         }
     }
 
-    /// Applies `event` of the controller, which ended at `at` (ns). `heard` is called with each byte that is for the
-    /// receiver.
+    /// Applies an event that ended at `at` (ns), and calls `heard` with each data byte for the receiver.
     pub(super) fn act(
         &mut self,
         at: u64,
@@ -160,7 +142,6 @@ impl Ddc {
                     self.outbox.read_at = at;
                     self.state = if address & 1 == 0 { State::Written(vec![]) } else { State::Read };
                     if self.fails(BusFault::Stretches) {
-                        // The next byte begins later, because the receiver stretches the clock.
                         self.last = Some(at + STRETCHED);
                         I2cAnswer { stretched_ns: STRETCHED, ..yes }
                     } else {
@@ -181,7 +162,7 @@ impl Ddc {
                 let flips = self.flips();
                 let data = self.next(at, before.unwrap_or(at), flips) ^ flips;
                 self.closing = !acknowledged;
-                // A byte that is too fast, or on a failing bus, may be read wrongly.
+                // A byte that is clocked too fast, or on a failing bus, may be read wrongly.
                 if fast || self.failing.is_some() {
                     self.crossings.spoil();
                 }
@@ -196,8 +177,7 @@ impl Ddc {
         (answer, misuse)
     }
 
-    /// Returns the next byte of the register that is read. The byte ends at `at`, and the byte before it ended at
-    /// `before` (ns).
+    /// Returns the next byte of the register that is read, whose transfer lasts from `before` to `at` (ns).
     fn next(&mut self, at: u64, before: u64, flips: u8) -> u8 {
         let register = self.register;
         self.register = register.saturating_add(1);
@@ -215,7 +195,6 @@ impl Ddc {
         }
     }
 
-    /// Ends a transfer, at a stop or a repeated start.
     fn finish(&mut self, heard: &mut impl FnMut(u8)) {
         match std::mem::replace(&mut self.state, State::Idle) {
             State::Written(bytes) => match bytes[..] {
@@ -224,7 +203,7 @@ impl Ddc {
                 _ => bytes.into_iter().for_each(heard),
             },
             State::Read => {
-                // A controller that ends a read without a NACK expected another number of bytes.
+                // A controller must end a read by not acknowledging its last byte.
                 if !std::mem::take(&mut self.closing) {
                     self.crossings.spoil();
                 }
@@ -235,7 +214,6 @@ impl Ddc {
         self.closing = false;
     }
 
-    /// Applies the level that software drives on `pin` while it is a general-purpose pin.
     pub(super) fn pin(&mut self, pin: Pin, pad: Pad) {
         let Some(line) = [self.scl, self.sda].iter().position(|line| *line == pin) else { return };
         let high = pad != Pad::Driven(false);
@@ -249,14 +227,12 @@ impl Ddc {
         }
     }
 
-    /// The instant at which the receiver next changes SCL or SDA, ns.
     pub(super) fn next_at(&self) -> u64 {
         let glitch = self.failing.as_ref().map_or(u64::MAX, |failing| failing.glitch_at);
         let changed = if self.low == self.told { u64::MAX } else { 0 };
         glitch.min(self.glitch_over).min(changed)
     }
 
-    /// Drives SCL and SDA up to `at` (ns) and returns whether either changed.
     pub(super) fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) -> bool {
         let mut moved = false;
         if at >= self.glitch_over {
@@ -266,7 +242,6 @@ impl Ddc {
         }
         if let Some(failing) = self.failing.as_mut().filter(|failing| at >= failing.glitch_at) {
             failing.glitch_at = at + failing.rng.between(GLITCHES.0, GLITCHES.1);
-            // Glitches also occur on an idle bus.
             self.glitch_over = at + GLITCH;
             self.low[1] = true;
             moved = true;

@@ -1,4 +1,5 @@
-//! The receivers' interfaces on the HORUS board: they connect a receiver's stream of messages to the part's pins.
+//! The receivers' interfaces on the HORUS board, which connect a receiver's stream of messages to the pins of the
+//! microcontroller.
 //!
 //! | file | interface | receivers | source |
 //! |---|---|---|---|
@@ -7,9 +8,9 @@
 //! | [`spi`] | SPI: a stream in either direction, without registers | GPS3 | 5.2, and see [`spi`] |
 //! | `read_bytes` | bus traffic in the event log's form | | |
 //!
-//! `gnss_sim` determines what a receiver sends and how it applies its configuration; this module only transports the
-//! bytes. An interface accepts whole messages ([`Receivers::offer`]), sends their bytes when the part reads them, and
-//! collects the bytes that the part sends ([`Receivers::take_sent`]).
+//! `gnss_sim` generates a receiver's messages and applies its configuration. An interface accepts whole messages
+//! ([`Receivers::offer`]), sends their bytes when the microcontroller reads them, and collects the bytes that the
+//! microcontroller sends ([`Receivers::take_sent`]).
 //!
 //! # The output buffer
 //!
@@ -42,25 +43,22 @@ use uart::Uart;
 
 /// The size of a receiver's buffer of messages for a bus, bytes: u-blox integration manuals, "Extended TX timeout".
 pub const BUFFER: usize = 4096;
-/// The time without communication after which a receiver puts no more messages into a bus's buffer, ns.
+/// The time without communication after which a receiver puts no more messages into its output buffer, ns.
 pub const FORSAKEN: u64 = 2_000_000_000;
 
-/// The time after a transaction's first byte at which the transaction counts as abandoned if it has not ended, ns.
+/// The time after its first byte at which an unfinished bus transaction counts as abandoned, ns.
 pub const ABANDONED: u64 = 50_000_000;
 
-/// The output buffer: messages that wait to be read over a bus.
 #[derive(Clone, Debug, Default)]
 struct Outbox {
     bytes: VecDeque<u8>,
-    /// The instants (ns) since which bytes have waited, each with the number of bytes that came then.
+    /// The groups of bytes that wait, each as the instant of its arrival (ns) and its number of bytes.
     since: VecDeque<(u64, usize)>,
-    /// The instant at which the part last communicated with the receiver, ns.
     read_at: u64,
 }
 
 impl Outbox {
-    /// Puts whole messages into the buffer at `at` (ns): those that fit, or none if the part has not used the bus for
-    /// [`FORSAKEN`].
+    /// Puts those messages into the buffer at `at` (ns) that fit, unless the bus was not used for [`FORSAKEN`].
     fn put(&mut self, at: u64, mut messages: &[u8]) {
         if at.saturating_sub(self.read_at) > FORSAKEN {
             return;
@@ -75,7 +73,6 @@ impl Outbox {
         }
     }
 
-    /// Takes the oldest byte for the part, with the instant (ns) since which it has waited.
     fn take(&mut self) -> Option<(u8, u64)> {
         let byte = self.bytes.pop_front()?;
         let (since, left) = self.since.front_mut()?;
@@ -88,7 +85,7 @@ impl Outbox {
     }
 }
 
-/// The length of the first piece of `bytes`. A piece is one UBX message, or the bytes before the next UBX message.
+/// Returns the length of the first UBX message in `bytes`, or of the bytes that precede it.
 fn message_at_start_of(bytes: &[u8]) -> usize {
     match ubx::Frame::at_start_of(bytes) {
         Some(frame) => frame.wire_len(),
@@ -98,18 +95,17 @@ fn message_at_start_of(bytes: &[u8]) -> usize {
     }
 }
 
-/// A byte that the part sent to a receiver.
+/// A byte that the microcontroller sent to a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SentByte {
-    /// The instant at which the byte had arrived, ns.
+    /// The instant at which the whole byte had arrived, ns.
     pub at: u64,
     /// The receiver's index, from 0.
     pub receiver: usize,
-    /// The byte; `None` for an unreadable one, which ends the message that it belongs to.
+    /// The byte; `None` for an unreadable byte, which breaks the message that it belongs to.
     pub byte: Option<u8>,
 }
 
-/// One receiver's interface.
 #[derive(Clone, Debug)]
 enum Interface {
     Uart(Uart),
@@ -121,19 +117,17 @@ enum Interface {
 #[derive(Clone, Debug)]
 pub struct Receivers {
     interfaces: Vec<Interface>,
-    /// Whether the bytes that the part sends are kept for [`Receivers::take_sent`]; see [`Receivers::attend`].
     attended: bool,
     heard: Vec<SentByte>,
     read: Vec<ReadBytes>,
-    /// The part's violations of a receiver's data sheet: the first of each kind, with its instant (ns).
+    /// The microcontroller's violations of a receiver's data sheet: the first of each kind, with its instant, ns.
     misuses: Vec<(u64, String)>,
     told: Vec<(usize, &'static str)>,
-    /// The earliest instant at which any receiver's interface next changes a line, ns.
     next: u64,
 }
 
 impl Receivers {
-    /// Returns the interfaces of `number` receivers, none of which has sent a byte.
+    /// Returns the interfaces of `receivers` receivers, none of which has sent a byte.
     #[must_use]
     pub fn new(receivers: usize) -> Self {
         let interfaces = [
@@ -159,8 +153,7 @@ impl Receivers {
         }
     }
 
-    /// Queues `frames` on a receiver's UART at `at` (ns). Returns the instant at which the first of them begins: `at`,
-    /// or the end of the frames before them.
+    /// Queues `frames` on a receiver's UART and returns the instant, ns, at which the first of them begins.
     pub fn send(&mut self, at: u64, receiver: usize, frames: impl IntoIterator<Item = UartFrame>) -> u64 {
         let Some(Interface::Uart(uart)) = self.interfaces.get_mut(receiver) else { return at };
         let begins = uart.send(at, frames);
@@ -168,7 +161,7 @@ impl Receivers {
         begins
     }
 
-    /// Makes `messages` of a receiver on a bus readable from `at` (ns) on.
+    /// Makes `messages` of a receiver on I2C or SPI readable from `at` (ns) on.
     pub fn offer(&mut self, at: u64, receiver: usize, messages: &[u8]) {
         match self.interfaces.get_mut(receiver) {
             Some(Interface::I2c(ddc)) => ddc.outbox.put(at, messages),
@@ -204,26 +197,23 @@ impl Receivers {
         }
     }
 
-    /// Keeps the bytes that the part sends from now on for [`Receivers::take_sent`]. The node stops after each such
-    /// byte, so that the byte can be taken.
+    /// Keeps the bytes that the microcontroller sends for [`Receivers::take_sent`]. The node stops after each of them.
     pub fn attend(&mut self) {
         self.attended = true;
     }
 
-    /// Takes the bytes that the part has sent to receivers since the last call; empty unless [`Receivers::attend`] was
-    /// called.
+    /// Takes the bytes that the microcontroller has sent to receivers since [`Receivers::attend`] or the last call.
     pub fn take_sent(&mut self) -> Vec<SentByte> {
         std::mem::take(&mut self.heard)
     }
 
-    /// Whether the part has sent a byte that was not taken yet.
+    /// Whether the microcontroller has sent a byte that [`Receivers::take_sent`] has not taken yet.
     #[must_use]
     pub fn has_sent(&self) -> bool {
         !self.heard.is_empty()
     }
 
-    /// Takes the bus traffic since the last call: transactions that are over, and those that have not ended within
-    /// [`ABANDONED`]. `now` is the present, ns.
+    /// Takes the bus transactions that have ended since the last call, or began [`ABANDONED`] before `now` (ns).
     pub fn take_read(&mut self, now: u64) -> Vec<ReadBytes> {
         for (receiver, interface) in self.interfaces.iter_mut().enumerate() {
             let (Interface::I2c(Ddc { crossings, .. }) | Interface::Spi(Spi { crossings, .. })) = interface else {
@@ -238,7 +228,7 @@ impl Receivers {
         std::mem::take(&mut self.read)
     }
 
-    /// The instant at which the oldest bus transaction that was not reported yet began, ns; `u64::MAX` for none.
+    /// The beginning of the oldest bus transaction that was not taken yet, ns; `u64::MAX` for none.
     #[must_use]
     pub fn untold_since(&self) -> u64 {
         let of = |interface: &Interface| match interface {
@@ -249,7 +239,7 @@ impl Receivers {
         self.interfaces.iter().map(of).min().unwrap_or(u64::MAX)
     }
 
-    /// Takes the part's violations of the receivers' data sheets since the last call: each kind once in a run.
+    /// Takes the microcontroller's violations of the receivers' data sheets, each kind once in a run.
     pub fn take_misuses(&mut self) -> Vec<(u64, String)> {
         std::mem::take(&mut self.misuses)
     }
@@ -270,19 +260,16 @@ impl Receivers {
         self.next = self.interfaces.iter().map(of).min().unwrap_or(u64::MAX);
     }
 
-    /// Drives the lines to the levels that they have at rest, at power-on.
     pub(super) fn powered(&self, inputs: &mut Vec<Input>) {
         for interface in &self.interfaces {
             match interface {
                 Interface::Uart(uart) => inputs.push(Input::Level(uart.to_part, Some(true))),
-                // The pull-ups hold the lines high.
                 Interface::I2c(ddc) => inputs.extend([ddc.scl, ddc.sda].map(|pin| Input::Level(pin, Some(true)))),
                 Interface::Spi(_) => {}
             }
         }
     }
 
-    /// Applies the level that the part drives on `pin` at `at` (ns).
     pub(super) fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
         for (receiver, interface) in self.interfaces.iter_mut().enumerate() {
             match interface {
@@ -299,7 +286,7 @@ impl Receivers {
         self.plan();
     }
 
-    /// Clocks a frame of the part's SPI from `begins` to `ends` (ns). Returns `None` where no receiver drives MISO.
+    /// Transfers a frame from `begins` to `ends` (ns). Returns `None` if no receiver drives MISO.
     pub(super) fn spi(&mut self, begins: u64, ends: u64, frame: &SpiFrame) -> Option<u32> {
         let (receiver, spi) =
             self.interfaces.iter_mut().enumerate().find_map(|(receiver, interface)| match interface {
@@ -313,7 +300,7 @@ impl Receivers {
         answer
     }
 
-    /// Passes on a UART frame that the part has sent on `pin` and that ended at `at` (ns).
+    /// Passes a UART frame that the microcontroller has sent on `pin`, and that ended at `at` (ns), to the receiver.
     pub(super) fn uart(&mut self, at: u64, pin: Pin, frame: &UartFrame) {
         let found = self.interfaces.iter_mut().enumerate().find_map(|(receiver, interface)| match interface {
             Interface::Uart(uart) if uart.from_part == pin => {
@@ -324,7 +311,7 @@ impl Receivers {
         self.hears(found);
     }
 
-    /// Passes on an event of the part's I2C on these pins, which ended at `at` (ns).
+    /// Passes an event of the microcontroller's I2C, which ended at `at` (ns), to the receiver on these pins.
     pub(super) fn i2c(&mut self, at: u64, scl: Pin, sda: Pin, event: I2cEvent) -> I2cAnswer {
         let found = self.interfaces.iter_mut().enumerate().find_map(|(receiver, interface)| match interface {
             Interface::I2c(ddc) if (ddc.scl, ddc.sda) == (scl, sda) => Some((receiver, ddc)),
@@ -346,13 +333,11 @@ impl Receivers {
         }
     }
 
-    /// The next instant at which a receiver changes the level of a pin of the part, ns.
     #[must_use]
     pub(super) fn next_event(&self) -> u64 {
         self.next
     }
 
-    /// Runs the receivers up to `at` (ns).
     pub(super) fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) {
         let mut moved = at >= self.next;
         for interface in &mut self.interfaces {

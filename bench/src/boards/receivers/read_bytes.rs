@@ -1,10 +1,9 @@
 //! Traffic of a receiver's bus in the event log's form: groups of bytes that follow one another without a gap.
 
-/// The most by which the end of a byte may differ from its place in a group of bytes that are equally long, ns. Ends
-/// are whole nanoseconds, and the clock's period is not.
+/// The tolerance of the end of a byte within a group of equally long bytes, ns, because ends are recorded in whole ns.
 const ROUNDING: u64 = 40;
 
-/// Bytes of a receiver that the part read over a bus, without a gap between them.
+/// Bytes of a receiver that HORUS's microcontroller read over a bus without a gap between them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReadBytes {
     /// The receiver's index, from 0.
@@ -13,43 +12,37 @@ pub struct ReadBytes {
     pub at: u64,
     /// The duration of each byte, ns.
     pub byte_ns: u64,
-    /// The bytes that the part read, which a fault of the bus may have changed.
+    /// The bytes as the microcontroller read them. A fault of the bus may have changed them.
     pub bytes: Vec<u8>,
-    /// Whether the part read all the bytes as the receiver sent them, in a transaction that ended correctly.
+    /// Whether the microcontroller read all bytes as the receiver sent them, in a transaction that ended correctly.
     pub clean: bool,
-    /// The instant since which the bytes had waited in the receiver, ns.
+    /// The instant at which the receiver's buffer received the bytes, ns.
     pub since: u64,
 }
 
-/// Bus traffic that has not been reported yet.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Crossings {
-    /// The bytes of the transaction under way. Each has the instants of its beginning and end (ns), its value, and the
-    /// instant since which it has waited (ns).
+    /// The bytes of the transaction under way: beginning and end (ns), value, arrival in the buffer (ns).
     open: Vec<(u64, u64, u8, u64)>,
-    /// Whether the part need not interpret the transaction: a byte of it differs from what the receiver sent.
+    /// Whether HORUS need not interpret the transaction under way, because a byte of it was changed on the bus.
     spoilt: bool,
     done: Vec<Vec<(u64, u64, u8, u64)>>,
     clean: Vec<bool>,
 }
 
 impl Crossings {
-    /// Records a byte that was transferred from `from` to `to` (ns) and had waited since `since` (ns).
     pub(super) fn byte(&mut self, from: u64, to: u64, byte: u8, since: u64) {
         self.open.push((from, to, byte, since));
     }
 
-    /// Marks the transaction under way as one that the part need not interpret.
     pub(super) fn spoil(&mut self) {
         self.spoilt = true;
     }
 
-    /// Marks the transaction under way as one that the part need not interpret, if any byte has been transferred in it.
     pub(super) fn spoil_open(&mut self) {
         self.spoilt |= !self.open.is_empty();
     }
 
-    /// Ends the transaction that is under way.
     pub(super) fn end(&mut self) {
         let clean = !std::mem::take(&mut self.spoilt);
         if !self.open.is_empty() {
@@ -58,12 +51,10 @@ impl Crossings {
         }
     }
 
-    /// The instant of the oldest traffic that was not reported yet, ns; `u64::MAX` for none.
     pub(super) fn since(&self) -> u64 {
         self.open.first().map_or(u64::MAX, |(from, ..)| *from)
     }
 
-    /// Takes the bus traffic of the transactions that have ended, as bytes of `receiver`.
     pub(super) fn take(&mut self, receiver: usize) -> Vec<ReadBytes> {
         let mut given: Vec<ReadBytes> = vec![];
         for (bytes, clean) in self.done.drain(..).zip(self.clean.drain(..)) {
@@ -87,8 +78,7 @@ impl Crossings {
 }
 
 impl ReadBytes {
-    /// Whether a byte from `from` to `to` (ns) follows the group's last byte without a gap and takes as long as the
-    /// others.
+    /// Whether a byte from `from` to `to` (ns) continues the group without a gap and at the group's rate.
     fn continues(&self, from: u64, to: u64) -> bool {
         let nth = |number: usize| self.at + number as u64 * self.byte_ns;
         from.abs_diff(nth(self.bytes.len())) <= ROUNDING && to.abs_diff(nth(self.bytes.len() + 1)) <= ROUNDING

@@ -20,44 +20,35 @@ use emulator_part::{Pin, SpiFrame, SpiMode};
 use super::{Crossings, Outbox};
 use crate::faults::{BusFault, Rng};
 
-/// The duration of a bit at 5.5 MHz, ps.
 const SHORTEST_BIT_PS: u64 = 181_818;
 /// The duration of a byte at 125 kB/s, ns.
 pub const SHORTEST_BYTE: u64 = 8_000;
-/// The number of successive 0xFF bytes after which the receiver ignores its input: the factory default of
-/// CFG-SPI-MAXFF.
+/// The factory default of CFG-SPI-MAXFF: after so many successive 0xFF bytes the receiver ignores its input.
 const MOST_FILLER: u32 = 50;
 
 const WRONG_MODE: &str = "SPI: not mode 0, or not whole bytes (ZED-F9R data sheet 5.2)";
 const FAST_CLOCK: &str = "SPI: more than 5.5 MHz (ZED-F9R data sheet 5.2)";
 const FAST_BYTES: &str = "SPI: more than 125 kB/s, a byte every 8 µs (ZED-F9R data sheet 5.2, NEO-M8P 4.4.1)";
 
-/// The part's pins that a receiver is wired to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Wires {
     pub(super) sck: Pin,
     pub(super) miso: Pin,
     pub(super) mosi: Pin,
-    /// Chip select, active low, with a pull-up.
     pub(super) cs: Pin,
 }
 
-/// A receiver on SPI.
 #[derive(Clone, Debug)]
 pub(super) struct Spi {
     pub(super) wires: Wires,
     pub(super) outbox: Outbox,
     pub(super) crossings: Crossings,
     selected: bool,
-    /// The instant at which the last byte that was loaded in time began, ns; `None` if no byte was loaded since the
-    /// receiver was selected.
+    /// The beginning of the last byte that was loaded in time, ns; `None` since the selection.
     last: Option<u64>,
-    /// The number of successive 0xFF bytes that the controller has sent.
     filler: u32,
-    /// The last bit that the receiver sent, followed by the last byte that it sent.
     last_bit: bool,
     last_byte: u8,
-    /// The present fault of MISO, with its source of random values.
     failing: Option<(BusFault, Rng)>,
 }
 
@@ -76,13 +67,11 @@ impl Spi {
         }
     }
 
-    /// Begins a fault of MISO.
     pub(super) fn begin_fault(&mut self, fault: BusFault, rng: Rng) {
         self.crossings.spoil_open();
         self.failing = Some((fault, rng));
     }
 
-    /// Ends a fault of MISO.
     pub(super) fn end_fault(&mut self, fault: BusFault) {
         if self.failing.as_ref().is_some_and(|(of, _)| *of == fault) {
             self.failing = None;
@@ -105,8 +94,7 @@ impl Spi {
         frame.sck.contains(&Some(self.wires.sck))
     }
 
-    /// Clocks a frame of the part from `begins` to `ends` (ns). `heard` is called with each byte that the receiver
-    /// accepts and with the instant at which the byte had arrived.
+    /// Transfers a frame from `begins` to `ends` (ns), and calls `heard` with each accepted byte and its instant.
     pub(super) fn clock(
         &mut self,
         begins: u64,
@@ -125,7 +113,7 @@ impl Spi {
         } else if (ends - begins) * 1_000 < bits * SHORTEST_BIT_PS - 1_000 {
             misuse = Some(FAST_CLOCK);
         }
-        // The receiver's own pull-up holds MOSI high where the part does not drive it.
+        // The receiver's pull-up holds an undriven MOSI high.
         let mosi = if frame.mosi.contains(&Some(self.wires.mosi)) { frame.data } else { u32::MAX };
         let mut answer = 0_u32;
         for number in 0..bytes.max(1) {
@@ -168,7 +156,7 @@ impl Spi {
         ((frame.miso == Some(self.wires.miso)).then_some(answer), misuse)
     }
 
-    /// Shifts `byte` by one bit, because in place of each bit the controller reads the bit before it.
+    /// Returns `byte` as it is read while the receiver's output is one bit late.
     fn late(&mut self, byte: u8) -> u8 {
         let shifted = byte >> 1 | u8::from(self.last_bit) << 7;
         self.last_bit = byte & 1 != 0;

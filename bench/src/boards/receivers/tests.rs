@@ -8,12 +8,10 @@ use super::*;
 const SCL: Pin = pin('F', 1);
 const SDA: Pin = pin('F', 0);
 const CS: Pin = pin('E', 3);
-/// The duration of a bit at 400 kHz, ns.
 const BIT: u64 = 2_500;
 
 const MS: u64 = 1_000_000;
 
-/// A controller that follows a script on a UART, on I2C and on SPI, and the receivers on these.
 struct Script {
     receivers: Receivers,
     now: u64,
@@ -63,8 +61,7 @@ impl Script {
         }
     }
 
-    /// Sends the bytes of `mosi` over SPI, each for `takes` ns and one every `every` ns; returns the bytes that MISO
-    /// carried.
+    /// Sends the bytes of `mosi` over SPI, one every `every` ns, each for `takes` ns; returns those of MISO.
     fn clock(&mut self, mosi: &[u8], takes: u64, every: u64) -> Vec<u8> {
         mosi.iter()
             .map(|&byte| {
@@ -103,7 +100,6 @@ fn over_i2c_the_number_of_bytes_and_then_the_bytes_are_read() {
     script.receivers.offer(script.now, 1, &message());
     assert_eq!(script.read(Some(0xFD), 2), [0, 100]);
     let begins = script.now + 9 * BIT;
-    // The register address has reached 0xFF, where it stays.
     assert_eq!(script.read(None, 60), message()[..60]);
     assert_eq!(script.read(Some(0xFD), 2), [0, 40]);
     assert_eq!(script.read(Some(0xFF), 42), [&message()[60..], &[0xFF, 0xFF]].concat());
@@ -254,14 +250,14 @@ fn over_spi_no_more_than_125_kb_a_second_are_loaded() {
     let mut script = Script::new();
     script.receivers.offer(script.now, 2, &message());
     script.select(true);
-    // At 4.5 MHz without a gap, every fifth byte begins 8 µs after the last one that was loaded in time.
+    // At 4.5 MHz without gaps, 8 µs have passed at every fifth byte since the receiver last loaded a byte.
     let miso = script.clock(&[0xFF; 10], 1_778, 1_778);
     let sync = ubx::SYNC;
     assert_eq!(miso, [[sync[0]; 5], [sync[1]; 5]].concat());
     script.select(false);
     assert!(script.given().iter().all(|given| !given.clean));
     assert!(script.receivers.take_misuses()[0].1.contains("125 kB/s"));
-    // With a byte every 8 µs the same clock reads every byte correctly.
+    // With a byte every 8 µs, the same clock rate reads every byte correctly.
     script.now += MS;
     script.select(true);
     assert_eq!(script.clock(&[0xFF; 98], 1_778, 8_000), message()[2..]);
@@ -333,7 +329,7 @@ fn a_byte_at_another_rate_is_nothing_that_the_receiver_can_read() {
     script.receivers.listen_at(0, 38_400);
     assert_eq!(send(&mut script, 38_400), [Some(0xB5)]);
     assert_eq!(send(&mut script, 460_800), [None]);
-    // After more than 100 errors the UART ignores its input for the rest of a second.
+    // After more than 100 unreadable frames the UART ignores its input for the rest of a second.
     for _ in 0..100 {
         send(&mut script, 460_800);
     }
@@ -342,9 +338,6 @@ fn a_byte_at_another_rate_is_nothing_that_the_receiver_can_read() {
     assert_eq!(send(&mut script, 38_400), [Some(0xB5)]);
 }
 
-// ---- faults
-
-/// The levels that the receivers drive on the pins by `now`.
 fn levels(script: &mut Script) -> Vec<(Pin, bool)> {
     let mut inputs = vec![];
     script.receivers.settle(script.now, &mut inputs);
@@ -365,7 +358,6 @@ fn failing(fault: BusFault) -> Script {
     script
 }
 
-/// Makes `number` clocks on SCL by software.
 fn clocks(script: &mut Script, number: u32) {
     for _ in 0..number {
         script.receivers.pin(script.now, SCL, Pad::Driven(false));

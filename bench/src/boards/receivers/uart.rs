@@ -11,27 +11,21 @@ use horus_tx_fw::timing::GNSS_BAUD;
 
 use emulator_node::Input;
 
-/// The divisor that gives a bit's greatest deviation: its duration may differ by one part in 40, which is 2.5 %.
+/// The bit's duration divided by this number is its greatest permitted deviation: 2.5 %.
 const TOLERANCE: u64 = 40;
-/// The number of unreadable frames in [`ERROR_WINDOW`] above which the receiver ignores its input until that window is
-/// over.
+/// The number of unreadable frames in [`ERROR_WINDOW`] above which the receiver ignores its input for the rest of it.
 const MOST_ERRORS: u32 = 100;
-/// The length of the window in which unreadable frames are counted, ns: see [`MOST_ERRORS`].
 const ERROR_WINDOW: u64 = 1_000_000_000;
 
-/// A receiver's UART and the two lines to it.
 #[derive(Clone, Debug)]
 pub(super) struct Uart {
-    /// The part's pin on which the receiver sends, and the part's pin on which the part sends.
     pub(super) to_part: Pin,
     pub(super) from_part: Pin,
-    /// Frames that wait until the line is free; they are sent back to back.
     waiting: VecDeque<UartFrame>,
-    /// The instant at which the receiver's line is free again, ns.
     free_at: u64,
-    /// The duration of a bit at the rate at which the receiver listens, ps.
+    /// The duration of a bit at the rate to which the receiver's input is set, ps.
     bit_ps: u64,
-    /// The beginning of the second in which unreadable frames are counted, ns, and their number.
+    /// The beginning of the present [`ERROR_WINDOW`], ns, and its number of unreadable frames.
     errors: (u64, u32),
 }
 
@@ -41,8 +35,7 @@ impl Uart {
         Self { to_part, from_part, waiting: VecDeque::new(), free_at: 0, bit_ps, errors: (0, 0) }
     }
 
-    /// Queues `frames` at `at` (ns) and returns the instant at which the first of them begins: `at`, or the end of the
-    /// frames before them.
+    /// Queues `frames` at `at` (ns) and returns the instant, ns, at which the first of them begins.
     pub(super) fn send(&mut self, at: u64, frames: impl IntoIterator<Item = UartFrame>) -> u64 {
         if self.waiting.is_empty() {
             self.free_at = self.free_at.max(at);
@@ -56,8 +49,7 @@ impl Uart {
         self.bit_ps = UartFrame::eight_n_one(0, baud.max(1)).bit_ps;
     }
 
-    /// Passes to the receiver a frame of the part that ended at `at` (ns). Returns the byte that the receiver read,
-    /// `Some(None)` for an unreadable one, or `None` where the receiver ignores its input.
+    /// Returns the byte that the receiver reads, `Some(None)` if unreadable, or `None` while it ignores its input.
     pub(super) fn hears(&mut self, at: u64, frame: &UartFrame) -> Option<Option<u8>> {
         if at >= self.errors.0 + ERROR_WINDOW {
             self.errors = (at, 0);

@@ -12,7 +12,7 @@ use cortex_m4::Cost;
 use super::{Repair, seal};
 use emulator_node::{Board, Error, Node};
 
-/// Makes every instruction and table entry of `node`'s program that loads `of` load `value` from now on, and seals the
+/// Replaces the constant `of` by `value` in every instruction and table entry of `node`'s program, and seals the
 /// program again.
 ///
 /// # Errors
@@ -35,7 +35,6 @@ pub(super) fn replace<B: Board, C: Cost>(node: &mut Node<B, C>, of: u32, value: 
     Ok(repair)
 }
 
-/// The offsets in `image` at which the constant `of` is loaded, each with the bytes that replace it by `value`.
 fn replaced(image: &[u8], of: u32, value: u32) -> Vec<(usize, Vec<u8>)> {
     let half = |at: usize| image.get(2 * at..2 * at + 2).map(|bytes| u16::from_le_bytes([bytes[0], bytes[1]]));
     let pair = |at| half(at).zip(half(at + 1));
@@ -70,14 +69,12 @@ fn replaced(image: &[u8], of: u32, value: u32) -> Vec<(usize, Vec<u8>)> {
     places
 }
 
-/// The first halfwords of MOVW and MOV, ARMv7-M ARM A7.7.76 and A7.7.79: MOVW is encoding T3 of MOV, MOV is encoding
-/// T2.
+/// The first halfwords of MOVW (MOV in encoding T3) and MOV (encoding T2), ARMv7-M ARM A7.7.76. MOVT is A7.7.79.
 const MOVW: u16 = 0xF240;
 const MOVT: u16 = 0xF2C0;
 const MOV: u16 = 0xF04F;
 
-/// Whether the instruction is ORR or ADD in encoding T3, A7.7.91 and A7.7.3. MOV is encoded as an ORR without a source
-/// register, CMN as an ADD without a destination.
+/// Whether the instruction is ORR or ADD in encoding T3 (A7.7.91, A7.7.3), and not MOV or CMN, which share their codes.
 const fn is_field((one, two): (u16, u16)) -> bool {
     let without = one & 0xF == 0xF || two >> 8 & 0xF == 0xF;
     matches!(one & 0xFBE0, 0xF040 | 0xF100) && two & 0x8000 == 0 && !without
@@ -87,7 +84,6 @@ fn is_half((one, two): (u16, u16), opcode: u16, register: u16) -> bool {
     one & 0xFBF0 == opcode && two & 0x8000 == 0 && two >> 8 & 0xF == register
 }
 
-/// The 16-bit immediate of a MOVW or MOVT.
 fn immediate((one, two): (u16, u16)) -> u16 {
     (one & 0xF) << 12 | (one >> 10 & 1) << 11 | (two >> 12 & 7) << 8 | two & 0xFF
 }
@@ -96,13 +92,12 @@ fn encoded(opcode: u16, register: u16, value: u16) -> (u16, u16) {
     (opcode | (value >> 11 & 1) << 10 | value >> 12, (value >> 8 & 7) << 12 | register << 8 | value & 0xFF)
 }
 
-/// The bits of both halfwords that encode `value` as a modified immediate, if that is possible.
+/// The bits of both halfwords that encode `value` as a modified immediate; `None` if it cannot be encoded.
 fn modified(value: u32) -> Option<(u16, u16)> {
     let bits = |code: u16| ((code >> 11 & 1) << 10, (code >> 8 & 7) << 12 | code & 0xFF);
     (0..0x1000).map(bits).find(|bits| expanded(*bits) == value)
 }
 
-/// The modified immediate of an instruction, ARMv7-M ARM A5.3.2.
 fn expanded((one, two): (u16, u16)) -> u32 {
     let (rotation, byte) = ((one >> 10 & 1) << 4 | two >> 11 & 0xE | two >> 7 & 1, u32::from(two & 0xFF));
     match rotation {
@@ -124,7 +119,7 @@ mod tests {
 
     #[test]
     fn a_constant_of_16_bits_is_replaced_in_a_movw() {
-        // MOVW r1, #24480
+        // The instruction is MOVW r1, #24480.
         let image = image(&[0xBF00, 0xF645, 0x71A0]);
         assert_eq!(replaced(&image, 24_480, 24_481), [(2, vec![0x45, 0xF6, 0xA1, 0x71])]);
         assert!(replaced(&image, 24_481, 0).is_empty());
@@ -138,13 +133,13 @@ mod tests {
         let (to_low, to_high) = (encoded(MOVW, 1, 0xFCC0), encoded(MOVT, 1, 6));
         let wanted = [(0, image(&[to_low.0, to_low.1])), (6, image(&[to_high.0, to_high.1]))];
         assert_eq!(replaced(&code, of, 0x0006_FCC0), wanted);
-        // The low half of a constant of 32 bits must not be found as a constant of its own.
+        // The low half of a 32-bit constant must not be found as a constant of its own.
         assert!(replaced(&code, 0xC4A0, 1).is_empty());
     }
 
     #[test]
     fn a_constant_is_found_in_a_modified_immediate() {
-        // MOV.W r3, #0x4400
+        // The instruction is MOV.W r3, #0x4400.
         let (one, two) = encoded(MOVW, 3, 0x4401);
         assert_eq!(replaced(&image(&[0xF44F, 0x4388]), 0x4400, 0x4401), [(0, image(&[one, two]))]);
     }
@@ -155,7 +150,7 @@ mod tests {
         let code = image(&[0xF501, 0x4188, 0xF446, 0x4288, 0xF511, 0x4F88]);
         let wanted = [(0, image(&[0xF501, 0x418A])), (4, image(&[0xF446, 0x428A]))];
         assert_eq!(replaced(&code, 0x4400, 0x4500), wanted);
-        // The new value cannot be encoded as a modified immediate, so these instructions cannot load it.
+        // The new value is not a modified immediate, so these instructions cannot load it.
         assert!(replaced(&code, 0x4400, 0x4401).is_empty());
     }
 

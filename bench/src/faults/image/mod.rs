@@ -1,8 +1,7 @@
 //! Damage to the code or the variables of a program in a board's memory.
 //!
-//! [`ImageFault::apply`] damages a board's memory as a debugger would, while its core runs, and returns the [`Repair`].
-//! [`rewrite()`] changes the values that a program stores to peripheral registers, with the help of a [`Recording`] of
-//! its stores.
+//! [`ImageFault::apply`] damages a board's memory while its core runs, as a debugger could, and returns the [`Repair`].
+//! [`rewrite()`] changes the values that a program stores to peripheral registers, as a [`Recording`] shows them.
 
 mod constant;
 mod record;
@@ -35,49 +34,45 @@ pub enum ImageFault {
         /// The bytes that the variable holds at the offset while it is damaged.
         bytes: Vec<u8>,
     },
-    /// The code of a function, its literals included, holds other bytes in place of certain bytes, which must occur in
-    /// it exactly once.
+    /// A sequence of bytes in a function's code or literals, which must occur there once, is replaced.
     Replaced {
         /// The function: the symbol of a handler, or the end of a function's path.
         function: String,
         /// The original bytes, which begin at an even address.
         was: Vec<u8>,
-        /// The bytes that replace the original ones, as many as those.
+        /// The new bytes, as many as the original ones.
         is: Vec<u8>,
     },
     /// Every comparison of a register with this constant in a function's code compares with another constant.
     Compared {
         /// The function: the symbol of a handler, or the end of a function's path.
         function: String,
-        /// The constant.
+        /// The constant that the original code compares with.
         with: u8,
         /// The new constant.
         value: u8,
     },
-    /// The program's code and tables have another value in place of this constant wherever it occurs, and the program's
-    /// CRC is corrected.
+    /// A constant is replaced wherever it occurs in the program's code and tables, and the program's CRC is corrected.
     Constant {
         /// The original constant.
         of: u32,
         /// The new constant.
         value: u32,
     },
-    /// Memory from this address on, which may be flash, holds these bytes.
+    /// These bytes are written to memory, which may be flash, from this address on.
     Patch {
         /// The first byte's address.
         address: u32,
-        /// The bytes that memory holds from that address on while it is damaged.
+        /// The bytes that are written.
         bytes: Vec<u8>,
         /// Whether the program's CRC is corrected, so that the firmware's own check of its flash passes.
         sealed: bool,
     },
 }
 
-/// `BX LR`: a handler returns without any effect and without acknowledging its interrupt.
+/// `BX LR`: the handler returns without any effect and without acknowledging its interrupt.
 const RETURN: u16 = 0x4770;
-/// `B .`
 const BRANCH_TO_ITSELF: u16 = 0xE7FE;
-/// `UDF #0`
 const UNDEFINED: u16 = 0xDE00;
 
 impl ImageFault {
@@ -100,9 +95,8 @@ impl ImageFault {
     ///
     /// # Errors
     ///
-    /// [`Error::NoSymbol`] where the program has no handler, function or variable of that name, or no such constant,
-    /// [`Error::NotMemory`] where an address is outside the part's memory, [`Error::NoPlace`] where the bytes to be
-    /// replaced do not occur exactly once.
+    /// [`Error::NoSymbol`] if the program has no such handler, function, variable or constant, [`Error::NotMemory`] if
+    /// an address is outside the memory, [`Error::NoPlace`] if the bytes to replace do not occur exactly once.
     pub fn apply<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<Repair, Error> {
         let code = |node: &mut Node<B, C>, address, instruction: u16| {
             Repair::after_writing(node, address, &instruction.to_le_bytes())
@@ -142,9 +136,7 @@ impl ImageFault {
 pub struct Repair(Vec<(u64, Vec<u8>)>);
 
 impl Repair {
-    /// Writes `bytes` to memory at `address`.
-    ///
-    /// Code that the firmware copies to RAM is damaged in both places: where it is loaded from and where it runs.
+    /// Writes `bytes` to memory at `address`. Code that the firmware copies to RAM is written both in flash and in RAM.
     fn after_writing<B: Board, C: Cost>(node: &mut Node<B, C>, address: u64, bytes: &[u8]) -> Result<Self, Error> {
         let mut repair = Self::default();
         for address in std::iter::once(address).chain(twin(node, address)) {
@@ -156,18 +148,17 @@ impl Repair {
         Ok(repair)
     }
 
-    /// Mends the damage by restoring the overwritten bytes.
+    /// Restores the overwritten bytes.
     ///
     /// # Errors
     ///
-    /// [`Error::NotMemory`] where `node`'s part has no memory at a damaged address.
+    /// [`Error::NotMemory`] if `node` has no memory at a damaged address.
     pub fn mend<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<(), Error> {
         self.0.iter().rev().try_for_each(|(address, was)| node.write(*address, was))
     }
 }
 
-/// The other address of code that the firmware copies to RAM: the address in flash if `address` is the one in RAM, and
-/// the one in RAM if `address` is in flash.
+/// The address in RAM of code that is copied from `address` in flash, or the address in flash for one in RAM.
 fn twin<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> Option<u64> {
     let [start, end, load] = ["__shot", "__ehot", "__sihot"].map(|symbol| node.address_of(symbol).ok());
     let (start, end, load) = (start?, end?, load?);
@@ -175,20 +166,18 @@ fn twin<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> Option<u64> {
     from(start).map(|offset| load + offset).or_else(|| from(load).map(|offset| start + offset))
 }
 
-/// The address at which the program stores the byte at `address`: in flash, for code that is copied to RAM.
+/// The address in flash of the byte at `address`, which may be in RAM for copied code.
 fn stored<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> u64 {
     let runs = node.address_of("__shot").is_ok_and(|start| address >= start);
     twin(node, address).filter(|_| runs).unwrap_or(address)
 }
 
-/// The address of the first instruction of the handler or function called `name`: a symbol, or a function whose path
-/// ends in it.
+/// The address of the first instruction of the handler or function `name`, a symbol or the end of a function's path.
 fn entry<B: Board, C: Cost>(node: &Node<B, C>, name: &str) -> Result<u64, Error> {
     let called = node.firmware().functions_called(name).next();
     node.address_of(name).or_else(|error| called.ok_or(error)).map(|address| address & !1)
 }
 
-/// The only address at which the function called `name` holds `bytes`.
 fn place_of<B: Board, C: Cost>(node: &Node<B, C>, name: &str, bytes: &[u8]) -> Result<u64, Error> {
     let first = entry(node, name)?;
     let mut code = vec![0; node.firmware().size_at(first)];
@@ -204,8 +193,7 @@ fn place_of<B: Board, C: Cost>(node: &Node<B, C>, name: &str, bytes: &[u8]) -> R
     }
 }
 
-/// The addresses of the byte `with` in the code of the function called `name` where it is compared with a register;
-/// there must be at least one. Data among the code are treated as instructions.
+/// The addresses of the byte `with` in comparisons of a register with it, in the function `name`; at least one.
 fn comparisons<B: Board, C: Cost>(node: &Node<B, C>, name: &str, with: u8) -> Result<Vec<u64>, Error> {
     let first = entry(node, name)?;
     let end = first + node.firmware().size_at(first) as u64;
@@ -231,8 +219,7 @@ fn comparisons<B: Board, C: Cost>(node: &Node<B, C>, name: &str, with: u8) -> Re
 ///
 /// # Errors
 ///
-/// [`Error::NoSymbol`] where the program has no such variable, [`Error::NotMemory`] where the bytes reach past the
-/// part's memory.
+/// [`Error::NoSymbol`] if the program has no such variable, [`Error::NotMemory`] if the bytes reach beyond the memory.
 pub fn poke<B: Board, C: Cost>(
     node: &mut Node<B, C>,
     symbol: &str,
@@ -244,11 +231,11 @@ pub fn poke<B: Board, C: Cost>(
     Repair::after_writing(node, address, bytes)
 }
 
-/// Seals `node`'s program again with the CRC of the present flash contents, as the build does.
+/// Corrects the CRC of `node`'s program for the present flash contents, as the build sets it.
 ///
 /// # Errors
 ///
-/// [`Error::NoSymbol`] where the program has no vector table or no CRC.
+/// [`Error::NoSymbol`] if the program has no vector table or no CRC.
 pub fn seal<B: Board, C: Cost>(node: &mut Node<B, C>) -> Result<Repair, Error> {
     let (first, end) = (node.address_of("__vector_table")?, node.address_of("__program_crc")?);
     let mut image = vec![0; usize::try_from(end.saturating_sub(first)).unwrap_or(0)];

@@ -6,25 +6,20 @@ use cortex_m4::Cost;
 
 use emulator_node::{Board, Node};
 
-/// The first address of the peripherals; the core's own peripherals have higher addresses.
 const PERIPHERALS: u32 = 0x4000_0000;
 
-/// An instruction that stores a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Store {
-    /// The register stored.
     pub(super) rt: u8,
     pub(super) rn: u8,
     pub(super) offset: Offset,
-    /// The number of bytes that the instruction stores.
     size: u8,
-    /// Whether the instruction has 32 bits.
     wide: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Offset {
-    /// The offset of the store's address is an immediate, from -255 to 4095.
+    /// An immediate offset from -255 to 4095.
     Immediate(i16),
     Register {
         rm: u8,
@@ -33,8 +28,7 @@ pub(super) enum Offset {
 }
 
 impl Store {
-    /// Decodes the store instruction in `first` and `second`, if there is one: ARMv7-M ARM A7.7.161 (STR), A7.7.163
-    /// (STRB), A7.7.170 (STRH).
+    /// Decodes a store instruction: STR, STRB or STRH (ARMv7-M ARM A7.7.161, A7.7.163, A7.7.170).
     pub(super) fn decode(first: u16, second: u16) -> Option<Self> {
         let low = |at: u16| (first >> at & 7) as u8;
         let narrow = |size: u8, offset| Some(Self { rt: low(0), rn: low(3), offset, size, wide: false });
@@ -64,7 +58,7 @@ impl Store {
         let offset = if long {
             Offset::Immediate((second & 0xFFF).cast_signed())
         } else if second & 0x0F00 == 0x0C00 {
-            // Encoding T4 of STR and T3 of STRB and STRH subtract the offset here and write no address back.
+            // In this form, encodings T4 of STR and T3 of STRB and STRH subtract the offset without write-back.
             Offset::Immediate(-(second & 0xFF).cast_signed())
         } else if second & 0x0FC0 == 0 {
             Offset::Register { rm: (second & 0xF) as u8, shift: (second >> 4 & 3) as u8 }
@@ -105,22 +99,19 @@ pub struct Stored {
     pub value: u32,
 }
 
-/// The stores of a board to peripherals in a run without a patch.
+/// The stores of a board's unpatched program to peripherals, in one run.
 #[derive(Clone, Debug, Default)]
 pub struct Recording {
     stores: BTreeSet<Stored>,
-    /// Addresses of instructions that were the target of a branch.
     pub(super) targets: BTreeSet<u32>,
-    /// Addresses of stores inside IT blocks.
     pub(super) conditional: BTreeSet<u32>,
-    /// For each store's address, the address of the instruction executed before it.
+    /// For the address of each store, the address of the instruction executed before it.
     pub(super) before: BTreeMap<u32, u32>,
-    /// The address of the instruction executed last.
     last: u32,
 }
 
 impl Recording {
-    /// Runs `node` to `until` (ns) and calls `drain` after every step, to take the signals that left the board.
+    /// Runs `node` to `until` (ns) and calls `drain` after every step, which takes the signals that left the board.
     #[must_use]
     pub fn of<B: Board, C: Cost>(node: &mut Node<B, C>, until: u64, drain: impl FnMut(&mut Node<B, C>)) -> Self {
         let mut recording = Self::default();
@@ -128,8 +119,7 @@ impl Recording {
         recording
     }
 
-    /// Continues a recording with `node` to `until` (ns), as [`Recording::of`] does. The caller can apply inputs to the
-    /// board between two calls.
+    /// Continues a recording to `until` (ns), as [`Recording::of`] does, for example after new inputs.
     pub fn go_on<B: Board, C: Cost>(
         &mut self,
         node: &mut Node<B, C>,
@@ -145,15 +135,14 @@ impl Recording {
             let (pc, retired) = (node.register(15), node.instructions());
             let (first, second) = halves(node, pc);
             let length = if is_wide(first) { 4 } else { 2 };
-            // An instruction is in an IT block if the field ICI/IT of EPSR is not zero, ARMv7-M ARM B1.4.2.
+            // The field ICI/IT of EPSR is not zero within an IT block, ARMv7-M ARM B1.4.2.
             let in_it_block = node.register(16) & 0x0600_FC00 != 0;
             let stored = Store::decode(first, second)
                 .map(|store| (store.address(node), node.register(usize::from(store.rt)), store.size))
                 .filter(|(address, ..)| *address >= PERIPHERALS);
             while node.instructions() == retired && node.now() < until && !node.is_asleep() {
                 node.advance(node.now() + 1);
-                // The node may stop between two instructions and continues only when the signals that left the board
-                // have been taken.
+                // The node continues only after its outgoing signals have been taken.
                 drain(node);
             }
             let next = node.register(15);
@@ -177,12 +166,11 @@ impl Recording {
     }
 }
 
-/// The two halfwords at `address`.
 pub(super) fn halves<B: Board, C: Cost>(node: &Node<B, C>, address: u32) -> (u16, u16) {
     let mut bytes = [0; 4];
     let address = super::stored(node, u64::from(address));
     if node.read(address, &mut bytes).is_err() {
-        // A memory's last halfword has no second halfword after it, so this read may fail.
+        // The read fails at a memory's last halfword, which has no second one after it.
         let _ = node.read(address, &mut bytes[..2]);
     }
     (u16::from_le_bytes([bytes[0], bytes[1]]), u16::from_le_bytes([bytes[2], bytes[3]]))

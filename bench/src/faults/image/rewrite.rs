@@ -1,11 +1,10 @@
-//! Patches a firmware's release program in flash so that it sets a register up wrongly. The caller need not give the
-//! address of the code that sets the register up.
+//! Patches a program in flash so that it sets a register up wrongly. The caller names the register, not the code that
+//! sets it up.
 //!
-//! [`Recording`] runs an unpatched board instruction by instruction and records every store to a peripheral register
-//! with its instruction, address and value. [`rewrite`] then replaces each instruction that stores to a given register
-//! by a branch to a stub in free flash. The stub makes the same store and then returns; where the address is that of
-//! the given register, it changes some bits or omits the store. Finally the program is sealed again, as the build does,
-//! so that the firmware's check of its flash passes. Code that did not run in the recording stays unchanged.
+//! A [`Recording`] of the unpatched board has every store to a peripheral register, with instruction, address and
+//! value. [`rewrite`] replaces each instruction that stores to a given register by a branch to a stub in free flash.
+//! The stub makes the same store with some bits changed, or omits it, and then returns. Finally the program's CRC is
+//! corrected, so that the firmware's check of its flash passes. Code that did not run in the recording stays unchanged.
 //!
 //! | covered | not covered, and the symptom |
 //! |---|---|
@@ -22,9 +21,8 @@ use super::record::{Offset, Recording, Store, Stored, halves, is_wide};
 use super::seal;
 use emulator_node::{Board, Error, Node};
 
-/// The alignment of the stubs, bytes: they begin at the next multiple of this number behind the program.
 const ALIGNED: u32 = 0x100;
-/// The distance before and behind a store within which branches are searched, bytes: no task has more code.
+/// The distance, bytes, before and behind a store within which branches are searched. No task has more code.
 const NEAR: u32 = 0x2000;
 
 /// The change that a patch makes to the stores to one register.
@@ -32,28 +30,28 @@ const NEAR: u32 = 0x2000;
 pub struct Change {
     /// The register's address.
     pub address: u32,
-    /// The effect of the patch on a store to that register.
+    /// The patch's effect on a store to that register.
     pub to: To,
 }
 
 /// The effect of a patch on a store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum To {
-    /// The bits of a mask are set to given values in the value that is stored.
+    /// Bits of the stored value are changed.
     Bits {
         /// The mask of the changed bits.
         mask: u32,
-        /// The values of the changed bits, at the bits' own positions.
+        /// The new values of the changed bits, at the bits' own positions.
         value: u32,
     },
-    /// A given value is replaced by another; other values are stored unchanged.
+    /// One stored value is replaced by another, while other values are stored unchanged.
     Instead {
-        /// The value that the image stores.
+        /// The value that the program stores.
         of: u32,
         /// The value that is stored instead.
         value: u32,
     },
-    /// Nothing is stored.
+    /// The store is omitted.
     Nothing,
 }
 
@@ -70,7 +68,7 @@ impl To {
 /// The reason why a program cannot be changed as requested.
 #[derive(Debug, thiserror::Error)]
 pub enum RewriteError {
-    /// The change alters no store in the recording.
+    /// The change affects no store in the recording.
     #[error("nothing of the image is changed by {0:x?}")]
     NothingChanged(Change),
     /// An instruction must be moved but is not position-independent.
@@ -81,15 +79,14 @@ pub enum RewriteError {
         /// The reason why the instruction cannot be moved.
         why: &'static str,
     },
-    /// The program leaves too little free flash that its memory protection unit lets it execute.
+    /// The flash that the memory protection unit lets the program execute has too little free room.
     #[error("the image's changed instructions end at {0:#010x}, where it cannot execute them")]
     TooLong(u32),
-    /// A symbol of the program is missing, or an address is outside the part's memory.
+    /// A symbol of the program is missing, or an address is outside the memory.
     #[error(transparent)]
     Node(#[from] Error),
 }
 
-/// Code that is being assembled, with the address of its first instruction.
 struct Code {
     base: u32,
     halves: Vec<u16>,
@@ -127,7 +124,6 @@ impl Code {
         self.raw(&bl_imm(distance, 0xF000, false));
     }
 
-    /// Makes the branch for which room was left at `hole` lead to the present end of the code.
     fn close(&mut self, hole: usize) {
         let from = self.base + 2 * u32::try_from(hole).expect("a stub is short");
         let distance = self.here().wrapping_sub(from + 4).cast_signed();
@@ -141,13 +137,12 @@ impl Code {
         node.write(super::stored(node, u64::from(self.base)), &bytes)
     }
 
-    /// Leaves room for a branch and returns its position.
     fn hole(&mut self) -> usize {
         self.raw(&[0xBF00, 0xBF00]);
         self.halves.len() - 2
     }
 
-    /// Assembles `store`, encoded as `encoding`, with a changed effect where it stores to a register in `changes`.
+    /// Assembles `store` so that its effect is changed if it stores to a register in `changes`.
     fn store(&mut self, store: Store, encoding: &[u16], changes: &[Change]) {
         let scratch: Vec<u8> = (0..8).filter(|register| !store.uses(*register)).take(3).collect();
         let [a, b, c] = scratch[..] else { unreachable!("a store uses three registers of eight at most") };
@@ -155,7 +150,8 @@ impl Code {
         let half = u16::from;
         let mut joins = vec![];
         for change in changes {
-            // PUSH {a, b, c}; b = APSR; a = the store's address; c = the changed register's address.
+            // The assembled code is PUSH {a, b, c}; b = APSR; a = the store's address; c = the address of the changed
+            // register.
             self.raw(&[0xB400 | saved, 0xF3EF, 0x8000 | half(b) << 8]);
             match store.offset {
                 Offset::Immediate(value) => {
@@ -171,7 +167,7 @@ impl Code {
                 }
             }
             self.load(c, change.address);
-            // CMP a, c; BEQ over the branch that leads to the next change.
+            // The assembled code is CMP a, c and a BEQ over the branch that leads to the next change.
             self.raw(&[0x4280 | half(c) << 3 | half(a), 0xD001]);
             let mut others = vec![self.hole()];
             if let To::Instead { of, .. } = change.to {
@@ -182,7 +178,7 @@ impl Code {
                 self.raw(&[compare, 0xD001]);
                 others.push(self.hole());
             }
-            // APSR = b; a = Rt.
+            // The assembled code is APSR = b; a = Rt.
             self.raw(&[0xF380 | half(b), 0x8800, 0x4600 | half(store.rt) << 3 | half(a)]);
             let (mask, bits) = match change.to {
                 To::Bits { mask, value } => (mask, value),
@@ -196,7 +192,7 @@ impl Code {
                 self.load(c, bits);
                 self.raw(&[0xEA40 | rt, rt << 8 | half(c)]);
                 self.raw(encoding);
-                // Rt = a.
+                // The assembled code is Rt = a.
                 self.raw(&[0x4600 | u16::from(store.rt >> 3) << 7 | half(a) << 3 | half(store.rt & 7)]);
             }
             self.raw(&[0xBC00 | saved]);
@@ -212,7 +208,7 @@ impl Code {
         }
     }
 
-    /// Assembles the instruction `encoding`, which was at `pc`, so that it has the same effect here.
+    /// Assembles the instruction `encoding` from `pc` so that it has the same effect at its new address.
     fn moved(
         &mut self,
         pc: u32,
@@ -222,7 +218,7 @@ impl Code {
         let refuse = |why| Err(RewriteError::Instruction { at: pc, why });
         let first = encoding[0];
         if let [_, second] = *encoding {
-            // The group "branches and miscellaneous control" of the encodings, ARMv7-M ARM A5.3.4.
+            // This is the group "branches and miscellaneous control", ARMv7-M ARM A5.3.4.
             if first & 0xF800 == 0xF000 && second & 0x8000 != 0 {
                 match (second & 0xD000, first >> 6 & 0xF) {
                     (0xD000, _) => {
@@ -233,12 +229,10 @@ impl Code {
                     (0x9000, _) => self.branch(pc.wrapping_add(4).wrapping_add_signed(bl_distance(first, second))),
                     (0x8000, condition @ 0..0xE) => {
                         let target = pc.wrapping_add(4).wrapping_add_signed(conditional_distance(first, second));
-                        // A 32-bit branch replaces the conditional one, and a branch with the inverse condition leads
-                        // past it.
+                        // A 32-bit branch replaces this one, and a branch with the inverse condition skips it.
                         self.raw(&[0xD000 | (condition ^ 1) << 8 | 1]);
                         self.branch(target);
                     }
-                    // Barriers, hints and accesses to special registers are position-independent.
                     (0x8000, _) => self.raw(encoding),
                     _ => return refuse("a branch to another instruction set cannot be moved"),
                 }
@@ -251,10 +245,10 @@ impl Code {
             return Ok(());
         }
         match first >> 12 {
-            // B<cond>
+            // The instruction is B<cond>.
             0xD if first >> 8 & 0xF < 0xE => {
                 let target = pc.wrapping_add(4).wrapping_add_signed(2 * signed(first & 0xFF, 8));
-                // A 32-bit branch replaces the conditional one, and a branch with the inverse condition leads past it.
+                // A 32-bit branch replaces this one, and a branch with the inverse condition skips it.
                 self.raw(&[(first & 0xFF00) ^ 0x0100 | 1]);
                 self.branch(target);
             }
@@ -267,7 +261,7 @@ impl Code {
                     return refuse("an IT block cannot be moved");
                 }
                 if first & 0xF500 == 0xB100 {
-                    // A 32-bit branch replaces the CBZ or CBNZ, and the opposite of that leads past it.
+                    // A 32-bit branch replaces CBZ or CBNZ, and the opposite instruction skips it.
                     self.raw(&[(first ^ 0x0800) & 0xFD07 | 1 << 3]);
                     self.branch(pc + 4 + u32::from((first >> 9 & 1) << 6 | (first >> 3 & 0x1F) << 1));
                 } else {
@@ -287,27 +281,24 @@ impl Code {
     }
 }
 
-/// Whether a 32-bit instruction that begins with `first` depends on its own address: TBB and TBH; LDR, LDRB, LDRH and
-/// their signed forms, LDRD, VLDR, and ADR, with a literal.
+/// Whether a 32-bit instruction that begins with `first` depends on its own address: TBB, TBH, and literal loads.
 const fn is_relative(first: u16) -> bool {
     let table = first & 0xFFF0 == 0xE8D0;
     let load = first & 0xFE1F == 0xF81F || first & 0xFE5F == 0xE85F || first & 0xFF3F == 0xED1F;
     table || load || first & 0xFB5F == 0xF20F
 }
 
-/// Whether the instruction at `pc` has the same effect at another address.
+/// Whether the instruction at `pc` can be moved to another address without a change of its effect.
 fn can_move<B: Board, C: Cost>(node: &Node<B, C>, pc: u32) -> bool {
     let (one, two) = halves(node, pc);
     let encoding = if is_wide(one) { &[one, two][..] } else { &[one] };
     Code { base: 0, halves: vec![] }.moved(pc, encoding, |_| Ok(0)).is_ok()
 }
 
-/// The low `bits` of `value` as a signed number.
 fn signed(value: u16, bits: u32) -> i32 {
     i32::from(value) << (32 - bits) >> (32 - bits)
 }
 
-/// The distance from a B.W or BL to its target, bytes.
 fn bl_distance(first: u16, second: u16) -> i32 {
     let s = u32::from(first >> 10 & 1);
     let i1 = !(u32::from(second >> 13) ^ s) & 1;
@@ -316,8 +307,7 @@ fn bl_distance(first: u16, second: u16) -> i32 {
     (value << 7).cast_signed() >> 7
 }
 
-/// The targets of the direct branches within [`NEAR`] bytes of `site`. Branches that the recording did not take are
-/// included, because another run may take them. Data among the code are treated as instructions.
+/// The targets of all direct branches within [`NEAR`] bytes of `site`, even of those that were not recorded.
 fn near_targets<B: Board, C: Cost>(node: &Node<B, C>, site: u32) -> BTreeSet<u32> {
     let mut targets = BTreeSet::new();
     let mut pc = site.saturating_sub(NEAR) & !3;
@@ -352,7 +342,7 @@ fn conditional_distance(first: u16, second: u16) -> i32 {
 }
 
 /// Patches `node`'s flash so that the stores in `recording` to the registers of `changes` have the changed effect, and
-/// seals the program again. The board must not have executed an instruction before.
+/// corrects the program's CRC. The board must not have executed an instruction yet.
 ///
 /// # Errors
 ///
@@ -367,8 +357,7 @@ pub fn rewrite<B: Board, C: Cost>(
         return Ok(());
     }
     let refuse = |at, why| Err(RewriteError::Instruction { at, why });
-    // The stubs directly follow the program, because the boards differ in how much of their free flash they may
-    // execute.
+    // The stubs directly follow the program, because each board's firmware may execute only a part of its free flash.
     let end = node.address_of("__program_crc")? as u32 + 4;
     let mut stubs = Code { base: end.next_multiple_of(ALIGNED), halves: vec![] };
     let mut done = 0;
@@ -381,8 +370,7 @@ pub fn rewrite<B: Board, C: Cost>(
         let narrow = !is_wide(halves(node, site).0);
         let mut skip = None;
         let start = if recording.conditional.contains(&site) {
-            // An IT instruction governs only the store in its block. The stub then branches back where the store would
-            // not be executed.
+            // The IT block contains only the store, and the stub returns after it if the condition is false.
             let it = halves(node, site - 2).0;
             if !narrow || it & 0xFF0F != 0xBF08 {
                 return refuse(site, "a store in an IT block of more than one instruction cannot be replaced");
@@ -391,8 +379,7 @@ pub fn rewrite<B: Board, C: Cost>(
             skip = Some(stubs.hole());
             site - 2
         } else if narrow && (targets.contains(&(site + 2)) || !can_move(node, site + 2)) {
-            // If the instruction after a 16-bit store is a branch target or cannot move, the instruction before the
-            // store moves into the stub instead.
+            // The instruction before the store moves if the one after it is a branch target or cannot move.
             recording.before[&site]
         } else {
             site
@@ -434,19 +421,17 @@ pub fn rewrite<B: Board, C: Cost>(
         return Err(RewriteError::TooLong(stubs.here()));
     }
     stubs.write_to(node)?;
-    // A board that is patched before its first instruction is never repaired, so the repair is dropped.
+    // The patch is permanent, so the repair is dropped.
     let _ = seal(node)?;
     Ok(())
 }
 
-/// Whether a firmware's memory protection lets it execute code at `address` of its flash. One table serves both boards,
-/// because the address ranges of their flash do not overlap.
+/// Whether the memory protection lets either firmware execute flash at `address`. The boards' flash does not overlap.
 fn may_execute(address: u32) -> bool {
     let (horus, dpr) = (horus_tx_fw::protection::TASKS, dpr_fw::protection::TASKS);
     horus.allows(address, Access::Execute) || dpr.allows(address, Access::Execute)
 }
 
-/// The changes that apply to the store at each address.
 fn sites(recording: &Recording, changes: &[Change]) -> Result<BTreeMap<u32, Vec<Change>>, RewriteError> {
     let mut sites: BTreeMap<u32, Vec<Change>> = BTreeMap::new();
     for change in changes {
@@ -471,7 +456,6 @@ mod tests {
 
     use super::*;
 
-    /// Moves the instruction `encoding` from `pc` to `base` and disassembles the result.
     fn moved(pc: u32, base: u32, encoding: &[u16]) -> Vec<String> {
         let mut code = Code { base, halves: vec![] };
         code.moved(pc, encoding, |at| Ok(at ^ 0xFFFF_0000)).unwrap();
@@ -485,7 +469,6 @@ mod tests {
         words
     }
 
-    /// Disassembles the instruction `encoding` at its original address `pc`.
     fn unmoved(pc: u32, encoding: &[u16]) -> String {
         describe(pc, encoding[0], encoding.get(1).copied().unwrap_or_default()).1
     }

@@ -1,4 +1,4 @@
-//! Injects faults into a receiver's bus: into its lines and the bytes on them.
+//! Faults of a receiver's bus, I2C or SPI.
 //!
 //! | fault | what happens | it is over |
 //! |---|---|---|
@@ -7,7 +7,7 @@
 //! | `NoAnswer` | no address is acknowledged | at the end |
 //! | `Stretches` | the clock is held for 20 ms after each address, which the data sheet allows | at the end |
 //! | `Glitches` | SDA is pulled low for 1 µs every now and then | at the end |
-//! | `Noise` | one bit in [`super::NOISE_ONE_IN`] that is read is inverted, in the length too | at the end |
+//! | `Noise` | one in [`super::NOISE_ONE_IN`] of the bits read, also of the length, is inverted | at the end |
 //! | `Ones`, `Zeros`, `Random`, `Shifted` | MISO is high, low, random, or a bit late | at the end |
 
 use gnss_sim::Port;
@@ -15,7 +15,7 @@ use gnss_sim::Port;
 /// A fault of a receiver's bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusFault {
-    /// The receiver holds SDA low until it has received nine clocks.
+    /// The receiver holds SDA low until the controller has made nine clocks.
     SdaUntilClocked,
     /// SDA stays low, whatever the controller does.
     SdaStuck,
@@ -41,7 +41,7 @@ pub enum BusFault {
 
 /// The longest time for which a receiver holds the clock low, ns: ZED-F9R data sheet 5.3.
 pub const STRETCHED: u64 = 20_000_000;
-/// How long SDA is low in a glitch, ns: less than the duration of half a bit at 400 kHz.
+/// The duration of a glitch, in which SDA is low, ns: less than half a bit at 400 kHz.
 pub const GLITCH: u64 = 1_000;
 /// The shortest and the longest time from one glitch to the next, ns.
 pub const GLITCHES: (u64, u64) = (5_000, 400_000);

@@ -2,30 +2,25 @@
 
 use gnss_sim::ubx::{self, EsfIns, Frame, NavAtt, NavPvt};
 
-/// The difference in latitude that is a hundred metres, in 10⁻⁷ degrees: a degree is about 111.2 km.
+/// A hundred metres in latitude, in 10⁻⁷ degrees: a degree is about 111.2 km.
 const LATITUDE_1E7_PER_100_M: i64 = 8_993;
-/// The difference in longitude that is a hundred metres at the latitude of the simulated flights, 47.5 degrees, in 10⁻⁷
-/// degrees.
+/// A hundred metres in longitude at 47.5 degrees of latitude, where the simulated flights are, in 10⁻⁷ degrees.
 const LONGITUDE_1E7_PER_100_M: i64 = 13_310;
 
-/// The offsets of longitude, latitude and height in a NAV-PVT message: UBX-NAV-PVT in the receiver description
-/// (UBX-13003221).
+/// The offset of the longitude in a NAV-PVT message (receiver description, UBX-13003221).
 pub(super) const LONGITUDE: usize = 24;
 pub(super) const LATITUDE: usize = 28;
 pub(super) const HEIGHT: usize = 32;
-/// The offsets of the horizontal accuracy, the vertical accuracy and the velocity north in a NAV-PVT message.
 pub(super) const ACCURACIES: [usize; 2] = [40, 44];
 pub(super) const VELOCITY_NORTH: usize = 48;
 
-/// The time of week of the last message in `bytes` that has one, ms.
 pub(super) fn last_itow(bytes: &[u8]) -> Option<u32> {
     let mut last = None;
     each_message(bytes, |class, id, payload| last = Frame { class, id, payload }.itow_ms().or(last));
     last
 }
 
-/// Returns `bytes` with `change` applied to every whole UBX message; `change` gets the message's class, identifier and
-/// payload.
+/// Returns `bytes` after a call of `change` for each whole UBX message with class, identifier and payload.
 pub(super) fn each_message(bytes: &[u8], mut change: impl FnMut(u8, u8, &mut Vec<u8>)) -> Vec<u8> {
     let mut changed = Vec::with_capacity(bytes.len());
     let mut rest = bytes;
@@ -43,7 +38,6 @@ pub(super) fn each_message(bytes: &[u8], mut change: impl FnMut(u8, u8, &mut Vec
     changed
 }
 
-/// Returns `bytes` with the second checksum byte of every whole UBX message inverted.
 pub(super) fn with_bad_checksums(bytes: &[u8]) -> Vec<u8> {
     let mut changed = bytes.to_vec();
     let mut at = 0;
@@ -60,13 +54,12 @@ pub(super) fn with_bad_checksums(bytes: &[u8]) -> Vec<u8> {
     changed
 }
 
-/// The offset of the time of week in the payload of a message.
 fn itow_at(class: u8, id: u8, payload: &[u8]) -> Option<usize> {
     if (class, id) == (ubx::CLASS_ESF, EsfIns::ID) {
         return Some(8);
     }
     let itow = Frame { class, id, payload }.itow_ms()?.to_le_bytes();
-    // The time of week is the message's first field, or follows a version field.
+    // The time of week is the first field, or follows a version field of four bytes.
     [0, 4].into_iter().find(|&at| payload.get(at..at + 4) == Some(&itow))
 }
 
@@ -76,8 +69,7 @@ pub(super) fn set_itow(class: u8, id: u8, payload: &mut [u8], itow_ms: u32) {
     }
 }
 
-/// Changes a NAV-PVT message to one without a fix and, if the receiver has just `started`, without a valid time. The
-/// offsets are those of UBX-NAV-PVT in the receiver description (UBX-13003221).
+/// Removes the fix from a NAV-PVT message and, if the receiver has just `started`, the time (UBX-13003221).
 pub(super) fn without_fix(class: u8, id: u8, payload: &mut [u8], started: bool) {
     if (class, id) != (ubx::CLASS_NAV, NavPvt::ID) || payload.len() < NavPvt::PAYLOAD {
         return;
@@ -92,7 +84,7 @@ pub(super) fn without_fix(class: u8, id: u8, payload: &mut [u8], started: bool) 
     payload[78] |= NavPvt::FLAG3_INVALID_LLH;
 }
 
-/// Changes a NAV-PVT message of a 3D fix to one of a 2D fix. The height in the message stays, and HORUS must ignore it.
+/// Changes the 3D fix of a NAV-PVT message to a 2D fix. The height stays in the message, and HORUS must ignore it.
 pub(super) fn flattened(class: u8, id: u8, payload: &mut [u8]) {
     const FIX_TYPE: usize = 20;
     if is_position(class, id, payload) && payload[FIX_TYPE] >= 3 {
@@ -100,7 +92,6 @@ pub(super) fn flattened(class: u8, id: u8, payload: &mut [u8]) {
     }
 }
 
-/// Turns the heading of a NAV-ATT message clockwise by `degrees`.
 pub(super) fn turned(class: u8, id: u8, payload: &mut [u8], degrees: u16) {
     const HEADING: usize = 16;
     const TURN_1E5: i32 = 36_000_000;
@@ -110,7 +101,6 @@ pub(super) fn turned(class: u8, id: u8, payload: &mut [u8], degrees: u16) {
     }
 }
 
-/// Adds `by` cm/s² to the forward acceleration of an ESF-INS message.
 pub(super) fn pushed(class: u8, id: u8, payload: &mut [u8], by: i32) {
     const FRONT: usize = 24;
     if (class, id) == (ubx::CLASS_ESF, EsfIns::ID) && payload.len() >= EsfIns::PAYLOAD {
@@ -119,12 +109,10 @@ pub(super) fn pushed(class: u8, id: u8, payload: &mut [u8], by: i32) {
     }
 }
 
-/// Whether class, identifier and payload are those of a NAV-PVT message.
 fn is_position(class: u8, id: u8, payload: &[u8]) -> bool {
     (class, id) == (ubx::CLASS_NAV, NavPvt::ID) && payload.len() >= NavPvt::PAYLOAD
 }
 
-/// Moves the position of a NAV-PVT message north, east and up by the given millimetres. A move north ends at the pole.
 pub(super) fn move_by(class: u8, id: u8, payload: &mut [u8], [north, east, up]: [i64; 3]) {
     const POLE_1E7: i64 = 900_000_000;
     if !is_position(class, id, payload) {
@@ -139,7 +127,7 @@ pub(super) fn move_by(class: u8, id: u8, payload: &mut [u8], [north, east, up]: 
     add(HEIGHT, up, i32::MAX.into());
 }
 
-/// Longitude, latitude and height of the last NAV-PVT message in `bytes`, in the units of that message.
+/// Longitude and latitude (10⁻⁷ degrees) and height (mm) of the last NAV-PVT message in `bytes`.
 pub(super) fn last_position(bytes: &[u8]) -> Option<[i32; 3]> {
     let mut last = None;
     each_message(bytes, |class, id, payload| {
@@ -150,7 +138,6 @@ pub(super) fn last_position(bytes: &[u8]) -> Option<[i32; 3]> {
     last
 }
 
-/// Sets fields of a NAV-PVT message, each given by its offset and its new value.
 pub(super) fn set_fields(class: u8, id: u8, payload: &mut [u8], fields: &[(usize, u32)]) {
     if is_position(class, id, payload) {
         fields.iter().for_each(|(at, value)| set(payload, *at, *value));

@@ -1,8 +1,7 @@
 //! Faults of a GNSS receiver or its line.
 //!
 //! [`LineFaults`] lies between a receiver and HORUS's UART pin: it takes the receiver's bursts of messages and returns
-//! what appears on the line instead. It does not depend on a board, so tests can check the effect of a fault on a burst
-//! byte by byte.
+//! what appears on the line instead.
 //!
 //! | fault | what is on the line |
 //! |---|---|
@@ -11,18 +10,17 @@
 //! | `Frozen`, `Jumps`, `NoFix`, `BadChecksums` | the receiver's messages, with other contents |
 //! | `Offset`, `Drifts`, `FrozenPosition`, `Understates`, `Absurd` | NAV-PVT with another position or accuracy |
 //! | `Flat`, `Turned`, `Pushed` | a 2D fix in NAV-PVT, another heading in NAV-ATT, another acceleration in ESF-INS |
-//! | `TimeJumps`, `OtherLength` | the receiver's messages of another time, or of another length |
+//! | `TimeJumps`, `OtherLength` | the receiver's messages with another time or another length |
 //! | `Restarts` | nothing, then messages of a receiver with neither time nor position |
-//! | `LosesSettings` | the messages of the factory settings, until it is configured: `gnss_sim` |
+//! | `LosesSettings` | the messages of the factory settings, until HORUS configures the receiver: `gnss_sim` |
 //! | `ForgetsModel` | the receiver's messages, with another dynamic model than the airborne one |
 //! | `LateBursts` | the receiver's messages, later |
 //! | `WrongBaud`, `Noise`, `FramingErrors` | the receiver's messages, damaged frame by frame |
 //! | `Break` | a low level |
 //! | `Bus` | see [`bus`]: the board applies it |
 //!
-//! A receiver on I2C or SPI has no line of its own: its bytes wait in the receiver until they are read. A fault of a
-//! UART applies only to receivers on a UART, and a fault of a bus only to receivers on that bus
-//! ([`ReceiverFault::fits`]).
+//! The bytes of a receiver on I2C or SPI wait in the receiver until HORUS reads them. A UART's fault applies only to
+//! receivers on a UART, and a bus's fault only to receivers on that bus ([`ReceiverFault::fits`]).
 
 pub mod bus;
 mod messages;
@@ -50,12 +48,11 @@ pub enum ReceiverFault {
     Silent,
     /// The receiver sends random bytes without a pause.
     Babbles,
-    /// The receiver sends the beginnings of UBX messages of the greatest length, one after the other and without a
-    /// pause.
+    /// The receiver sends only beginnings of UBX messages of the greatest length, without a pause.
     Beginnings,
-    /// The receiver sends whole unsolicited UBX messages, one after the other and without a pause.
+    /// The receiver sends whole UBX messages that HORUS has not requested, without a pause.
     Unasked,
-    /// The receiver sends new data, all with the time of week of its last message before the fault.
+    /// The receiver sends new data, but always with the time of week of its last message before the fault.
     Frozen,
     /// The receiver sends at this bit rate, bit/s.
     WrongBaud(u32),
@@ -65,8 +62,8 @@ pub enum ReceiverFault {
     Noise,
     /// Stop bits on the receiver's line are low: one in [`FRAMING_ONE_IN`].
     FramingErrors,
-    /// The receiver sends nothing in the first half of the episode. In the second half it has restarted and searches
-    /// for satellites: its messages carry a time of week that begins at 0, and no fix.
+    /// The receiver is silent in the first half of the episode. In the second half it has no fix, and its time begins
+    /// at 0.
     Restarts,
     /// The receiver's position is wrong by a distance to the north.
     Jumps {
@@ -82,8 +79,7 @@ pub enum ReceiverFault {
         /// The error upwards, m.
         up: i32,
     },
-    /// The receiver's position moves north at this speed while its velocity does not show the movement, as with slow
-    /// spoofing.
+    /// The receiver's position moves north at this speed, but its velocity does not, as with slow spoofing.
     Drifts {
         /// The speed, mm/s.
         mm_s: u32,
@@ -108,7 +104,7 @@ pub enum ReceiverFault {
     Absurd(Absurd),
     /// The receiver's time of week is ahead by this much, ms; negative values are behind.
     TimeJumps(i32),
-    /// The payloads of the receiver's messages are longer by this much, bytes; negative values are shorter.
+    /// The payloads of the receiver's messages are longer by this many bytes; a negative number makes them shorter.
     OtherLength(i8),
     /// The receiver has no fix: its messages mark its position as invalid.
     NoFix,
@@ -116,10 +112,9 @@ pub enum ReceiverFault {
     LateBursts(u64),
     /// The checksum of every message of the receiver is wrong.
     BadChecksums,
-    /// The receiver restarts with its factory settings: NMEA only, one solution a second, and 38 400 bit/s on a UART.
-    /// It keeps them until HORUS configures it.
+    /// The receiver has its factory settings (NMEA, 1 Hz, 38 400 bit/s) until HORUS configures it.
     LosesSettings,
-    /// The receiver loses its configured dynamic model and otherwise works as before, so HORUS cannot detect the fault.
+    /// The receiver loses its configured dynamic model, which HORUS cannot detect.
     ForgetsModel,
     /// The receiver's bus has a fault.
     Bus(BusFault),
@@ -158,7 +153,6 @@ impl Absurd {
         }
     }
 
-    /// The offsets and values of the changed fields of a NAV-PVT message.
     fn fields(self) -> Vec<(usize, u32)> {
         match self {
             Self::Latitude => vec![(messages::LATITUDE, 910_000_000)],
@@ -174,24 +168,22 @@ impl Absurd {
 /// The accuracy that [`ReceiverFault::Understates`] reports, mm.
 pub const UNDERSTATED_MM: u32 = 10;
 
-/// The number of bits of which [`ReceiverFault::Noise`] inverts one: about one NAV-PVT message in six arrives
-/// undamaged.
+/// [`ReceiverFault::Noise`] inverts one bit in this many. About one NAV-PVT message in six arrives undamaged.
 pub const NOISE_ONE_IN: u64 = 500;
 
-/// The number of stop bits of which [`ReceiverFault::FramingErrors`] makes one low.
+/// [`ReceiverFault::FramingErrors`] makes one stop bit in this many low.
 pub const FRAMING_ONE_IN: u64 = 16;
 
 /// The longest silence in the first half of [`ReceiverFault::Restarts`], ns.
 pub const LONGEST_SILENCE: u64 = 1_000_000_000;
 
-/// The longest time for which a line is held low without a pause, ns.
+/// The longest time for which a line is held low by one frame, ns.
 const LONGEST_BREAK: u64 = 3_600_000_000_000;
 
-/// The number of frames that are generated at once for a fault without a pause: about a millisecond, and a whole number
-/// of [`BEGINNING`].
+/// The number of frames that are generated together: about a millisecond, and a multiple of [`BEGINNING`]'s length.
 const CHUNK: usize = 48;
 
-/// The beginning of a NAV-PVT message whose length field has the greatest value.
+/// The beginning of a NAV-PVT message whose length field has its greatest value.
 const BEGINNING: [u8; 6] = [0xB5, 0x62, 0x01, 0x07, 0xFF, 0xFF];
 
 impl ReceiverFault {
@@ -252,15 +244,13 @@ impl ReceiverFault {
 /// UART frames that follow one another on a receiver's line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OnLine {
-    /// The instant at which the first frame's start bit begins, ns; if the line is busy then, the frames begin when it
-    /// is free.
+    /// The instant at which the first frame's start bit begins, ns. On a busy line the frames begin when it is free.
     pub at_ns: u64,
     /// The receiver's index, from 0.
     pub receiver: usize,
     /// The UART frames, which follow one another without a gap.
     pub frames: Vec<UartFrame>,
-    /// Whether every frame is well-formed at the receiver's bit rate. HORUS then reads [`OnLine::bytes`], whatever
-    /// their contents; of other frames it reads some or none.
+    /// Whether every frame is well-formed at the receiver's bit rate, so that HORUS reads [`OnLine::bytes`].
     pub clean: bool,
 }
 
@@ -279,26 +269,23 @@ impl OnLine {
     }
 }
 
-/// A present fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Active {
     fault: ReceiverFault,
     at: u64,
     until: u64,
-    /// The instant at which the faulty receiver next sends without a burst of its own, ns.
+    /// The instant, ns, at which the fault next makes the receiver send something outside its own bursts.
     next: u64,
 }
 
-/// The faults of one receiver and its line.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Line {
-    /// The present faults in the order of their beginnings. Only the last one has an effect.
+    /// The present faults in order of their beginnings. Only the last one has an effect.
     faults: Vec<Active>,
-    /// The time of week of the receiver's last burst without a fault, ms.
     last_itow: Option<u32>,
     /// Longitude, latitude and height in the receiver's last burst without a fault, in the units of NAV-PVT.
     last_position: Option<[i32; 3]>,
-    /// Delayed bursts, in the order of their instants.
+    /// Delayed bursts, in order of time.
     waiting: VecDeque<OnLine>,
 }
 
@@ -330,8 +317,7 @@ impl LineFaults {
         &mut self.lines[receiver]
     }
 
-    /// Begins `fault` at `at`; it will end at `until` (ns; `u64::MAX` for never). If a receiver has several faults,
-    /// only the latest has an effect.
+    /// Begins `fault` at `at` until `until` (ns; `u64::MAX` for never). Only a receiver's latest fault has an effect.
     pub fn begin(&mut self, at: u64, until: u64, receiver: usize, fault: ReceiverFault) {
         let line = self.line(receiver);
         if fault == ReceiverFault::Break {
@@ -342,7 +328,7 @@ impl LineFaults {
         line.faults.push(Active { fault, at, until, next });
     }
 
-    /// Ends `fault`. Bursts that it has delayed are still sent.
+    /// Ends `fault`. Bursts that the fault has delayed are still sent.
     pub fn end(&mut self, receiver: usize, fault: ReceiverFault) {
         let faults = &mut self.line(receiver).faults;
         if let Some(index) = faults.iter().position(|active| active.fault == fault) {
@@ -350,8 +336,8 @@ impl LineFaults {
         }
     }
 
-    /// Takes `bytes`, which the receiver sends from `at` (ns) on, and returns what appears on the line instead. Delayed
-    /// bursts are kept for [`LineFaults::take`].
+    /// Returns what appears on the line instead of `bytes`, which the receiver sends from `at` (ns) on. Delayed bursts
+    /// are kept for [`LineFaults::take`].
     pub fn burst(&mut self, at: u64, receiver: usize, bytes: &[u8]) -> Vec<OnLine> {
         let line = self.line(receiver);
         let Some(active) = line.faults.last().copied() else {
@@ -452,7 +438,6 @@ impl LineFaults {
         self.in_order(OnLine::clean(at, receiver, &clean))
     }
 
-    /// Returns `on_line`, or queues it if an earlier burst of the receiver is still delayed.
     fn in_order(&mut self, mut on_line: OnLine) -> Vec<OnLine> {
         let line = self.line(on_line.receiver);
         let Some(before) = line.waiting.back() else { return vec![on_line] };
@@ -461,14 +446,13 @@ impl LineFaults {
         vec![]
     }
 
-    /// The frame of `byte`, in which each data bit and the stop bit is inverted with a probability of one in
-    /// [`NOISE_ONE_IN`].
+    /// Returns the UART frame of `byte` after [`ReceiverFault::Noise`].
     fn noisy(&mut self, byte: u8) -> UartFrame {
         let flips = (0..9).fold(0_u16, |flips, bit| flips | u16::from(self.rng.one_in(NOISE_ONE_IN)) << bit);
         with_stop(byte ^ flips as u8, flips >> 8 == 0)
     }
 
-    /// The instant at which the next delayed or unsolicited burst begins, ns; `u64::MAX` for never.
+    /// The instant at which the next delayed or unsolicited burst begins, ns; `u64::MAX` if there is none.
     #[must_use]
     pub fn next_at(&self) -> u64 {
         self.lines.iter().map(Line::next_at).min().unwrap_or(u64::MAX)
@@ -485,11 +469,11 @@ impl LineFaults {
             let bytes: Vec<u8> = match active.fault {
                 ReceiverFault::Babbles => (0..CHUNK).map(|_| self.rng.byte()).collect(),
                 ReceiverFault::Beginnings => BEGINNING.into_iter().cycle().take(CHUNK).collect(),
-                // The unsolicited message is MON-VER, with which a receiver answers a poll of its version.
+                // The unsolicited message is MON-VER, the answer to a poll of the receiver's version.
                 _ => ubx::frame(0x0A, 0x04, &[self.rng.byte(); CHUNK - ubx::OVERHEAD]),
             };
             let on_line = OnLine::clean(now, receiver, &bytes);
-            // The next burst of the fault begins where this one ends, because the fault never leaves the line idle.
+            // A fault of this kind never leaves the line idle.
             active.next = now + on_line.frames.iter().map(UartFrame::ns).sum::<u64>();
             taken.push(on_line);
         }
@@ -497,7 +481,6 @@ impl LineFaults {
     }
 }
 
-/// Frames that may be damaged, on the line of a receiver.
 fn damaged(at_ns: u64, receiver: usize, frames: Vec<UartFrame>) -> OnLine {
     let mut on_line = OnLine { at_ns, receiver, frames, clean: false };
     let clean = on_line.bytes().all(|byte| byte.is_some());
@@ -505,17 +488,16 @@ fn damaged(at_ns: u64, receiver: usize, frames: Vec<UartFrame>) -> OnLine {
     on_line
 }
 
-/// The frame of `byte` with a high stop bit, or with a low ninth bit before the stop bit, so that the receiver of the
-/// frame finds its stop bit low.
+/// The UART frame of `byte` with a high or a low stop bit; the latter is sent as a ninth data bit.
 const fn with_stop(byte: u8, high: bool) -> UartFrame {
     let frame = UartFrame::eight_n_one(byte, GNSS_BAUD);
     if high { frame } else { UartFrame { bits: 9, ..frame } }
 }
 
-/// A low level for `ns`, or for one character if that is longer. The line is high in the last twentieth of that time.
+/// A low level for `ns`, or for one character if that is longer; the line is high in the last twentieth of the time.
 fn low_for(ns: u64) -> UartFrame {
     let character = UartFrame::eight_n_one(0, GNSS_BAUD);
     let ns = ns.clamp(character.ns(), LONGEST_BREAK);
-    // The line is low for ten bits, then high for half a bit.
+    // The line is low for ten bits and high for half a bit.
     UartFrame { bits: 9, stop_halves: 1, bit_ps: ns * 2_000 / 21, ..character }
 }

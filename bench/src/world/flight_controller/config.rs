@@ -1,4 +1,4 @@
-//! The settings of the flight controller's reads.
+//! The settings of the flight controller.
 
 use profile::Layout;
 
@@ -7,16 +7,16 @@ use crate::world::ssi::Pace;
 /// The instants at which the flight controller's transactions begin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Schedule {
-    /// A transaction begins in each of the flight controller's own control cycles: [`Config::cycle_ns`].
+    /// A transaction begins in each control cycle of [`Config::cycle_ns`].
     EveryCycle,
-    /// Transactions begin only at the instants given with [`FlightController::place`](super::FlightController::place).
+    /// Transactions begin only at the instants given to [`FlightController::place`](super::FlightController::place).
     Placed,
 }
 
-/// A transaction that is to begin at an instant that the bench chooses.
+/// A transaction that begins at an instant that the bench chooses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Placed {
-    /// The instant at which chip select falls, by the bench's clock, ns after reset.
+    /// The instant at which chip select falls, in the bench's time, ns.
     pub at_ns: u64,
     /// The number of bytes that are clocked, up to the whole image.
     pub bytes: usize,
@@ -37,19 +37,17 @@ pub struct Config {
     pub crystal_ppb: i64,
     /// The pace of a transaction.
     pub pace: Pace,
-    /// Whether the flight controller writes uplinks and commands, and now and then reads the whole map
-    /// ([`super::uplinks`]); otherwise it only reads the image.
+    /// Whether the flight controller writes uplinks and commands, and reads the whole map ([`super::uplinks`]).
     pub writes: bool,
-    /// Whether the base station's uplinks come by radio ([`FlightController::write`](super::FlightController::write)),
-    /// so that the flight controller generates none of them itself.
+    /// Whether the base station's uplinks come by radio ([`FlightController::write`](super::FlightController::write)).
+    /// Otherwise the flight controller generates them.
     pub relays: bool,
-    /// The seed of all random values while the flight controller misuses the SSI.
+    /// The seed of the random values with which the flight controller misuses the SSI.
     pub seed: u64,
 }
 
 impl Config {
-    /// Returns the ordinary settings: a control cycle of 4 ms, a perfect crystal, the first transaction one cycle after
-    /// reset, and transactions as fast as [`profile::ssi::timing`] allows.
+    /// Returns the ordinary settings: a control cycle of 4 ms, a perfect crystal, and transactions as fast as allowed.
     #[must_use]
     pub const fn new(receivers: usize) -> Self {
         Self {
@@ -71,18 +69,17 @@ impl Config {
         self.layout().image_len()
     }
 
-    /// The profile's layout.
+    /// The layout of the profile.
     ///
     /// # Panics
     ///
-    /// Panics if no profile has that number of receivers: the bench is set up wrongly.
+    /// Panics if a profile cannot have that number of receivers.
     #[must_use]
     pub const fn layout(&self) -> Layout {
         Layout::for_receivers(self.receivers).expect("a profile has 1, 2, 3 or 5 receivers")
     }
 
-    /// The time from the fall of chip select to its rise in a transaction of `bytes` bytes, by the flight controller's
-    /// own clock, ns.
+    /// The time from the fall of chip select to its rise for `bytes` bytes, by the flight controller's clock, ns.
     #[must_use]
     pub const fn transaction_ns(&self, bytes: usize) -> u64 {
         self.pace.transaction_ns(bytes)

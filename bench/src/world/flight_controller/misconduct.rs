@@ -7,12 +7,11 @@ use super::Config;
 use crate::faults::{Conduct, Rng};
 use crate::world::ssi::{Filler, Order, Pace};
 
-/// The rule by which a flight controller that misuses the SSI begins its transactions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rhythm {
-    /// A transaction begins in each control cycle of the flight controller if the transaction before is over.
+    /// A transaction begins in each control cycle, unless the transaction before is still under way.
     InCycle,
-    /// Each transaction begins when the one before it and the gap after that are over.
+    /// Each transaction begins when the gap after the one before it is over.
     AtOnce,
     /// There are no transactions.
     Never,
@@ -21,23 +20,21 @@ pub(super) enum Rhythm {
 /// The number of bytes that [`Conduct::TenThousand`] reads in a transaction.
 const MANY: usize = 10_000;
 
-/// The number of bytes that [`Conduct::Lies`] reads in a transaction: Link-Status and Reported-Position.
+/// The number of bytes that [`Conduct::Lies`] reads in a transaction: those of Link-Status and Reported-Position.
 const PART: usize = 96;
 
-/// The most bytes that the DPR accepts in a transaction: a request and an uplink object (docs/design.md#ssi).
+/// The most bytes that the DPR accepts in a transaction: those of a request and an uplink object (docs/design.md#ssi).
 const TAKEN_IN: usize = 72;
 
 /// The time from one fall of chip select to the next with [`Conduct::TogglesCsn`], ns.
 const TOGGLE: u64 = 2_000;
 
-/// The shortest time for which chip select is high with [`Conduct::Every`], ns. The DPR's peripheral needs at least
-/// this much (nRF52840 PS v1.7, 6.26.7, t<sub>SPIS,CSNH</sub>).
+/// The shortest time of chip select high, ns, of [`Conduct::Every`] (nRF52840 PS v1.7, 6.26.7, t<sub>SPIS,CSNH</sub>).
 const CSN_HIGH: u64 = 300;
 
 /// How long [`Conduct::Hammers`] leaves chip select high between two transactions, ns.
 const HAMMER_GAP: u64 = 1_000;
 
-/// A misuse of the SSI that is in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Misconduct {
     conduct: Conduct,
@@ -46,13 +43,11 @@ pub(super) struct Misconduct {
 }
 
 impl Misconduct {
-    /// Begins the misuse `conduct` of a flight controller with this configuration; `seed` determines all random values.
     #[must_use]
     pub(super) const fn new(conduct: Conduct, config: Config, seed: u64) -> Self {
         Self { conduct, config, noise: Rng::new(seed) }
     }
 
-    /// The rule by which the transactions of this misuse begin.
     #[must_use]
     pub(super) const fn rhythm(&self) -> Rhythm {
         match self.conduct {
@@ -74,7 +69,6 @@ impl Misconduct {
         }
     }
 
-    /// Returns the next transaction of the misuse.
     pub(super) fn order(&mut self) -> Order {
         let pace = self.config.pace;
         let read = |bytes| Order { pace, ..Order::read(bytes) };
@@ -100,19 +94,18 @@ impl Misconduct {
         }
     }
 
-    /// Returns noise for MOSI that differs in each transaction.
     fn noise(&mut self) -> Filler {
         Filler::Noise(Rng::new(self.noise.word()))
     }
 
-    /// Bytes in place of a request that are no request, or a request that the DPR must refuse.
+    /// Returns bytes in place of a request: no request, or one that the DPR must refuse.
     fn lie(&mut self) -> Vec<u8> {
         let image_len = self.config.image_len() as u64;
         let below = |noise: &mut Rng, bound| u16::try_from(noise.below(bound)).unwrap_or(u16::MAX);
         match self.noise.below(5) {
             0 => encode(Request { offset: 4_096, length: 64 }).to_vec(),
             1 => encode(Request { offset: 0, length: 0xFFFF }).to_vec(),
-            // The requested window reaches from within the image to beyond its end.
+            // The requested window begins within the image and ends beyond it.
             2 => {
                 let offset = below(&mut self.noise, image_len);
                 let length = below(&mut self.noise, 1_000) + 1;
@@ -131,7 +124,7 @@ fn edges(pace: Pace, period_ns: u64) -> Order {
     Order { pace: Pace { setup_ns: low, hold_ns: 0, gap_ns: period_ns - low, ..pace }, ..Order::read(0) }
 }
 
-/// An empty request, followed by an intact uplink object of the flight controller from its first second.
+/// Returns an empty request, followed by an intact uplink object of the flight controller from its first second.
 fn uplink() -> Vec<u8> {
     let mut object = vec![];
     object.extend(1_000_u32.to_le_bytes());

@@ -2,25 +2,23 @@
 //!
 //! # Design
 //!
-//! The flight controller is an ordinary one: once in each control cycle (4 ms) it reads the DPR's image in one SPI
-//! transaction, mode 0, 8 MHz, and continues with whatever it received. It has its own crystal, so its cycle drifts
-//! relative to the DPR's and meets it in every phase. [`SsiMaster`] carries out its transactions:
-//! [`FlightController::next_at`] gives the instant of the next action on the wires, and [`FlightController::act`]
-//! carries that action out.
+//! Once in each control cycle (4 ms) the flight controller reads the DPR's image in one SPI transaction, mode 0, 8 MHz.
+//! It has its own crystal, so its cycle drifts relative to the DPR's work and meets it in every phase.
+//! [`FlightController::next_at`] gives the instant of its next action on the wires, and [`FlightController::act`]
+//! carries that action out through an [`SsiMaster`].
 //!
 //! The flight controller uses the client that real ones use, [`profile::ssi::client`]. The client determines what each
 //! transaction sends, finds the objects in the answer, and decides whether there is a position to fly by
-//! ([`Reading::report`]). [`Outcome`] has the bench's own evaluation. The bytes of a whole and new profile go to the
-//! base station unchanged ([`stream`]). Nothing else is forwarded.
+//! ([`Reading::report`]). [`Outcome`] is the bench's own evaluation. The flight controller forwards only whole and new
+//! profiles to the base station, unchanged ([`stream`]).
 //!
-//! While a [`Conduct`] is set, the flight controller misuses the SSI in that way but still verifies the bytes that it
-//! reads.
+//! While a [`Conduct`] is set, the flight controller misuses the SSI, but still verifies what it reads.
 //!
 //! | file | what |
 //! |---|---|
-//! | `config` | the settings of its reads |
-//! | [`uplinks`] | its writes, if any |
-//! | `reading` | the evaluation of the bytes that one transaction brought |
+//! | `config` | settings |
+//! | [`uplinks`] | writes |
+//! | `reading` | the evaluation of the bytes of one transaction |
 
 mod config;
 mod misconduct;
@@ -50,7 +48,7 @@ use crate::faults::wires::Wires;
 /// The flight controller's totals since reset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Stats {
-    /// The number of finished transactions: the sum of the next four numbers.
+    /// The number of finished transactions: the sum of the next four fields.
     pub transactions: u64,
     /// The number of transactions whose outcome was [`Outcome::Fresh`].
     pub fresh: u64,
@@ -60,7 +58,7 @@ pub struct Stats {
     pub busy: u64,
     /// The number of transactions whose outcome was [`Outcome::BadCrc`].
     pub bad_crc: u64,
-    /// The number of profiles forwarded to the base station, which are those of the fresh transactions.
+    /// The number of profiles forwarded to the base station, one for each fresh transaction.
     pub forwarded: u64,
 }
 
@@ -70,42 +68,36 @@ pub struct FlightController {
     config: Config,
     crystal: Crystal,
     master: SsiMaster,
-    /// The instant at which the flight controller's next action is due, ns.
     next_at: u64,
     /// The number of the control cycle in which the next transaction begins.
     cycle: u64,
-    /// The transactions that are to begin at instants that the bench chooses, in order of time.
+    /// The transactions that begin at instants that the bench chooses, in order of time.
     placed: VecDeque<Placed>,
-    /// The present misuse of the SSI.
     misconduct: Option<Misconduct>,
-    /// The number of episodes of misconduct.
     episodes: u64,
-    /// The instant before which no further transaction begins, ns.
+    /// The instant, ns, before which no further transaction begins.
     not_before: u64,
     client: Client,
-    /// The windows that the next transactions without another request are to request, in order.
     requests: VecDeque<Request>,
-    /// The window that the present transaction requests.
     asked: Option<Request>,
     last: Option<Reading>,
-    /// The timestamp of the last fresh profile.
+    /// The timestamp of the profile that was forwarded last.
     previous: Option<u32>,
     downlink: Vec<u8>,
-    /// Intact images that the flight controller has read, each with the instant (ns) at which its transaction was over.
+    /// The intact images that were read, each with the instant (ns) at which its transaction ended.
     images: Vec<(u64, Vec<u8>)>,
-    /// Intact Port-Status followed by the base station's uplink, each with the instant (ns) at which its transaction
-    /// was over.
+    /// Each intact Port-Status with the base station's uplink, and the instant (ns) at which its transaction ended.
     ports: Vec<(u64, Vec<u8>)>,
     stats: Stats,
 }
 
 impl FlightController {
-    /// A flight controller at reset.
+    /// Returns a flight controller at reset.
     ///
     /// # Panics
     ///
-    /// Panics if no profile has that number of receivers, if a transaction does not fit into the control cycle, or if
-    /// the crystal is wrong by more than 1 %: the bench is set up wrongly.
+    /// Panics if a profile cannot have that number of receivers, if a transaction does not fit into the control cycle,
+    /// or if the crystal is wrong by more than 1 %.
     #[must_use]
     pub fn new(config: Config) -> Self {
         assert!(config.crystal_ppb.unsigned_abs() <= 10_000_000, "a crystal is off by {} ppb", config.crystal_ppb);
@@ -138,14 +130,14 @@ impl FlightController {
         controller
     }
 
-    /// Requests a window of the image in the next transaction without a request; the transaction after that reads just
-    /// that window. A request that meets a busy DPR is repeated, and the transaction after the repetition reads the
-    /// window. Without a request every transaction reads the whole image.
+    /// Requests a window of the image in the next transaction that has no other request. The transaction after it reads
+    /// that window. If the DPR is busy, the request is repeated. Without requests every transaction reads the whole
+    /// image.
     ///
     /// # Panics
     ///
-    /// Panics if the window is empty or longer than the image. A window outside the image is sent unchanged, so that
-    /// the DPR has to refuse it.
+    /// Panics if the window is empty or longer than the image. A window outside the image is allowed, because the DPR
+    /// has to refuse it.
     pub fn request(&mut self, window: Request) {
         assert!(
             (1..=self.config.image_len()).contains(&usize::from(window.length)),
@@ -155,17 +147,17 @@ impl FlightController {
         self.requests.push_back(window);
     }
 
-    /// Writes `object` in the flight controller's next ordinary transaction, and again as long as the DPR is busy.
+    /// Writes `object` in the next ordinary transaction, and again while the DPR is busy.
     pub fn write(&mut self, object: Written<'_>) {
         self.client.write(object);
     }
 
-    /// Places a transaction at a chosen instant, for [`Schedule::Placed`] only.
+    /// Places a transaction at a chosen instant.
     ///
     /// # Panics
     ///
-    /// Panics if the schedule is another one, if the number of bytes is zero or exceeds the image, or if the
-    /// transaction before the placed one and the gap after it are not over by its beginning.
+    /// Panics if the schedule is not [`Schedule::Placed`], if the number of bytes is zero or exceeds the image, or if
+    /// the transaction before and its gap are not over at that instant.
     pub fn place(&mut self, transaction: Placed) {
         let Placed { at_ns, bytes } = transaction;
         assert_eq!(self.config.schedule, Schedule::Placed, "this flight controller keeps its own cycle");
@@ -183,9 +175,8 @@ impl FlightController {
         self.plan();
     }
 
-    /// Sets the misuse of the SSI from `at` (ns) on. An ordinary transaction that is under way is completed first, and
-    /// one of an earlier misuse is cut short. With `None` the flight controller reads in its control cycle again, as
-    /// after reset.
+    /// Sets the misuse of the SSI from `at` (ns) on; `None` ends it. An ordinary transaction under way is completed
+    /// first, and one of a misuse is cut short.
     pub fn set_conduct(&mut self, at: u64, conduct: Option<Conduct>) {
         if self.misconduct.take().is_some() {
             self.master.cut(at);
@@ -195,7 +186,7 @@ impl FlightController {
             self.misconduct = Some(Misconduct::new(conduct, self.config, self.config.seed ^ self.episodes));
             self.episodes += 1;
         } else {
-            // A transaction that is cut short ends with a whole byte and the hold time; then the gap follows.
+            // A transaction that is cut short ends with a whole byte, the hold time and the gap.
             let pace = self.config.pace;
             self.not_before += self.crystal.by_the_bench(pace.byte_ns + pace.hold_ns + pace.gap_ns);
             let from = self.not_before;
@@ -204,7 +195,7 @@ impl FlightController {
         self.plan();
     }
 
-    /// The instant at which the flight controller's next action is due, ns; `u64::MAX` if there is none.
+    /// The instant of the flight controller's next action, ns; `u64::MAX` if there is none.
     #[must_use]
     pub fn next_at(&self) -> u64 {
         self.next_at
@@ -217,12 +208,12 @@ impl FlightController {
     }
 
     /// Carries out the due action on the DPR's pins. `wires` changes the bytes of MISO before the flight controller
-    /// gets them. Clocks without chip select are not reported, because they are not part of a transaction. In a
-    /// finished transaction MISO is what the flight controller received, and [`Self::last`] is its evaluation.
+    /// receives them. Clocks without chip select are not reported, because they belong to no transaction. A finished
+    /// transaction contains the changed MISO, and [`Self::last`] is its evaluation.
     ///
     /// # Panics
     ///
-    /// Panics if no action will ever be due.
+    /// Panics if there is no action to carry out.
     pub fn act(&mut self, port: &mut impl SsiPort, wires: &mut Wires) -> Option<Progress> {
         if self.master.is_idle() {
             let start = self.start().expect("a transaction is due");
@@ -250,17 +241,15 @@ impl FlightController {
         core::mem::take(&mut self.downlink)
     }
 
-    /// Takes the whole images that the flight controller has read since the last call, each with the instant (ns) at
-    /// which its transaction was over. An image is Link-Status and the profile's objects, each of them intact or
-    /// vacant. A forwarder of Link-Status can use the image whether or not its profile is new.
+    /// Takes the whole images that were read since the last call, each with the instant (ns) at which its transaction
+    /// ended. Every object is intact or vacant, and the profile need not be new.
     #[must_use]
     pub fn take_images(&mut self) -> Vec<(u64, Vec<u8>)> {
         core::mem::take(&mut self.images)
     }
 
-    /// Takes Port-Status and the base station's uplink, 128 bytes, for each time that the flight controller has read
-    /// them since the last call. Port-Status is intact, and the uplink is as it was read. Each has the instant (ns) at
-    /// which its transaction was over.
+    /// Takes each intact Port-Status with the base station's uplink after it (128 bytes) and its transaction's end
+    /// (ns).
     #[must_use]
     pub fn take_ports(&mut self) -> Vec<(u64, Vec<u8>)> {
         core::mem::take(&mut self.ports)
@@ -272,13 +261,12 @@ impl FlightController {
         self.stats
     }
 
-    /// The settings of its reads.
+    /// The settings.
     #[must_use]
     pub fn config(&self) -> &Config {
         &self.config
     }
 
-    /// Determines the instant of the flight controller's next action.
     fn plan(&mut self) {
         if self.master.is_idle() {
             let from = self.master.free_at().max(self.not_before);
@@ -291,12 +279,10 @@ impl FlightController {
         }
     }
 
-    /// The beginning of the next transaction in the flight controller's own control cycle.
     fn in_cycle(&self) -> Start {
         Start { bench_ns: 0, own_ns: self.config.first_ns + self.cycle * self.config.cycle_ns }
     }
 
-    /// The beginning of the next transaction; `None` if there is none.
     fn start(&self) -> Option<Start> {
         let at = |bench_ns| Start { bench_ns, own_ns: 0 };
         match (self.misconduct.as_ref().map(Misconduct::rhythm), self.config.schedule) {
@@ -307,7 +293,6 @@ impl FlightController {
         }
     }
 
-    /// The transaction that begins now.
     fn order(&mut self) -> Order {
         self.asked = None;
         if let Some(misconduct) = &mut self.misconduct {
@@ -318,27 +303,25 @@ impl FlightController {
         let mut mosi = vec![0; self.client.capacity()];
         let bytes = self.client.begin(&mut mosi).expect("room for any transaction");
         if let Some(window) = refused {
-            // The bench itself requests windows outside the map, because the client never does.
+            // The client never requests windows outside the map, so the request is written here.
             mosi[..ssi::REQUEST_SIZE].copy_from_slice(&ssi::encode(window));
         }
         mosi.truncate(bytes);
         let own_ns = self.config.first_ns + self.cycle * self.config.cycle_ns;
         let made_up = self.config.writes.then(|| uplinks::written(self.cycle, own_ns)).flatten();
         let of_base_station = |object: &[u8; Uplink::SIZE]| Uplink::verify::<BaseStation>(object).is_ok();
-        // An uplink that came by radio goes first and replaces a generated uplink.
         let is_free = uplinks::is_free(&mosi);
         let made_up = made_up.filter(|object| is_free && !(self.config.relays && of_base_station(object)));
         if let Some(object) = made_up {
             uplinks::put(&object, &mut mosi);
         }
         let bytes = self.placed.pop_front().map_or(bytes, |placed| placed.bytes);
-        // The client evaluates only the image; the judge checks the objects behind it in the map.
+        // The client evaluates only the image. The judge checks the rest of the map.
         let reads_map = self.config.writes && bytes == self.config.image_len() && uplinks::reads_map(self.cycle);
         let bytes = if reads_map { self.config.layout().map_len() } else { bytes };
         Order { mosi, pace: self.config.pace, ..Order::read(bytes) }
     }
 
-    /// Evaluates a finished transaction and forwards its profile.
     fn conclude(&mut self, transaction: &Transaction) {
         let own_us = self.crystal.own_ns(transaction.selected_ns) / 1_000;
         let image = transaction.miso.get(..self.config.image_len()).unwrap_or(&transaction.miso);
@@ -371,7 +354,6 @@ impl FlightController {
             self.ports.extend(read.map(|port| (transaction.deselected_ns, port.to_vec())));
         }
         if reading.outcome == Outcome::Busy {
-            // A busy DPR has not received the request, so the request is repeated.
             if let Some(unheard) = self.asked.take() {
                 self.requests.push_front(unheard);
             }

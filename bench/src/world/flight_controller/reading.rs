@@ -7,18 +7,17 @@ use profile::{Layout, LinkValues, Rejection};
 /// The result of a transaction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Outcome {
-    /// Everything is intact, the whole image was read, and its profile differs from the one that was forwarded last.
+    /// All that was read is intact, the whole image was read, and its profile is not the one that was forwarded last.
     Fresh,
-    /// Everything is intact, but there is no new profile: the profile is the one that was forwarded last, the image
-    /// holds no profile yet, or the requested window contains none.
+    /// All that was read is intact, but it has no profile or only the one that was forwarded last.
     Repeated,
     /// Every byte is 0xFF: the DPR was busy.
     Busy,
-    /// Link-Status or an object is neither intact nor vacant. No part of the image is used.
+    /// Link-Status or an object is neither intact nor vacant, so the flight controller uses nothing of the image.
     BadCrc,
 }
 
-/// The contents of one transaction.
+/// The evaluation of one transaction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reading {
     /// The instant at which chip select fell at the DPR's pin, ns.
@@ -29,24 +28,22 @@ pub struct Reading {
     pub offset: usize,
     /// Link-Status, if it was read and intact.
     pub link: Option<LinkValues>,
-    /// The timestamp of the first valid object, ms since HORUS's start: that of Reported-Position if Reported-Position
-    /// is valid.
+    /// The timestamp of the first valid object, ms since HORUS's start. Reported-Position is the first object.
     pub timestamp: Option<u32>,
     /// The number of valid objects of the profile.
     pub valid: usize,
     /// The number of objects whose bytes were read and are vacant.
     pub vacant: usize,
-    /// The first damage, if there is any: its offset in the image, and its kind.
+    /// The first damage, if any: its offset in the image, and its kind.
     pub damage: Option<(usize, Rejection)>,
-    /// The profile that was forwarded to the base station; `None` for every outcome but [`Outcome::Fresh`].
+    /// The profile that was forwarded to the base station; `None` unless the outcome is [`Outcome::Fresh`].
     pub forwarded: Option<Vec<u8>>,
     /// The client's report: whether there is a position to fly by, and the position's age.
     pub report: Report,
 }
 
 impl Reading {
-    /// Evaluates a transaction that began at `selected_ns`. `view` has its contents, `report` is the client's report,
-    /// and `previous` is the timestamp of the profile that was forwarded last.
+    /// Evaluates a transaction with the contents `view`. `previous` is the timestamp of the last forwarded profile.
     pub(super) fn of(selected_ns: u64, view: &View<'_>, layout: Layout, report: Report, previous: Option<u32>) -> Self {
         let mut reading = Self {
             selected_ns,
@@ -67,7 +64,7 @@ impl Reading {
         match view.link() {
             Some(Shown::Intact(link)) => reading.link = Some(link.values()),
             Some(Shown::Damaged(why)) => reading.damage = Some((image::LINK_STATUS, why)),
-            // Every image has a Link-Status, so a vacant one counts as damaged.
+            // An image always has a Link-Status, so a vacant one counts as damaged.
             Some(Shown::Vacant) => reading.damage = Some((image::LINK_STATUS, Rejection::Crc)),
             None => {}
         }

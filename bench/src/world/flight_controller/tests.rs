@@ -48,7 +48,6 @@ fn image_of(profile: &Profile<3>) -> Vec<u8> {
     [link().as_bytes().as_slice(), profile.as_bytes()].concat()
 }
 
-/// A flight controller, the pins of a DPR, and the wires between them.
 struct Rig {
     controller: FlightController,
     pins: Pins,
@@ -67,7 +66,7 @@ impl Rig {
         self.controller.act(&mut self.pins, &mut self.wires)
     }
 
-    /// Runs one transaction against a DPR that sends `shown`, and zeros after it. Returns the bytes that were on MOSI.
+    /// Runs one transaction against a DPR that sends `shown`, and zeros after that. Returns the bytes on MOSI.
     fn transact(&mut self, shown: &[u8]) -> Vec<u8> {
         self.pins.shown = shown.to_vec();
         loop {
@@ -77,7 +76,6 @@ impl Rig {
         }
     }
 
-    /// Runs to `end` (ns) and returns the transactions that ended by then.
     fn run(&mut self, end: u64) -> Vec<Transaction> {
         let mut over = vec![];
         while self.controller.next_at() <= end {
@@ -101,8 +99,6 @@ impl Rig {
 fn rig() -> Rig {
     Rig::new(Config::new(3))
 }
-
-// ---- reads
 
 #[test]
 fn a_transaction_keeps_the_timing_that_its_configuration_states() {
@@ -134,7 +130,7 @@ fn a_fast_crystal_gets_there_early_and_a_slow_one_late() {
         rig.controller.next_at()
     };
     assert_eq!(at_cycle_1000(0), 4_000_000_000);
-    // The crystal's error of 50 ppm makes 200 µs of 4 s, less 10 ns of second order.
+    // An error of 50 ppm is 200 µs in 4 s, less 10 ns of second order.
     assert_eq!(at_cycle_1000(50_000), 4_000_000_000 - 199_990);
     assert_eq!(at_cycle_1000(-50_000), 4_000_000_000 + 200_010);
 }
@@ -209,8 +205,7 @@ fn its_client_shows_a_position_from_the_fourth_cycle_on() {
         .collect();
     let positions: Vec<_> = shown.iter().map(|report| report.position.map(|position| position.timestamp)).collect();
     assert_eq!(positions, [None, None, None, Some(40), Some(50)]);
-    // The position's age is 6.1 ms from Link-Status plus up to the 25 ms for which an image can be read, because the
-    // DPR's time in the images never changes here.
+    // The age is 6.1 ms from Link-Status plus at most 25 ms, for which the DPR may hold an image.
     assert_eq!(shown[4].age_us, 31_100);
     let ages: Vec<_> = (0..8)
         .map(|_| {
@@ -227,7 +222,6 @@ fn a_busy_dpr_is_told_from_a_damaged_image() {
     let mut rig = rig();
     rig.transact(&[0xff; 276]);
     assert_eq!(rig.outcome(), Outcome::Busy);
-    // A bus that reads zero carries no Link-Status.
     rig.transact(&[]);
     assert_eq!(rig.outcome(), Outcome::BadCrc);
     let image = image_of(&profile(10));
@@ -238,7 +232,7 @@ fn a_busy_dpr_is_told_from_a_damaged_image() {
         assert_eq!(rig.outcome(), Outcome::BadCrc, "bit {bit}");
     }
     assert!(rig.controller.take_downlink().is_empty(), "nothing damaged is forwarded");
-    // The same profile is still new when it is read without damage for the first time.
+    // The profile is still new at its first undamaged read.
     rig.transact(&image);
     assert_eq!(rig.outcome(), Outcome::Fresh);
     let stats = rig.controller.stats();
@@ -331,8 +325,7 @@ fn a_window_that_met_a_busy_dpr_is_read_next() {
     let image = image_of(&profile(10));
     rig.controller.request(Request { offset: 96, length: 60 });
     rig.transact(&image);
-    // The DPR is busy in this transaction, so this request is lost, and the next transaction reads the window that was
-    // granted before.
+    // The DPR is busy, so this request is lost, and the next transaction reads the window of the request before.
     rig.controller.request(Request { offset: 216, length: 60 });
     let asking = rig.transact(&[0xff; 60]);
     assert_eq!(rig.outcome(), Outcome::Busy);
@@ -355,7 +348,7 @@ fn an_uplink_from_the_radio_takes_the_place_of_a_generated_one() {
     let mut written = vec![];
     for cycle in 0..40 {
         if cycle == 10 {
-            // In this cycle the flight controller would generate an uplink of its own.
+            // The flight controller would generate an uplink of its own in this cycle.
             rig.controller.write(Written::BaseStation(&uplink));
         }
         let mosi = rig.transact(if uplinks::reads_map(cycle) { &map } else { &image });
@@ -367,7 +360,7 @@ fn an_uplink_from_the_radio_takes_the_place_of_a_generated_one() {
     let ports = rig.controller.take_ports();
     assert_eq!(ports.len(), 4, "each tenth cycle");
     assert!(ports.iter().all(|(_, port)| port[..64] == *port_bytes(&map) && port[64..] == *uplink.as_bytes()));
-    // If Port-Status is damaged, the flight controller reports neither it nor the uplink behind it.
+    // If Port-Status is damaged, neither Port-Status nor the uplink is reported.
     let mut damaged = map;
     damaged[280] ^= 1;
     for cycle in 40..50 {
@@ -376,7 +369,6 @@ fn an_uplink_from_the_radio_takes_the_place_of_a_generated_one() {
     assert_eq!(rig.controller.take_ports(), []);
 }
 
-/// Port-Status and the objects behind it, in the map of three receivers.
 fn port_bytes(map: &[u8]) -> &[u8] {
     &map[276..340]
 }
@@ -414,17 +406,14 @@ fn it_sees_and_forwards_what_the_wires_made_of_miso() {
     let mut vacant = image[32..].to_vec();
     vacant[184..].fill(0);
     assert_eq!(rig.last().forwarded, Some(vacant));
-    // An object is read at the offset that the requested window gives it.
+    // The object is found at its offset in the requested window.
     rig.controller.request(Request { offset: 216, length: 60 });
     rig.transact(&image);
     rig.transact(&image[216..]);
     assert_eq!((rig.last().offset, rig.last().vacant), (216, 1));
 }
 
-// ---- misuses
-
-/// Runs a misuse of the SSI from 10 ms to 50 ms. Returns the transactions that began in that time, all transactions,
-/// and the pins with their flight controller.
+/// Runs a misuse of the SSI from 10 ms to 50 ms. Returns its transactions, all transactions, and the rig.
 fn misused(conduct: Conduct, image: &[u8]) -> (Vec<Transaction>, Vec<Transaction>, Rig) {
     let mut rig = rig();
     rig.pins.shown = image.to_vec();
@@ -461,7 +450,7 @@ fn misconduct_ends_on_time_and_the_normal_cycle_resumes() {
 #[test]
 fn each_conduct_keeps_the_rate_that_it_states() {
     let image = image_of(&profile(10));
-    // Each row has the number of transactions that begin in 40 ms, and the number of bytes of each.
+    // Each row has the number of transactions that begin in 40 ms, and the number of bytes in each.
     for (conduct, count, bytes) in [
         (Conduct::Hammers, 8_000, 1),
         (Conduct::ZeroBytes, 3_077, 0),
@@ -480,8 +469,7 @@ fn each_conduct_keeps_the_rate_that_it_states() {
         (Conduct::Silent, 0, 0),
         (Conduct::Edges(50_000), 800, 0),
         (Conduct::Every { period_ns: 200_000, bytes: 96 }, 200, 96),
-        // Each of these transactions takes 1 µs of set-up, 1 µs for the byte and 2 µs of hold; 0.3 µs lie between two
-        // of them.
+        // A transaction has 1 µs of set-up, 1 µs for its byte and 2 µs of hold, and the next one follows after 0.3 µs.
         (Conduct::Every { period_ns: 1_000, bytes: 1 }, 9_302, 1),
     ] {
         let (meanwhile, _, rig) = misused(conduct, &image);
@@ -489,7 +477,6 @@ fn each_conduct_keeps_the_rate_that_it_states() {
         for over in &meanwhile[..meanwhile.len().saturating_sub(1)] {
             assert_eq!(over.bytes, bytes, "{conduct:?}");
         }
-        // The last transaction of the 40 ms may be cut short.
         assert!(meanwhile.last().is_none_or(|last| last.bytes.abs_diff(bytes) <= 1 || count > 1), "{conduct:?}");
         let past: usize =
             rig.pins.done.iter().map(|done| if let Done::Bytes(_, _, mosi, _) = done { mosi.len() } else { 0 }).sum();

@@ -1,22 +1,18 @@
-//! The flight controller's ordinary writes: uplinks of the base station and of its own, and an occasional command.
+//! The flight controller's ordinary writes: uplinks of the base station and its own, and now and then a command.
 
 use profile::criticality::{BaseStation, FlightController, Writer, WritesUplink};
 use profile::ssi::REQUEST_SIZE;
 use profile::{Command, CommandObject, Uplink, UplinkValues};
 
-/// The number of control cycles from one uplink to the next. The uplinks of the base station and of the flight
-/// controller take turns, so each writer's uplink comes every 80 ms, and images read in between show everything that
-/// was written.
+/// The number of control cycles between two uplinks, which are the base station's and the flight controller's in turn.
 const UPLINK_EVERY: u64 = 10;
 
 /// The number of control cycles from one command to the next: one second.
 const COMMAND_EVERY: u64 = 250;
 
-/// The number, within each [`UPLINK_EVERY`] control cycles, of the control cycle in which nothing is written and the
-/// whole map is read, with Port-Status and the uplinks.
+/// The index, within [`UPLINK_EVERY`] control cycles, of the cycle that writes nothing and reads the whole map.
 const MAP_READ: u64 = 8;
 
-/// One millisecond, ns.
 const MS: u64 = 1_000_000;
 
 /// Whether the transaction of control cycle number `cycle` reads the whole map.
@@ -25,8 +21,7 @@ pub fn reads_map(cycle: u64) -> bool {
     cycle % UPLINK_EVERY == MAP_READ
 }
 
-/// The object to write in control cycle number `cycle`, which begins at `own_ns` by the flight controller's clock;
-/// `None` in most cycles.
+/// The object to write in control cycle number `cycle`, which begins at `own_ns` by the flight controller's clock.
 #[must_use]
 pub fn written(cycle: u64, own_ns: u64) -> Option<[u8; Uplink::SIZE]> {
     let timestamp = u32::try_from(own_ns / MS % (1 << 32)).unwrap_or(u32::MAX);
@@ -41,7 +36,7 @@ pub fn written(cycle: u64, own_ns: u64) -> Option<[u8; Uplink::SIZE]> {
     }
 }
 
-/// Whether no object follows the request in the bytes for MOSI yet.
+/// Whether the bytes for MOSI have no object after the request.
 #[must_use]
 pub fn is_free(mosi: &[u8]) -> bool {
     mosi.iter().skip(REQUEST_SIZE).take(Uplink::SIZE).all(|byte| *byte == 0)

@@ -1,25 +1,23 @@
-//! A DPR's pins for unit tests: they record every action on them and send on MISO the bytes that the test sets.
+//! A DPR's pins for unit tests. They record every action on them and send on MISO the bytes that the test sets.
 
 use emulator_part::SpiMode;
 
 use super::{Order, Progress, SsiMaster, SsiPort, Start, Transaction};
 
-/// An action on the pins.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Done {
     Select(u64),
-    /// Bytes were clocked: the instants of the last edges of the first and of the last byte, the bytes on MOSI, and the
-    /// SPI mode.
+    /// Bytes were clocked: the instants (ns) of the last edges of the first and of the last byte, the bytes on MOSI,
+    /// and the SPI mode.
     Bytes(u64, u64, Vec<u8>, SpiMode),
     Deselect(u64),
 }
 
-/// The pins.
 #[derive(Clone, Debug)]
 pub(crate) struct Pins {
     pub(crate) now: u64,
     pub(crate) done: Vec<Done>,
-    /// The bytes on MISO from the start of each transaction; zeros follow.
+    /// The bytes that each transaction reads on MISO; zeros follow.
     pub(crate) shown: Vec<u8>,
     pub(crate) quiet: usize,
     index: usize,
@@ -30,7 +28,6 @@ impl Pins {
         Self { now: 0, done: vec![], shown: shown.to_vec(), quiet: usize::MAX, index: 0 }
     }
 
-    /// Lets `master` carry out one transaction to its end.
     pub(crate) fn carry(&mut self, master: &mut SsiMaster, start: Start, order: Order) -> Transaction {
         master.begin(start, order);
         loop {
@@ -41,7 +38,6 @@ impl Pins {
         }
     }
 
-    /// Takes the bytes that were on MOSI since the last call.
     pub(crate) fn take_mosi(&mut self) -> Vec<u8> {
         let done = std::mem::take(&mut self.done).into_iter();
         done.flat_map(|done| if let Done::Bytes(_, _, mosi, _) = done { mosi } else { vec![] }).collect()

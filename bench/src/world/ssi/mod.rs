@@ -1,18 +1,16 @@
-//! The synchronous serial interface on the flight controller's side (docs/design.md#ssi): the pins, and the state
-//! machine that carries out each transaction on them.
+//! The synchronous serial interface on the flight controller's side (docs/design.md#ssi).
 //!
-//! [`SsiPort`] has the actions of a flight controller on the DPR's pins. [`SsiMaster`] carries them out: given an
-//! [`Order`], it lets chip select fall, waits for the set-up time, clocks the bytes one after the other without a gap,
-//! waits for the hold time, and lets chip select rise, each at its instant by the flight controller's own [`Crystal`].
-//! It carries out every SSI transaction of the bench: those of the flight controller, of a faulty flight controller,
-//! and of tests.
+//! [`SsiPort`] has the actions of a flight controller on the DPR's pins. [`SsiMaster`] carries out an [`Order`] with
+//! them: chip select falls, the set-up time passes, the bytes are clocked without a gap, the hold time passes, and chip
+//! select rises. The instants follow the flight controller's own [`Crystal`]. Every SSI transaction of the bench is
+//! carried out in this way, also those of misuses and tests.
 //!
-//! Up to 16 bytes are transferred together: the DPR's model takes them when the last of them has been clocked. EasyDMA
-//! therefore reads and writes the DPR's memory up to 16 µs late. No event is late, because such a group ends with the
-//! byte that raises an event ([`SsiPort::quiet`]).
+//! Up to 16 bytes are transferred together, when the last of them has been clocked. EasyDMA therefore accesses the
+//! DPR's memory up to 16 µs late. No event is late, because a group of bytes ends with the byte that raises an event
+//! ([`SsiPort::quiet`]).
 //!
-//! An action is due at its instant, and takes effect on the DPR's pin at the next boundary of the DPR's instructions.
-//! The schedule follows from the due instants, while a [`Transaction`] has the instants at the pin.
+//! An action takes effect on the DPR's pin at the first boundary of the DPR's instructions after its due instant. Later
+//! actions follow the due instants, while a [`Transaction`] has the instants at the pin.
 
 use cortex_m4::Cost;
 use emulator_part::SpiMode;
@@ -25,7 +23,7 @@ use emulator_node::Node;
 /// The most bytes that are transferred to the DPR's model together.
 const RUN: usize = 16;
 
-/// The number of bytes that are kept of a transaction; further bytes are only counted. The longest image has 396.
+/// The greatest number of bytes of a transaction that are kept; further bytes are only counted.
 pub const KEPT: usize = 16_384;
 
 /// The actions of a flight controller on the pins of the DPR's SSI.
@@ -36,15 +34,14 @@ pub trait SsiPort {
     /// Makes chip select fall now.
     fn select(&mut self);
 
-    /// Clocks the bytes of `mosi` in `mode`, one after the other without a gap. The last edge of the first byte was at
-    /// `first`, that of the last byte at `last` (ns), which the DPR may have passed by a few bytes. Returns the bytes
-    /// on MISO: ones, by its pull-up, where the DPR does not drive MISO, as while chip select is high.
+    /// Clocks the bytes of `mosi` without a gap and returns the bytes on MISO, which reads ones while the DPR does not
+    /// drive it. The last edge of the first byte was at `first`, that of the last byte at `last` (ns).
     fn exchange(&mut self, first: u64, last: u64, mosi: &[u8], mode: SpiMode) -> Vec<u8>;
 
     /// Makes chip select rise now.
     fn deselect(&mut self);
 
-    /// The number of bytes that can be clocked until the DPR's peripheral raises an event; `usize::MAX` for any number.
+    /// The number of bytes that can be clocked before the DPR's peripheral raises an event, or `usize::MAX`.
     fn quiet(&self) -> usize;
 }
 
@@ -84,21 +81,20 @@ pub struct Crystal {
 }
 
 impl Crystal {
-    /// Converts a duration of `own_ns` by this clock to one by the bench's clock, ns: less with a fast crystal.
+    /// Converts a duration of `own_ns` by this clock to the bench's time, ns.
     ///
     /// # Panics
     ///
-    /// Panics if the crystal is so slow that it stands still.
+    /// Panics if the crystal stands still (an error of -100 %).
     #[must_use]
     pub const fn by_the_bench(self, own_ns: u64) -> u64 {
         const BILLION: u64 = 1_000_000_000;
         let rate = BILLION.checked_add_signed(self.ppb).expect("a crystal that swings");
-        // The result is own_ns * BILLION / rate, rounded to nearest. Whole multiples of `rate` are converted
-        // separately, so that the product fits 64 bits.
+        // Whole multiples of `rate` are converted apart, so that the product fits 64 bits.
         own_ns / rate * BILLION + (own_ns % rate * BILLION + rate / 2) / rate
     }
 
-    /// Converts a duration of `bench_ns` by the bench's clock to one by this clock, ns: more with a fast crystal.
+    /// Converts a duration of `bench_ns` in the bench's time to this clock, ns.
     #[must_use]
     pub const fn own_ns(self, bench_ns: u64) -> u64 {
         const BILLION: i64 = 1_000_000_000;
@@ -107,24 +103,24 @@ impl Crystal {
     }
 }
 
-/// An instant that is partly given by the bench's clock and partly by the flight controller's own clock.
+/// An instant that is given by two times: one in the bench's time, and one after it by the flight controller's clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Start {
-    /// The part that is given by the bench's clock, ns.
+    /// The first time, in the bench's time, ns.
     pub bench_ns: u64,
-    /// The time after `bench_ns`, by the flight controller's own clock, ns.
+    /// The time after `bench_ns`, by the flight controller's clock, ns.
     pub own_ns: u64,
 }
 
 impl Start {
-    /// The instant that is `own_ns` later by `crystal`, by the bench's clock, ns.
+    /// The instant in the bench's time, ns, that is later than this one by `own_ns` of `crystal`.
     #[must_use]
     pub const fn and(self, own_ns: u64, crystal: Crystal) -> u64 {
         self.bench_ns + crystal.by_the_bench(self.own_ns + own_ns)
     }
 }
 
-/// The pace of a transaction, by the flight controller's own clock.
+/// The times within a transaction, by the flight controller's clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pace {
     /// The time from the fall of chip select to the first clock edge, ns; at least [`timing::CSN_SETUP_NS`].
@@ -153,7 +149,7 @@ impl Pace {
     }
 }
 
-/// The bytes on MOSI after those that an [`Order`] lists.
+/// The bytes on MOSI after those of `Order::mosi`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Filler {
     /// This byte, repeated.
@@ -165,11 +161,11 @@ pub enum Filler {
 /// A transaction that an [`SsiMaster`] is to carry out.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Order {
-    /// Whether chip select falls; otherwise the bytes are clocked while the DPR is not selected.
+    /// Whether chip select falls. Otherwise the bytes are clocked while the DPR is not selected.
     pub selects: bool,
-    /// Whether chip select rises after the last byte; otherwise it stays low until [`SsiMaster::cut`].
+    /// Whether chip select rises after the last byte. Otherwise it stays low until [`SsiMaster::cut`].
     pub lets_go: bool,
-    /// The number of bytes that are clocked; with [`Order::ENDLESS`] bytes are clocked until [`SsiMaster::cut`].
+    /// The number of bytes that are clocked; [`Order::ENDLESS`] means until [`SsiMaster::cut`].
     pub bytes: usize,
     /// The first bytes on MOSI.
     pub mosi: Vec<u8>,
@@ -182,10 +178,10 @@ pub struct Order {
 }
 
 impl Order {
-    /// The number of bytes of a transaction that has no end of its own.
+    /// The number of bytes of a transaction that ends only by [`SsiMaster::cut`].
     pub const ENDLESS: usize = usize::MAX;
 
-    /// A transaction of `bytes` bytes without a request, as fast as the rules of docs/design.md#ssi allow.
+    /// Returns a transaction of `bytes` bytes without a request, as fast as docs/design.md#ssi allows.
     #[must_use]
     pub const fn read(bytes: usize) -> Self {
         Self {
@@ -199,7 +195,7 @@ impl Order {
         }
     }
 
-    /// The byte at `index` on MOSI. The function must be called once for each byte, in order.
+    /// Returns the byte at `index` on MOSI. Must be called once for each byte, in order.
     fn mosi(&mut self, index: usize) -> u8 {
         match (self.mosi.get(index), &mut self.filler) {
             (Some(byte), _) => *byte,
@@ -224,10 +220,10 @@ pub struct Transaction {
     pub miso: Vec<u8>,
 }
 
-/// Bytes that were transferred together, one after the other without a gap.
+/// Bytes that were transferred together without a gap.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Run {
-    /// The instant of the last clock edge of the first byte.
+    /// The instant of the first byte's last clock edge.
     first: Start,
     crystal: Crystal,
     byte_ns: u64,
@@ -244,7 +240,7 @@ impl Run {
         self.first.and(index as u64 * self.byte_ns, self.crystal)
     }
 
-    /// The bytes in order, each as the instant of its last edge (ns), the byte on MOSI, and that on MISO.
+    /// The bytes in order, each as the instant of its last clock edge (ns), the byte on MOSI, and the byte on MISO.
     pub fn bytes(&self) -> impl Iterator<Item = (u64, u8, u8)> {
         let crossed = self.mosi.iter().zip(&self.miso).enumerate();
         crossed.map(|(index, (mosi, miso))| (self.edge(index), *mosi, *miso))
@@ -258,22 +254,20 @@ pub enum Progress {
     Selected(u64),
     /// These bytes were transferred.
     Clocked(Run),
-    /// Chip select rose, which ended this transaction.
+    /// Chip select rose and ended this transaction.
     Over(Transaction),
 }
 
-/// A transaction that is being carried out.
 #[derive(Clone, Debug)]
 struct UnderWay {
     order: Order,
     start: Start,
-    /// The instant at which chip select fell at the DPR's pin, ns; `None` if its fall is not due yet.
+    /// The instant at which chip select fell at the DPR's pin, ns; `None` if it has not fallen yet.
     selected_ns: Option<u64>,
-    /// The number of bytes that have been transferred.
     done: usize,
-    /// The number of bytes that are being clocked.
+    /// The number of bytes that are being clocked together.
     run: usize,
-    /// The instant at which chip select rises because the transaction was cut short; `None` if it was not.
+    /// The instant at which chip select rises in a transaction that was cut short, ns.
     released: Option<u64>,
     mosi: Vec<u8>,
     miso: Vec<u8>,
@@ -284,18 +278,17 @@ struct UnderWay {
 pub struct SsiMaster {
     crystal: Crystal,
     under_way: Option<UnderWay>,
-    /// The instant from which chip select may fall again, ns.
     free_ns: u64,
 }
 
 impl SsiMaster {
-    /// Returns an idle state machine whose instants follow `crystal`.
+    /// Returns an [`SsiMaster`] without a transaction; its times follow `crystal`.
     #[must_use]
     pub const fn new(crystal: Crystal) -> Self {
         Self { crystal, under_way: None, free_ns: 0 }
     }
 
-    /// Whether there is no transaction to carry out.
+    /// Whether no transaction is under way or waits to begin.
     #[must_use]
     pub const fn is_idle(&self) -> bool {
         self.under_way.is_none()
@@ -307,8 +300,8 @@ impl SsiMaster {
         self.under_way.as_ref().is_some_and(|it| it.run > 0)
     }
 
-    /// The instant from which chip select may fall after the present or the last transaction, ns: the instant at which
-    /// its rise is due, plus the gap. `u64::MAX` while a transaction has no end.
+    /// The instant from which chip select may fall after the present transaction and its gap, ns; `u64::MAX` if it has
+    /// no end.
     #[must_use]
     pub fn free_at(&self) -> u64 {
         let Some(it) = &self.under_way else { return self.free_ns };
@@ -331,7 +324,7 @@ impl SsiMaster {
             Some(UnderWay { order, start, selected_ns: None, done: 0, run: 0, released: None, mosi, miso });
     }
 
-    /// The instant at which the next action is due, ns; `u64::MAX` for never.
+    /// The instant of the next action, ns; `u64::MAX` if there is none.
     #[must_use]
     pub fn next_at(&self) -> u64 {
         let Some(it) = &self.under_way else { return u64::MAX };
@@ -345,12 +338,11 @@ impl SsiMaster {
         }
     }
 
-    /// Carries out the due action. Clocks without chip select are not reported, because they are not part of a
-    /// transaction.
+    /// Carries out the due action. Clocks without chip select are not reported, because they belong to no transaction.
     ///
     /// # Panics
     ///
-    /// Panics if there is no transaction to carry out.
+    /// Panics if no transaction is under way.
     pub fn act(&mut self, port: &mut impl SsiPort) -> Option<Progress> {
         let mut it = self.under_way.take().expect("a transaction is under way");
         if it.selected_ns.is_none() {
@@ -386,8 +378,7 @@ impl SsiMaster {
         }))
     }
 
-    /// Releases all wires at `at` (ns): the present byte is clocked to its end, and chip select rises after the hold
-    /// time. A transaction that has not begun yet is dropped.
+    /// Ends the transaction at `at` (ns) after the present byte and the hold time, or drops it if it has not begun.
     pub fn cut(&mut self, at: u64) {
         let Some(mut it) = self.under_way.take().filter(|it| it.selected_ns.is_some()) else { return };
         let end = it.done + it.run;
@@ -395,18 +386,17 @@ impl SsiMaster {
         it.run = bytes - it.done;
         it.order.bytes = bytes;
         let hold = self.crystal.by_the_bench(it.order.pace.hold_ns);
-        // A transaction that has clocked no byte may still be in its set-up time.
+        // A transaction without a clocked byte may still be in its set-up time.
         let last = if bytes == 0 { at } else { self.clocked(&it, bytes).max(at) };
         it.released = Some(last + hold);
         self.under_way = Some(it);
     }
 
-    /// The instant of the last clock edge of the `bytes`-th byte, counted from 1, ns.
+    /// The instant of the last clock edge of byte number `bytes`, counted from 1, ns.
     fn clocked(&self, it: &UnderWay, bytes: usize) -> u64 {
         it.start.and(it.order.pace.setup_ns + bytes as u64 * it.order.pace.byte_ns, self.crystal)
     }
 
-    /// Exchanges with the DPR the bytes whose clocks are over.
     fn exchange(&self, it: &mut UnderWay, port: &mut impl SsiPort) -> Run {
         let count = std::mem::take(&mut it.run);
         let pace = it.order.pace;
@@ -423,7 +413,7 @@ impl SsiMaster {
     }
 }
 
-/// Returns the transaction with the number of bytes that are clocked next.
+/// Sets the number of bytes that are clocked together next.
 fn planned(mut it: UnderWay, port: &impl SsiPort) -> UnderWay {
     it.run = (it.order.bytes - it.done).min(RUN).min(port.quiet().max(1));
     it

@@ -57,7 +57,7 @@ fn a_run_ends_with_the_byte_that_raises_an_event() {
 #[test]
 fn instants_go_by_the_crystal_from_the_start_on() {
     let crystal = Crystal { ppb: 50_000 };
-    // The crystal's error of 50 ppm makes 200 µs of 4 s, less 10 ns of second order.
+    // An error of 50 ppm is 200 µs in 4 s, less 10 ns of second order.
     assert_eq!(crystal.by_the_bench(4_000_000_000), 4_000_000_000 - 199_990);
     assert_eq!(Crystal { ppb: -50_000 }.by_the_bench(4_000_000_000), 4_000_000_000 + 200_010);
     let mut master = SsiMaster::new(crystal);
@@ -66,13 +66,13 @@ fn instants_go_by_the_crystal_from_the_start_on() {
     let long = Order { pace: Pace { byte_ns: 20_000_000, ..Pace::FASTEST }, ..Order::read(2) };
     let mut pins = Pins::showing(&[]);
     let over = pins.carry(&mut SsiMaster::new(crystal), at(0), long);
-    // The crystal's error of 50 ppm makes 2 µs of 40.003 ms.
+    // An error of 50 ppm is 2 µs in 40.003 ms.
     assert_eq!(over.deselected_ns, 40_003_000 - 2_000);
 }
 
 #[test]
 fn each_byte_of_a_run_has_its_last_edge() {
-    // The clock is 2.5 % fast, and the actions are due at 2 µs, 3 µs, 4 µs and 5 µs by that clock.
+    // The clock is fast by 2.5 %, and the actions are due at 2, 3, 4 and 5 µs by that clock.
     let mut master = SsiMaster::new(Crystal { ppb: 25_000_000 });
     let mut pins = Pins::showing(&[5, 6, 7, 8]);
     master.begin(at(100), Order { mosi: vec![1, 2, 3, 4], ..Order::read(4) });
@@ -106,8 +106,7 @@ fn a_transaction_that_does_not_let_go_ends_when_it_is_cut() {
 
 #[test]
 fn a_transaction_that_is_cut_clocks_its_current_byte_to_the_end() {
-    // A byte takes 1 µs, and the first one ends at 2 µs. So at 50.5 µs, 49 bytes are done and one is under way, and at
-    // 50 µs exactly 49 are done.
+    // At 50 µs exactly 49 bytes of 1 µs each are done, and at 50.5 µs the 50th is under way.
     for (cut, bytes, rises) in [(50_500, 50, 53_000), (50_000, 49, 52_000), (1_000, 0, 3_000), (400, 0, 2_400)] {
         let mut master = SsiMaster::new(STANDARD);
         let mut pins = Pins::showing(&[]);

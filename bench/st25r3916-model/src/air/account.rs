@@ -1,10 +1,10 @@
-//! The account of what the air has carried: counters, frames sent and received, faults injected.
+//! Counts what the air has carried.
 
 #[cfg(doc)]
 use super::AirFaults;
 
-/// Counters of what the air has carried from poller to listener. A frame of the poller that has ended at the listener
-/// is counted in exactly one of `delivered`, `damaged` and `lost`.
+/// Counters of the frames from poller to listener. Each frame of the poller that has ended at the listener is counted
+/// in exactly one of `delivered`, `damaged` and `lost`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Frames that the poller began to send.
@@ -21,8 +21,7 @@ pub struct Counters {
     pub bursts: u64,
     /// Frames that [`AirFaults::truncated`] cut.
     pub cut: u64,
-    /// Repeated frames ([`AirFaults::repeated`]) that reached the listener. They do not count as sent, delivered,
-    /// damaged or lost.
+    /// Repeated frames ([`AirFaults::repeated`]) that reached the listener, which no other counter includes.
     pub repeated: u64,
     /// Frames that [`AirFaults::delayed`] delayed.
     pub delayed: u64,
@@ -30,9 +29,9 @@ pub struct Counters {
     pub scattered: u64,
     /// Frames that [`AirFaults::frozen`] replaced by an earlier one.
     pub frozen: u64,
-    /// The number of times that a frame began while another was on the air, so that neither arrived whole.
+    /// The number of times that a frame began during another frame, so that neither arrived whole.
     pub collisions: u64,
-    /// The number of times that [`AirFaults::field_off`] removed the field.
+    /// The number of times that [`AirFaults::field_off`] switched the field off.
     pub field_off: u64,
     /// Answers that the listener sent by load modulation.
     pub answers: u64,
@@ -41,29 +40,28 @@ pub struct Counters {
 /// The last frame of the poller that has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LastFrame {
-    /// When the frame's first bit was on the air, ns.
+    /// The instant of the frame's first bit, ns.
     pub start_ns: u64,
-    /// When the frame's last bit ended, ns.
+    /// The instant at which the frame's last bit ended, ns.
     pub end_ns: u64,
     /// The frame's nominal bit rate, bit/s.
     pub bits_per_second: u32,
-    /// The frame's number of data bits: in NFC-F those of LEN, payload and CRC.
+    /// The number of data bits: in NFC-F those of LEN, payload and CRC.
     pub data_bits: u32,
 }
 
-/// A frame as the poller sent it, regardless of its fate on the air.
+/// A frame as the poller sent it, without the effects of the air.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SentFrame {
-    /// When the frame's first bit was on the air, virtual ns.
+    /// The instant of the frame's first bit, virtual ns.
     pub started_ns: u64,
-    /// When the frame's last bit ended, virtual ns.
+    /// The instant at which the frame's last bit ended, virtual ns.
     pub ended_ns: u64,
     /// The frame's nominal bit rate, bit/s.
     pub bits_per_second: u32,
-    /// The frame's bytes, in NFC-F LEN, payload and CRC-16. A frame that broke off has only the bytes that were sent to
-    /// their last bit.
+    /// The frame's bytes, in NFC-F LEN, payload and CRC-16, as far as they were sent completely.
     pub bytes: Vec<u8>,
-    /// Whether the frame was sent whole; false if the poller broke it off before the number of bytes in its LEN.
+    /// Whether the frame was sent whole. False if the poller broke it off before the number of bytes in its LEN.
     pub whole: bool,
 }
 
@@ -81,20 +79,18 @@ pub enum Origin {
 /// A frame at the listener's antenna, whether or not the listener received it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Heard {
-    /// When the frame's first bit reached the antenna, virtual ns.
+    /// The instant at which the frame's first bit reached the antenna, virtual ns.
     pub started_ns: u64,
-    /// When the frame's last bit ended, virtual ns.
+    /// The instant at which the frame's last bit ended, virtual ns.
     pub ended_ns: u64,
-    /// The frame's bytes, in NFC-F LEN, payload and CRC-16, with every error of the air. A frame that broke off has
-    /// only the bytes that arrived to their last bit.
+    /// The frame's bytes with every error of the air, as far as they arrived completely.
     pub bytes: Vec<u8>,
-    /// Whether every byte that the poller's LEN announces arrived, correct or wrong.
+    /// Whether every byte that the poller's LEN announces arrived, even with errors.
     pub whole: bool,
     /// The way by which the frame reached the antenna.
     pub origin: Origin,
 }
 
-/// A kind of fault that was injected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fault {
     BitError,
@@ -124,7 +120,6 @@ impl Fault {
     }
 }
 
-/// The outcome of one frame of the poller at the listener.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Outcome {
     Delivered,
@@ -132,7 +127,6 @@ pub(super) enum Outcome {
     Lost,
 }
 
-/// The account of what one [`Air`](super::Air) has carried.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Account {
     pub(super) counters: Counters,
@@ -149,8 +143,7 @@ impl Account {
         let count = match fault {
             Fault::BitError => &mut counters.bit_errors,
             Fault::Burst => &mut counters.bursts,
-            // Frames that this fault loses are counted together with those that are lost for other reasons, when they
-            // end.
+            // Lost frames are counted when they end, whatever the reason of the loss.
             Fault::Lost => return,
             Fault::Cut => &mut counters.cut,
             Fault::Repeated => &mut counters.repeated,
@@ -162,7 +155,6 @@ impl Account {
         *count += 1;
     }
 
-    /// Counts the outcome of a frame from `origin` that has ended at the listener. Repetitions are not counted.
     pub(super) fn over(&mut self, origin: Origin, outcome: Outcome) {
         if origin == Origin::Repeated {
             return;

@@ -11,14 +11,14 @@
 //! | strength of the modulation, coupling, noise | the air is digital |
 //! | the signal of two answers that collide | no receiver can decode it; both answers are lost or break off |
 //!
-//! Answers are carried by an [`Air`] of their own, in which the listener is the sender. The owner of an [`AnswerPath`]
+//! An [`Air`] of its own, in which the listener is the sender, carries the answers. The owner of an [`AnswerPath`]
 //! passes to it what either chip emits. A link without answers needs no [`AnswerPath`].
 //!
 //! # A foreign card
 //!
-//! A foreign card answers a frame of the poller with random bytes in a whole frame of NFC-F: LEN and CRC-16 are right.
-//! If the card begins its answer while the listener answers, or the listener begins while the card answers, the answer
-//! on the air breaks off at that instant, and the sync of the new answer is masked.
+//! A foreign card answers a frame of the poller with random bytes in a whole frame of NFC-F, with correct LEN and
+//! CRC-16. If card and listener answer at the same time, the earlier answer breaks off when the later one begins, and
+//! the sync of the later one is masked.
 
 use super::faults::within;
 use super::{Air, AirFaults, Counters, Heard};
@@ -33,8 +33,7 @@ use crate::rng::SplitMix;
 pub struct ForeignCard {
     /// Probability that the foreign card answers a frame of the poller.
     pub answers: f64,
-    /// The range of the time from the end of the poller's frame to the first bit of the card's answer, ns, as the
-    /// ranges of [`AirFaults`].
+    /// The shortest and longest time from the end of the poller's frame to the first bit of the card's answer, ns.
     pub after_ns: (u64, u64),
     /// The number of payload bytes in the card's answer, at most 254.
     pub payload: u8,
@@ -43,10 +42,9 @@ pub struct ForeignCard {
 /// The faults of a link's answers. The default has no faults.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AnswerFaults {
-    /// The faults of the answers' path, which apply to the answers of the listener and of a foreign card. A delayed
-    /// answer is a late one; with [`AirFaults::field_off`] the poller receives no answer.
+    /// The faults of all answers, also of a foreign card's. [`AirFaults::field_off`] suppresses them all.
     pub way: AirFaults,
-    /// A foreign card that answers the poller as well.
+    /// A foreign card in the poller's field.
     pub foreign: ForeignCard,
 }
 
@@ -56,19 +54,16 @@ pub struct AnswerPath {
     air: Air,
     foreign: ForeignCard,
     rng: SplitMix,
-    /// When the first bit of the foreign card's next answer is due, ns.
     due: Option<u64>,
-    /// When the foreign card's answer on the air ends, ns, and its number of data bits; `None` when the card does not
-    /// answer.
+    /// The end of the foreign card's present answer, ns, and its number of data bits.
     foreign_ends: Option<(u64, u32)>,
-    /// `None` while the listener does not answer; otherwise whether its answer is on the air and was not lost in a
-    /// collision.
+    /// Whether the listener's answer is on the air (`true`) or was lost in a collision; `None` without an answer.
     answering: Option<bool>,
     collisions: u64,
     foreign_answers: u64,
 }
 
-/// Returns a function that passes frames to `hears` but not the carrier, because the poller makes the carrier itself.
+/// Returns a function that passes frames, but not the carrier, to `hears`. The poller makes the carrier itself.
 fn frames(hears: &mut impl FnMut(u64, &AirEvent)) -> impl FnMut(u64, &AirEvent) {
     |at, event| {
         if !matches!(event, AirEvent::FieldOn | AirEvent::FieldOff) {
@@ -78,7 +73,7 @@ fn frames(hears: &mut impl FnMut(u64, &AirEvent)) -> impl FnMut(u64, &AirEvent) 
 }
 
 impl AnswerPath {
-    /// Returns a path with `faults` from time 0 on, reproducible from `seed`.
+    /// Returns a path with `faults` from time 0 on; `seed` determines all random values.
     pub fn new(seed: u64, faults: AnswerFaults) -> Self {
         Self {
             air: Air::new(seed, faults.way),
@@ -92,15 +87,14 @@ impl AnswerPath {
         }
     }
 
-    /// Changes the faults of the path from `at` (virtual ns) on; `hears` gets what the poller receives until then.
+    /// Changes the faults from `at` (virtual ns) on. What the poller receives until then is passed to `hears`.
     pub fn set_faults(&mut self, at: u64, faults: AnswerFaults, mut hears: impl FnMut(u64, &AirEvent)) {
         self.advance(at, &mut hears);
         self.foreign = faults.foreign;
         self.air.set_faults(at, faults.way, frames(&mut hears));
     }
 
-    /// Takes an event that the poller emitted at `at`, virtual ns: the carrier that answers need, and the frames that a
-    /// foreign card answers. `hears` gets what the poller receives.
+    /// Takes an event that the poller emitted at `at` (virtual ns). What the poller receives is passed to `hears`.
     pub fn from_poller(&mut self, at: u64, event: &AirEvent, mut hears: impl FnMut(u64, &AirEvent)) {
         self.advance(at, &mut hears);
         match event {
@@ -117,7 +111,7 @@ impl AnswerPath {
         }
     }
 
-    /// Takes an event that the listener emitted at `at`, virtual ns; `hears` gets what the poller receives.
+    /// Takes an event that the listener emitted at `at` (virtual ns). What the poller receives is passed to `hears`.
     pub fn from_listener(&mut self, at: u64, event: AirEvent, mut hears: impl FnMut(u64, &AirEvent)) {
         self.advance(at, &mut hears);
         match event {
@@ -139,13 +133,12 @@ impl AnswerPath {
         }
     }
 
-    /// Returns the instant of the path's next event for the poller, virtual ns; `None` when no event waits.
+    /// Returns the instant at which the poller next receives something, virtual ns; `None` if nothing waits.
     pub fn next_event(&self) -> Option<u64> {
         [self.air.next_event(), self.due, self.foreign_ends.map(|(at, _)| at)].into_iter().flatten().min()
     }
 
-    /// Passes the path's events up to and including `to` (virtual ns) to the poller. Both chips must have emitted
-    /// everything up to that instant.
+    /// Passes the events up to and including `to` (virtual ns) to `hears`. Both chips must have reached `to`.
     pub fn advance(&mut self, to: u64, mut hears: impl FnMut(u64, &AirEvent)) {
         loop {
             let ends = self.foreign_ends.map_or(u64::MAX, |(at, _)| at);
@@ -162,8 +155,8 @@ impl AnswerPath {
         }
     }
 
-    /// Passes what each chip has emitted to the other, from the poller over `air` and from the listener over this path,
-    /// until neither chip emits more. Also advances `air` and this path to the chips' time.
+    /// Passes the poller's emissions over `air` and the listener's over this path, and advances both to the chips'
+    /// time.
     pub fn carry(&mut self, air: &mut Air, poller: &mut Chip, listener: &mut Chip) {
         loop {
             for (at, event) in poller.take_air().collect::<Vec<_>>() {
@@ -182,36 +175,31 @@ impl AnswerPath {
         }
     }
 
-    /// Returns the counters of the answers so far, in which the listener and a foreign card are the sender and the
-    /// poller is the receiver. An answer that was lost in a collision before its first bit is counted in
-    /// [`AnswerPath::collisions`] alone.
+    /// Returns the counters of the answers so far, without those that collided before their first bit.
     pub fn counters(&self) -> Counters {
         self.air.counters()
     }
 
-    /// Returns the number of times that an answer began while another answer was on the air.
+    /// Returns the number of times that an answer began during another answer.
     pub fn collisions(&self) -> u64 {
         self.collisions
     }
 
-    /// Returns the number of answers that a foreign card began.
+    /// Returns the number of answers that foreign cards began.
     pub fn foreign_answers(&self) -> u64 {
         self.foreign_answers
     }
 
-    /// Returns the answers that reached the poller's antenna since the last call, as [`Air::take_heard`] does for
-    /// frames.
+    /// Returns the answers that reached the poller's antenna since the last call.
     pub fn take_heard(&mut self) -> Vec<Heard> {
         self.air.take_heard()
     }
 
-    /// Returns the faults that were injected into answers since the last call, as [`Air::take_injected`] does for
-    /// frames.
+    /// Returns the faults that were injected into answers since the last call, in the form of [`Air::take_injected`].
     pub fn take_injected(&mut self) -> Vec<(u64, &'static str)> {
         self.air.take_injected()
     }
 
-    /// Handles the collision of two answers at `at`: the answer on the air breaks off.
     fn collide(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
         self.collisions += 1;
         self.air.sending_breaks_off(at, &mut frames(hears));
@@ -219,7 +207,7 @@ impl AnswerPath {
 
     fn foreign_begins(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
         if self.foreign_ends.is_some() {
-            // The foreign card is still answering an earlier frame.
+            // The foreign card still answers an earlier frame.
             return;
         }
         self.foreign_answers += 1;

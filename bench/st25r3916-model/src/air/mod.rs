@@ -1,4 +1,4 @@
-//! The air between a poller and a listener: it determines when a frame is received, and with which damage.
+//! The air between a poller and a listener: it determines when a frame is received, and with which errors.
 //!
 //! | covered | source |
 //! |---|---|
@@ -17,21 +17,17 @@
 //!
 //! At most one frame is on the air at the listener's antenna.
 //!
-//! - A repeated or delayed frame never begins during another frame: if the air is occupied when it is due, it begins
-//!   0.3 ms after the end of the frame on the air.
-//! - The poller is unaware of repeated and delayed frames. If a frame of the poller begins while another frame is on
-//!   the air, both are damaged: the frame on the air breaks off at that instant, and the poller's new frame is not
-//!   received, because its sync is masked. The same happens to two frames of the poller that [`AirFaults::scatter_ns`]
-//!   moves onto each other.
-//! - Every frame travels on the poller's carrier. If the listener has no carrier when a frame is due there, the frame
-//!   is lost; if the carrier goes off during a frame, the frame breaks off.
+//! - A repeated or delayed frame never begins during another frame. It waits until 0.3 ms after the end of that frame.
+//! - The poller's own frame does not wait. If it begins during another frame, that frame breaks off, and the poller's
+//!   frame is not received, because its sync is masked. Two frames of the poller that [`AirFaults::scatter_ns`] moves
+//!   onto each other do the same.
+//! - A frame without the poller's carrier is lost. If the carrier goes off during a frame, the frame breaks off.
 //!
 //! # Time
 //!
-//! [`Air::from_poller`], [`Air::set_faults`] and [`Air::advance`] are called in order of time. The instants may lie
-//! ahead of the listener's time, because [`Chip::hear`] accepts such events. Events that are due later wait in the air,
-//! and the caller, which advances the time, calls [`Air::advance`] at [`Air::next_event`]. Without faults no event ever
-//! waits.
+//! [`Air::from_poller`], [`Air::set_faults`] and [`Air::advance`] must be called in order of time. The instants may lie
+//! ahead of the listener's time, because [`Chip::hear`] accepts such events. Later events wait in the air, and the
+//! caller must call [`Air::advance`] at [`Air::next_event`]. Without faults no event waits.
 
 mod account;
 mod answers;
@@ -49,8 +45,7 @@ use account::{Account, Fault, Outcome};
 use faults::{burst, invert, sync_errors, within};
 use flight::{Flight, Later, Sending, expected_bits};
 
-/// The time from the end of a frame to the start of another frame that waited for this end, ns. It is the shortest gap
-/// that the link itself keeps between two frames.
+/// The shortest gap between two frames of the link, ns, which a frame that waits for the end of another one keeps.
 const GAP_NS: u64 = 300_000;
 
 /// The air between one poller and one listener.
@@ -58,21 +53,19 @@ const GAP_NS: u64 = 300_000;
 pub struct Air {
     faults: AirFaults,
     rng: SplitMix,
-    /// Whether the poller's carrier is on.
     field: bool,
     sending: Option<Sending>,
-    /// The frame at the listener's antenna, and when its first bit was there, ns.
     on_air: Option<(u64, Flight)>,
-    /// The frames that have not begun at the listener's antenna, in the order in which they were planned.
+    /// The frames that have not begun at the listener's antenna, in the order in which the air received them.
     waiting: Vec<Flight>,
-    /// For each LEN, the last frame that the poller sent whole while [`AirFaults::frozen`] was off.
+    /// The last frame of each LEN that the poller sent whole while [`AirFaults::frozen`] was off.
     whole: Vec<Vec<u8>>,
     next_id: u64,
     account: Account,
 }
 
 impl Air {
-    /// Returns an air with `faults` from time 0 on, reproducible from `seed`.
+    /// Returns an air with `faults` from time 0 on; `seed` determines all random values.
     pub fn new(seed: u64, faults: AirFaults) -> Self {
         let mut air = Self {
             faults: AirFaults::default(),
@@ -89,8 +82,8 @@ impl Air {
         air
     }
 
-    /// Changes the faults from `at` (virtual ns) on. The earlier faults still apply to a frame that the poller began
-    /// before, including its repetitions and delays; but a field that goes off breaks off the frame that is on the air.
+    /// Changes the faults from `at` (virtual ns) on. A frame that the poller began before keeps the earlier faults, but
+    /// a field that goes off breaks it off. What the listener receives is passed to `hears`.
     pub fn set_faults(&mut self, at: u64, faults: AirFaults, mut hears: impl FnMut(u64, &AirEvent)) {
         self.advance(at, &mut hears);
         let was_off = std::mem::replace(&mut self.faults, faults).field_off;
@@ -105,8 +98,8 @@ impl Air {
         }
     }
 
-    /// Passes what each chip has emitted to the other until neither emits more, and advances the air to the poller's
-    /// time. Call this function when [`has_air`](Chip::has_air) is true for either chip, and at [`Air::next_event`].
+    /// Passes the emissions of each chip to the other until neither emits more, and advances the air to the poller's
+    /// time. Must be called when [`has_air`](Chip::has_air) is true for either chip, and at [`Air::next_event`].
     pub fn carry(&mut self, poller: &mut Chip, listener: &mut Chip) {
         loop {
             for (at, event) in poller.take_air() {
@@ -123,8 +116,7 @@ impl Air {
         }
     }
 
-    /// Takes an event that the poller emitted at `at`, virtual ns, for owners that do not call [`Air::carry`]. `hears`
-    /// gets what the listener receives.
+    /// Takes an event that the poller emitted at `at` (virtual ns), without [`Air::carry`]. `hears` is the listener.
     pub fn from_poller(&mut self, at: u64, event: AirEvent, mut hears: impl FnMut(u64, &AirEvent)) {
         match event {
             AirEvent::FieldOn | AirEvent::FieldOff => {
@@ -143,37 +135,34 @@ impl Air {
                 self.sending_breaks_off(at, &mut hears);
                 self.frame_started(at, frame);
             }
-            // The air advances to `at` only afterwards, because the events that are due at `at` depend on the frame's
-            // end.
+            // The events that are due at `at` depend on the frame's end, so the air advances only afterwards.
             AirEvent::Bytes(chunk) => self.frame_goes_on(at, chunk),
             AirEvent::FrameEnd { bits } => self.frame_ended(at, bits),
         }
         self.advance(at, &mut hears);
     }
 
-    /// Takes an event that the listener emitted, for owners that do not call [`Air::carry`]. The poller receives the
-    /// event unchanged.
+    /// Counts an event that the listener emitted, without [`Air::carry`]. The caller must pass it to the poller.
     pub fn from_listener(&mut self, _at: u64, event: &AirEvent) {
         if matches!(event, AirEvent::FrameStart(_)) {
             self.account.counters.answers += 1;
         }
     }
 
-    /// Returns the instant of the air's next own event for the listener, virtual ns; `None` when no event waits.
+    /// Returns the instant at which the listener next receives a waiting event, virtual ns; `None` if no event waits.
     pub fn next_event(&self) -> Option<u64> {
         let on_air = self.on_air.as_ref().and_then(|(began, flight)| flight.next(*began));
         let waiting = self.waiting.iter().filter_map(|flight| flight.due).min();
         on_air.into_iter().chain(waiting).min()
     }
 
-    /// Passes the air's events up to and including `to` (virtual ns) to the listener. The poller must have emitted
-    /// everything up to that instant.
+    /// Passes the events up to and including `to` (virtual ns) to `hears`. The poller must have reached `to`.
     pub fn advance(&mut self, to: u64, mut hears: impl FnMut(u64, &AirEvent)) {
         loop {
             let ends = self.on_air.as_ref().and_then(|(began, flight)| flight.next(*began));
             let begins = (0..self.waiting.len()).filter_map(|i| Some((self.waiting[i].due?, i))).min();
             match (ends, begins) {
-                // A frame that ends and another that begins at the same instant do not collide.
+                // Two frames do not collide if one ends at the instant at which the other begins.
                 (Some(at), _) if at <= to && begins.is_none_or(|(due, _)| at <= due) => self.goes_on(&mut hears),
                 (_, Some((due, index))) if due <= to => self.begins(due, index, &mut hears),
                 _ => break,
@@ -182,7 +171,7 @@ impl Air {
         self.publish_marks(to);
     }
 
-    /// Returns the counters of what the air has carried so far.
+    /// Returns the counters of the frames so far.
     pub fn counters(&self) -> Counters {
         self.account.counters
     }
@@ -192,28 +181,26 @@ impl Air {
         self.account.last
     }
 
-    /// Returns the frames that the poller sent since the last call, in the order of their ends.
+    /// Returns the frames that the poller sent since the last call, in order of their ends.
     pub fn take_sent(&mut self) -> Vec<SentFrame> {
         std::mem::take(&mut self.account.sent)
     }
 
-    /// Returns the frames that reached the listener's antenna since the last call, in the order of their ends.
+    /// Returns the frames that reached the listener's antenna since the last call, in order of their ends.
     pub fn take_heard(&mut self) -> Vec<Heard> {
         std::mem::take(&mut self.account.heard)
     }
 
-    /// Returns the faults that were injected since the last call, in order of time. Each entry has the instant (virtual
-    /// ns) and the kind, which is one of "bit error" (one entry for each bit), "burst", "lost", "cut", "repeated",
-    /// "delayed", "scatter", "field off" and "frozen".
+    /// Returns the faults that were injected since the last call, in order of time, each as its instant (virtual ns)
+    /// and kind. The kinds are "bit error" (one entry per bit), "burst", "lost", "cut", "repeated", "delayed",
+    /// "scatter", "field off" and "frozen".
     ///
-    /// The instant of a bit error or a burst is when its first wrong bit reaches the listener; that of a cut is the
-    /// frame's end at the listener, and that of a repetition is its first bit. For a lost, delayed, scattered or frozen
-    /// frame, and for an error in the sync, the instant is when the poller sent the frame's first bit.
+    /// A bit error or a burst has the instant at which its first wrong bit reaches the listener, a cut that of the
+    /// frame's end there, a repetition that of its first bit. All other faults of a frame, and an error in the sync,
+    /// have the instant at which the poller sent the frame's first bit.
     pub fn take_injected(&mut self) -> Vec<(u64, &'static str)> {
         std::mem::take(&mut self.account.injected)
     }
-
-    // --- the poller's side ---
 
     fn frame_started(&mut self, at: u64, frame: FrameStart) {
         self.account.counters.sent += 1;
@@ -286,8 +273,7 @@ impl Air {
         self.account.sent.push(sent);
     }
 
-    /// Ends at `at` the frame that the poller is sending, without an end event of the poller, because the poller's next
-    /// frame begins or its carrier goes off.
+    /// Ends the poller's present frame at `at`, because its next frame begins or its carrier goes off.
     fn sending_breaks_off(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
         if let Some(sending) = &self.sending {
             let bits = sending.bits_by(at);
@@ -312,9 +298,6 @@ impl Air {
         self.next_id
     }
 
-    // --- the listener's side ---
-
-    /// Begins at the listener the waiting frame `index`, which is due there at `due`.
     fn begins(&mut self, due: u64, index: usize, hears: &mut impl FnMut(u64, &AirEvent)) {
         let straight = self.waiting[index].origin == Origin::Poller;
         if self.on_air.is_some() && !straight {
@@ -337,7 +320,6 @@ impl Air {
         self.on_air = Some((due, flight));
     }
 
-    /// Passes the next event of the frame on the air to the listener.
     fn goes_on(&mut self, hears: &mut impl FnMut(u64, &AirEvent)) {
         let Some((began, flight)) = &mut self.on_air else { return };
         let Some((after, later)) = flight.later.pop_front() else { return };
@@ -355,7 +337,6 @@ impl Air {
         }
     }
 
-    /// Breaks off the frame on the air, if there is one, at `at`.
     fn break_off(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
         let Some((began, flight)) = &self.on_air else { return };
         let bits = flight.start.data_bits_in(at.saturating_sub(*began)).min(8 * flight.start.chunk.data.len() as u64);
@@ -364,8 +345,6 @@ impl Air {
         self.over(at, bits, false);
     }
 
-    /// Ends the frame on the air at `at`: its outcome is counted, and its repetition is planned if the faults require
-    /// one.
     fn over(&mut self, at: u64, bits: u32, whole: bool) {
         self.publish_marks(at);
         let Some((began, flight)) = self.on_air.take() else { return };
@@ -382,7 +361,6 @@ impl Air {
         }
     }
 
-    /// Adds to the account those faults of the frame on the air that occur up to `to`.
     fn publish_marks(&mut self, to: u64) {
         let Some((began, flight)) = &mut self.on_air else { return };
         while let Some((after, fault)) = flight.marks.pop_front_if(|(after, _)| began.saturating_add(*after) <= to) {
@@ -400,7 +378,7 @@ fn damage(rng: &mut SplitMix, flight: &mut Flight, first: usize, chunk: &mut Chu
     flight.changed |= *chunk != before;
 }
 
-/// Returns the poller's frame with the number `id`, unless it has ended at the listener.
+/// Returns the poller's frame number `id`, unless it has ended at the listener.
 fn flight_of<'a>(on_air: &'a mut Option<(u64, Flight)>, waiting: &'a mut [Flight], id: u64) -> Option<&'a mut Flight> {
     let on_air = on_air.iter_mut().map(|(_, flight)| flight);
     on_air.chain(waiting).find(|flight| flight.id == id)

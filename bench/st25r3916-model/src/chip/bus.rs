@@ -17,7 +17,7 @@ use crate::report::{Kind, Space};
 use crate::spi::{MAX_HZ, State};
 
 impl Chip {
-    /// Handles the falling edge of chip select at `now`, virtual ns, which begins a transfer.
+    /// Begins a transfer at the falling edge of chip select at `now`, virtual ns.
     pub fn select(&mut self, now: u64) {
         self.advance(now);
         let Self { core, spi, .. } = self;
@@ -36,13 +36,12 @@ impl Chip {
         spi.last_byte = core.now();
     }
 
-    /// Whether the chip is selected, which means that chip select is low.
+    /// Whether chip select is low.
     pub fn is_selected(&self) -> bool {
         self.spi.selected
     }
 
-    /// Transfers one byte by eight clocks, the last of which ends at `now`, virtual ns (half a period after its falling
-    /// edge). The chip takes `mosi`. Returns the byte on MISO, which is 0 where the part does not drive MISO.
+    /// Transfers one byte, whose last clock ends at `now` (virtual ns). Returns the byte on MISO, 0 if it is undriven.
     pub fn transfer(&mut self, now: u64, mosi: u8) -> u8 {
         self.advance(now);
         if !self.core.powered() {
@@ -92,7 +91,7 @@ impl Chip {
         miso
     }
 
-    /// Handles the rising edge of chip select at `now`, virtual ns, which ends a transfer.
+    /// Ends a transfer at the rising edge of chip select at `now`, virtual ns.
     pub fn deselect(&mut self, now: u64) {
         self.advance(now);
         if self.spi.selected && matches!(self.spi.state, State::Prefix(_) | State::WriteFirst(..)) {
@@ -105,9 +104,8 @@ impl Chip {
         self.spi.state = State::Mode;
     }
 
-    /// Returns, for each transfer since the last call that contained a transmit command (C4 to C7), the instant at
-    /// which chip select rose, virtual ns. It does not matter whether the chip accepted the command. The rise of chip
-    /// select is the last instant of a transmission that the controller determines.
+    /// Returns each rise of chip select after a transmit command (C4 to C7) since the last call, virtual ns. This edge
+    /// is the last instant of a transmission that the controller determines.
     pub fn take_transmits(&mut self) -> Vec<u64> {
         std::mem::take(&mut self.transmits)
     }
@@ -118,8 +116,7 @@ impl Chip {
             0x40..=0x7F => self.read_from(Space::A, byte & 0x3F),
             0x80 => State::Load,
             0x9F => self.read_fifo(),
-            // A0, A8 and AC load the passive target memory from the start of its NFC-A, NFC-F or TSN part. BF reads the
-            // memory from its start.
+            // A0, A8 and AC load the NFC-A, NFC-F or TSN section of the passive target memory; BF reads the memory.
             0xA0 => State::LoadTarget(0),
             0xA8 => State::LoadTarget(15),
             0xAC => State::LoadTarget(36),
@@ -146,7 +143,6 @@ impl Chip {
         State::Read(space, address)
     }
 
-    /// Carries out the effects of reading a register. `seen` is the value that the chip shifted out.
     fn register_was_read(&mut self, space: Space, address: u8, seen: u8) {
         if space == Space::A && (0x1A..=0x1D).contains(&address) {
             let shift = 8 * u32::from(address - 0x1A);

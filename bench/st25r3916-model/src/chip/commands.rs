@@ -61,8 +61,7 @@ impl Chip {
             0xD5 => core.set_a(reg::GAIN, 0),
             0xD6 => {
                 supply::suits(core);
-                // With reg_s (2C, bit 7) set, the driver chooses the regulated voltage, and the display shows that
-                // setting.
+                // With reg_s (2C, bit 7) set, the display shows the driver's choice of the regulated voltage.
                 let regulator = core.a(reg::REGULATOR);
                 let shown =
                     if regulator & 0x80 != 0 { (regulator & 0x78) << 1 } else { core.config().regulator_display };
@@ -87,7 +86,7 @@ impl Chip {
         }
     }
 
-    /// Starts the transmission that a command requests: C4 with CRC, C5 without CRC, C6 a REQA, C7 a WUPA.
+    /// Starts the transmission of command `code`: C4 with CRC, C5 without CRC, C6 a REQA, C7 a WUPA.
     fn transmit(&mut self, code: u8) {
         let core = &mut self.core;
         let frame = match code {
@@ -137,7 +136,6 @@ impl Chip {
         }
     }
 
-    /// Starts a command that takes `ns` and then sets register `i` of `space` to its result, `value`.
     fn result(&mut self, space: Space, i: usize, value: u8, ns: u64) {
         self.measuring = Some((space, i as u8, value));
         self.core.plan_in(Due::CommandDone, ns);
@@ -147,7 +145,7 @@ impl Chip {
         self.result(Space::A, i, value, self.config().measurement_ns);
     }
 
-    /// Reports a target that is about to listen and could answer by itself, without the controller.
+    /// Reports a target that is armed and could answer without the controller.
     fn check_silence(&mut self) {
         // The bits that disable automatic answers are d_ac_ap2p, d_212_424_1r and d_106_ac_a.
         let silent = self.core.a(reg::PASSIVE_TARGET) & 0x0D == 0x0D;

@@ -1,7 +1,7 @@
-//! The controller's side of the bus: frames of any length, clocked in any mode and at any rate.
+//! The controller's side of the SPI: frames of any length, in any mode, at any rate.
 //!
-//! The chip's own mode is 1 (DS13541, SPI interface: idle low, both sides sample on the falling edge), and it takes
-//! whole bytes. A clock of another polarity or phase shifts bits; an incomplete byte is lost.
+//! The chip uses mode 1 and whole bytes (DS13541, SPI interface: idle low, both sides sample on the falling edge).
+//! Another polarity or phase shifts bits, and an incomplete byte is lost.
 
 use super::Chip;
 use crate::report::Kind;
@@ -22,30 +22,30 @@ pub enum SpiMode {
 /// A frame of bits that an SPI controller clocks without a pause.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SpiFrame {
-    /// When the first clock edge of the frame occurs, virtual ns.
+    /// The instant of the frame's first clock edge, virtual ns.
     pub begins_ns: u64,
-    /// When the frame's last bit ends, virtual ns.
+    /// The instant at which the frame's last bit ends, virtual ns.
     pub ends_ns: u64,
     /// Polarity and phase of the clock.
     pub mode: SpiMode,
     /// The number of bits in the frame, 1 to 32.
     pub bits: u8,
-    /// The bits on MOSI in the low `bits` bits of this value, the most significant of them first.
+    /// The bits on MOSI, as the low `bits` bits of this value, the most significant first.
     pub mosi: u32,
 }
 
 impl Chip {
-    /// Clocks a frame. Returns the bits that the controller reads from MISO, in the order of [`SpiFrame::mosi`]. For
-    /// every whole byte, `each` is called with the chip, the instant at which the byte's eighth clock ended (virtual
-    /// ns), the byte that the chip received, and the byte that the chip sent.
+    /// Transfers a frame and returns the bits on MISO, in the order of [`SpiFrame::mosi`]. For every whole byte, `each`
+    /// is called with the chip, the instant at which the eighth clock ended (virtual ns), the byte to the chip, and the
+    /// byte from the chip.
     ///
-    /// The frame sets the controller's clock rate, as [`Chip::spi_clock_hz`] does.
+    /// The frame also sets the controller's clock rate, as [`Chip::spi_clock_hz`] does.
     pub fn clock_frame(&mut self, frame: &SpiFrame, mut each: impl FnMut(&mut Self, u64, u8, u8)) -> u32 {
         let SpiFrame { begins_ns, ends_ns, mode, mosi, .. } = *frame;
         let (bits, span) = (u64::from(frame.bits.max(1)), ends_ns.saturating_sub(begins_ns));
         self.spi.took(frame.bits, span);
         if bits == 8 && mode == SpiMode::Mode1 {
-            // This is a shortcut for the frames that firmwares send: a byte in the chip's own mode.
+            // The usual frame of firmwares, a byte in the chip's own mode, needs no work on single bits.
             let miso = self.transfer(ends_ns, mosi as u8);
             each(self, ends_ns, mosi as u8, miso);
             return u32::from(miso);
@@ -60,15 +60,14 @@ impl Chip {
             let many = (bits - bit).min(8);
             let mut byte = 0_u8;
             for nth in bit..bit + many {
-                // In mode 3 the controller changes MOSI on the edge on which the chip samples, so the chip reads the
-                // previous bit.
+                // In mode 3 MOSI changes on the edge on which the chip samples, so the chip reads the previous bit.
                 let seen = if mode == SpiMode::Mode3 { std::mem::replace(&mut last.0, sent(nth)) } else { sent(nth) };
                 byte = byte << 1 | u8::from(seen);
             }
             bit += many;
             let at = begins_ns + span * bit / bits;
             if many < 8 {
-                // An incomplete byte is lost at the end of chip select.
+                // An incomplete byte is lost when chip select rises.
                 self.advance(at);
                 self.core.note(Kind::BitsLost(many as u8));
                 answer <<= many;
@@ -88,8 +87,7 @@ impl Chip {
         answer
     }
 
-    /// Sets the SPI clock that the controller uses, Hz; above 10 MHz each transfer is reported. The clock also
-    /// determines when in a byte the IRQ pin falls ([`Chip::take_irq_edges`]).
+    /// Sets the controller's SPI clock, Hz, for the instants of the IRQ pin. Above 10 MHz transfers are findings.
     pub fn spi_clock_hz(&mut self, hz: u32) {
         self.spi.set_hz(hz);
     }

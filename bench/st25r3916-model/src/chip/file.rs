@@ -1,4 +1,4 @@
-//! The register file: the results of reads, and the effects of writes.
+//! The register file: the values that reads return, and the effects of writes.
 //!
 //! | covered | DS13541 |
 //! |---|---|
@@ -9,8 +9,7 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | response field (03, nfc_ar), no_rx_par, nfc_f0, antcl (05) | the link uses none; set bits are stored and reported
-//! |
+//! | response field (03, nfc_ar), no_rx_par, nfc_f0, antcl (05) | the link uses none; set bits are reported |
 //! | test registers | test register 04 is stored for the bring-up, the others are reported |
 
 use super::Chip;
@@ -21,7 +20,7 @@ use crate::schedule::Due;
 use crate::supply;
 
 impl Chip {
-    /// Returns the value that a read of a register would return, without the read's side effects.
+    /// Returns the value of a register without the side effects of a read.
     pub fn peek(&self, space: Space, address: u8) -> u8 {
         let core = &self.core;
         let stored = core.registers().get(space, address);
@@ -56,8 +55,8 @@ impl Chip {
 
     fn auxiliary_display(&self) -> u8 {
         let Self { core, field, receiver, .. } = self;
-        // With en_fd = 3 (automatic), the recording of silicon shows peer detection (en_peer) while the chip's own
-        // field is off. While that field is on, automatic means collision avoidance.
+        // With en_fd = 3 (automatic), a recording of silicon shows peer detection (en_peer) while the chip's own field
+        // is off. While that field is on, automatic means collision avoidance.
         let (peer, avoidance) = match core.a(reg::OPERATION) & EN_FD {
             1 => (false, true),
             2 => (true, false),
@@ -78,7 +77,6 @@ impl Chip {
             | u8::from(avoidance)
     }
 
-    /// Reports an access to a register that the part does not have.
     pub(super) fn register_exists(&mut self, space: Space, address: u8) {
         if registers::class(self.core.config().variant, space, address) == Class::Absent {
             self.core.note(Kind::NoSuchRegister(space, address));
@@ -116,13 +114,12 @@ impl Chip {
         }
     }
 
-    /// Returns the bits of a register that [`Chip::flip`] can flip, which are those that the part stores.
+    /// Returns the bits of a register that [`Chip::flip`] can flip: those that the chip stores.
     pub fn flippable(&self, space: Space, address: u8) -> u8 {
         registers::flippable(self.core.config().variant, space, address)
     }
 
-    /// Flips bit `bit` of a register at the chip's present time. The register has the effects of its new value from
-    /// then on. The call has no effect on a bit that [`Chip::flippable`] does not contain, or without a supply.
+    /// Flips bit `bit` of a register now, if [`Chip::flippable`] contains it and the chip has a supply.
     pub fn flip(&mut self, space: Space, address: u8, bit: u8) {
         let bits = 1 << (bit & 7) & self.flippable(space, address);
         if bits == 0 || !self.core.powered() {
@@ -134,7 +131,6 @@ impl Chip {
         }
     }
 
-    /// Stores a register's new value and carries out its effects.
     fn store(&mut self, space: Space, address: u8, value: u8) {
         match (space, usize::from(address & 0x3F)) {
             (Space::A, reg::MODE) => self.mode_becomes(value),
@@ -168,7 +164,6 @@ impl Chip {
         }
     }
 
-    /// Reports a change of the mode (03) or of the bit rate (04) while a frame is being sent or received.
     fn changes_in_frame(&mut self, i: usize, value: u8) {
         let on_its_way = self.transmitter.busy() || self.receiver.busy();
         if on_its_way && self.core.a(i) != value {

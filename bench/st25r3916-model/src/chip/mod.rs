@@ -1,16 +1,15 @@
-//! The chip: its parts put together, and the order in which things happen.
+//! The chip as a whole, and the order in which its events happen.
 //!
 //! Everything that the chip does without its controller is a deadline in one small table; `advance` carries out the
-//! deadlines in order of time. Between deadlines nothing is computed: the number of a frame's bytes in the FIFO is
-//! computed when the FIFO is accessed.
+//! deadlines in order of time. The number of a frame's bytes in the FIFO is calculated when the FIFO is accessed.
 //!
 //! | covered | DS13541 |
 //! |---|---|
 //! | power-up, oscillator start and I_osc | Power-on, Operating modes |
-//! | the parts' effects on each other: field and frames, sending and receiving, FIFO | the parts' own sections |
+//! | effects of field, frames, sending, receiving and FIFO on each other | each module's section |
 //!
-//! The submodules are `bus` (bytes over SPI), `controller` (the clock and bits of a controller), `commands` and `file`
-//! (the register file).
+//! The submodules are `bus` (bytes over SPI), `controller` (clock and bits of a controller), `commands` and `file` (the
+//! register file).
 
 mod bus;
 mod commands;
@@ -35,9 +34,9 @@ use crate::{Config, supply, timers};
 
 pub use controller::{SpiFrame, SpiMode};
 
-/// One ST25R3916 or ST25R3916B on a virtual clock.
+/// One ST25R3916 or ST25R3916B in virtual time.
 ///
-/// All times are virtual ns. Time does not go back: an instant before the latest one is treated as the latest one.
+/// All times are virtual ns. An instant before the latest one is treated as the latest one.
 #[derive(Clone, Debug)]
 pub struct Chip {
     core: Core,
@@ -46,18 +45,17 @@ pub struct Chip {
     transmitter: Transmitter,
     receiver: Receiver,
     spi: Spi,
-    /// The events on the air that the chip has yet to process: when each takes effect, when it happened, and the event.
+    /// Events of the air that are still to take effect: the instant of the effect, the instant of the event, the event.
     inbox: VecDeque<(u64, u64, AirEvent)>,
-    /// The register that a command in progress will set, and its new value.
+    /// The register that the command in progress will set, and its new value.
     measuring: Option<(Space, u8, u8)>,
-    /// The instants at which chip select rose after a transmit command.
     transmits: Vec<u64>,
-    /// The last bits on MOSI and on MISO. With a wrong SPI mode, the chip or the controller samples the previous bit.
+    /// The last bits on MOSI and on MISO. In a wrong SPI mode, chip or controller samples the previous bit.
     last_bits: (bool, bool),
 }
 
 impl Chip {
-    /// Returns a chip that is powered from time 0, with its registers at their reset values.
+    /// Returns a chip that has a supply from time 0 and its registers at their reset values.
     pub fn new(config: Config) -> Self {
         let mut chip = Self {
             core: Core::new(config),
@@ -80,13 +78,12 @@ impl Chip {
         self.core.config()
     }
 
-    /// Returns the virtual time to which the chip has been advanced, ns.
+    /// Returns the chip's present virtual time, ns.
     pub fn now(&self) -> u64 {
         self.core.now()
     }
 
-    /// Switches the supply on: every register takes its reset value. Carriers and frames from outside that are on the
-    /// air remain there.
+    /// Switches the supply on: every register takes its reset value. Foreign carriers and frames remain on the air.
     pub fn power_on(&mut self, now: u64) {
         self.advance(now);
         if !self.core.powered() {
@@ -95,8 +92,7 @@ impl Chip {
         }
     }
 
-    /// Switches the supply off: the chip's own field goes off, the IRQ pin and MISO go low, and the register values are
-    /// lost. A frame that the chip is sending breaks off.
+    /// Switches the supply off: the field goes off, a frame breaks off, IRQ and MISO go low, registers are lost.
     pub fn power_off(&mut self, now: u64) {
         self.advance(now);
         if self.core.powered() {
@@ -116,18 +112,17 @@ impl Chip {
         self.field.own()
     }
 
-    /// Whether a frame that the chip sends is on the air.
+    /// Whether the chip has a frame on the air.
     pub fn is_transmitting(&self) -> bool {
         self.transmitter.on_air()
     }
 
-    /// Returns the instant of the chip's next internal event, ns; `None` when none is planned. The instant is never
-    /// before [`Chip::now`].
+    /// Returns the instant of the chip's next internal event, ns, not before [`Chip::now`]; `None` if there is none.
     pub fn next_event(&self) -> Option<u64> {
         self.core.next_due().map(|next| next.max(self.core.now()))
     }
 
-    /// Advances the chip to `now`, virtual ns, and carries out every internal event up to and including that instant.
+    /// Advances the chip to `now` (virtual ns), and carries out every internal event up to and including that instant.
     pub fn advance(&mut self, now: u64) {
         while let Some(what) = self.core.take_due(now) {
             self.fall_due(what);
@@ -140,14 +135,13 @@ impl Chip {
         self.core.has_air()
     }
 
-    /// Returns the events that the chip has put on the air since the last call, in order of time, each with its
-    /// instant.
+    /// Returns the events that the chip has put on the air since the last call, in order, with their instants (ns).
     pub fn take_air(&mut self) -> impl Iterator<Item = (u64, AirEvent)> + '_ {
         self.core.take_air()
     }
 
-    /// Passes to the chip an event that happens on the air at `at`, virtual ns. An event ahead of the chip's time takes
-    /// effect at its instant. An event in the past takes effect now, but the bits of a frame keep their times.
+    /// Passes an event on the air at `at` (virtual ns) to the chip. A future event takes effect at its instant. A past
+    /// event takes effect now, but the bits of a frame keep their times.
     pub fn hear(&mut self, at: u64, event: &AirEvent) {
         let effect = at.max(self.core.now());
         let place = self.inbox.partition_point(|(t, _, _)| *t <= effect);
@@ -161,43 +155,39 @@ impl Chip {
         self.core.irq()
     }
 
-    /// Returns the instant since which the IRQ pin has had its present level, virtual ns. If a register read made the
-    /// pin fall, this instant lies within the byte that was read.
+    /// Returns the instant of the IRQ pin's last change, virtual ns, which may lie within the byte that was read last.
     pub fn irq_since(&self) -> u64 {
         self.core.interrupts().since()
     }
 
-    /// Returns the IRQ pin's level if it has changed since the last call, and always at the first call.
+    /// Returns the level of the IRQ pin if it has changed since the last call. The first call always returns it.
     pub fn take_irq_change(&mut self) -> Option<bool> {
         self.core.interrupts_mut().take_change()
     }
 
-    /// Returns the changes of the IRQ pin since the last call, at most the last 64, in order, each with its exact
-    /// instant. A pulse shorter than an SPI byte is included (the pin falls by a read and rises by the next event
-    /// before the byte ends); two calls of [`Chip::irq`] would not show it.
+    /// Returns the changes of the IRQ pin since the last call (at most the last 64) with their exact instants, even
+    /// those that calls of [`Chip::irq`] can miss.
     pub fn take_irq_edges(&mut self) -> impl Iterator<Item = IrqEdge> + '_ {
         self.core.interrupts_mut().take_edges()
     }
 
-    /// Whether the IRQ pin has changed since [`Chip::take_irq_edges`] was last called.
+    /// Whether [`Chip::take_irq_edges`] would return a change.
     #[must_use]
     pub fn has_irq_edges(&self) -> bool {
         self.core.interrupts().has_edges()
     }
 
-    /// Returns the findings so far: what the model does not cover, and what the data sheet does not allow.
+    /// Returns the findings so far: uses that the model does not cover or that the data sheet does not allow.
     pub fn reports(&self) -> &[Report] {
         self.core.reports()
     }
 
-    /// Removes and returns the findings of [`Chip::reports`]. A kind of finding that occurs again afterwards is
-    /// reported again.
+    /// Removes and returns the findings. A kind of finding that occurs again later is reported again.
     pub fn take_reports(&mut self) -> Vec<Report> {
         self.core.take_reports()
     }
 
-    /// Injects a fault of the chip that keeps `interrupts`, and no others, from being raised from now on. Interrupts
-    /// that are pending stay pending, and the chip otherwise works as before.
+    /// Keeps `interrupts`, and no others, from being raised from now on. Pending interrupts stay pending.
     pub fn withhold(&mut self, interrupts: Withheld) {
         self.core.withhold(interrupts.bits());
     }
@@ -206,8 +196,6 @@ impl Chip {
     pub fn statistics(&self) -> Statistics {
         self.core.statistics()
     }
-
-    // --- deadlines and events on the air ---
 
     fn plan_hearing(&mut self) {
         match self.inbox.front() {
@@ -267,7 +255,6 @@ impl Chip {
         }
     }
 
-    /// Applies an event on the air now; `at` is when it happened.
     fn heard(&mut self, at: u64, event: AirEvent) {
         let Self { core, fifo, receiver, field, .. } = self;
         match event {
@@ -282,9 +269,6 @@ impl Chip {
         }
     }
 
-    // --- events that concern more than one part ---
-
-    /// Carries out Set default (C0, C1). Switching the supply on or off does the same.
     fn set_default(&mut self) {
         self.break_off();
         self.receiver.set_default(self.core.now());
@@ -298,7 +282,6 @@ impl Chip {
         self.core.pin_follows();
     }
 
-    /// Carries out the effects of a new value in the operation control register (02).
     fn operation_changed(&mut self) {
         if !self.core.enabled() {
             self.core.set_oscillator(false);
@@ -324,7 +307,6 @@ impl Chip {
         self.field.look(&mut self.core);
     }
 
-    /// Switches the chip's own field on if the oscillator and the transmitter are on, and otherwise off.
     fn field_follows(&mut self) {
         let on = Field::wanted(&self.core);
         if on == self.field.own() {
@@ -342,8 +324,7 @@ impl Chip {
         self.field.look(&mut self.core);
     }
 
-    /// Sends a frame. The chip is half duplex: a frame that is being received is lost, and a frame that arrives during
-    /// the transmission is not received.
+    /// Sends a frame. A frame that is received or arrives meanwhile is lost, because the chip is half duplex.
     fn send(&mut self, mut frame: Outgoing) {
         if self.transmitter.admits(&mut self.core, &self.field, &mut frame) {
             self.let_go();
@@ -355,23 +336,20 @@ impl Chip {
         }
     }
 
-    /// Breaks off the frame that the chip is sending, without an interrupt, as at Stop, field off and supply off.
     fn break_off(&mut self) {
         self.transmitter.break_off(&mut self.core, &mut self.fifo);
     }
 
-    /// Makes the receiver drop the frame being received.
     fn let_go(&mut self) {
         self.receiver.abort(&mut self.core, &mut self.fifo);
     }
 
-    /// Updates the FIFO: removes the bytes that have left for the air, and adds the bytes that were received.
+    /// Removes the bytes from the FIFO that have left for the air, and adds those that were received.
     fn settle(&mut self) {
         self.transmitter.settle(&self.core, &mut self.fifo);
         self.receiver.settle(&mut self.core, &mut self.fifo);
     }
 
-    /// Returns the number of bytes that are in the FIFO now.
     fn fifo_level(&self) -> usize {
         let (leaving, arriving) = (self.transmitter.leaving(&self.core), self.receiver.arriving(&self.core));
         (self.fifo.len().saturating_sub(leaving) + arriving).min(CAPACITY)

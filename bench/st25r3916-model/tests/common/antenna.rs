@@ -1,4 +1,4 @@
-//! A poller that is only instants and bytes, without a chip, and a listener's antenna that records every event.
+//! A poller without a chip, given by instants and bytes, and an antenna of a listener that records every event.
 
 use st25r3916_model::{Air, AirEvent, AirFaults, Chunk, FrameStart, Heard, Technology};
 
@@ -14,8 +14,8 @@ pub(crate) fn bits_ns(bits: u64) -> u64 {
     (bits * (BIT_AS / 1_000) + 500_000) / 1_000_000
 }
 
-/// Returns the bytes of a frame: LEN, a payload that depends on `seed`, and two bytes in place of the CRC-16, which the
-/// air does not check.
+/// Returns the bytes of a frame: LEN, a payload that depends on `seed`, and two bytes for the CRC-16, which the air
+/// does not check.
 pub(crate) fn frame(payload: usize, seed: u8) -> Vec<u8> {
     let mut bytes = vec![payload as u8 + 1];
     bytes.extend((0..payload + 2).map(|i| (i as u8).wrapping_mul(37).wrapping_add(seed)));
@@ -29,14 +29,12 @@ pub(crate) fn start(technology: Technology, data: &[u8]) -> FrameStart {
     FrameStart { technology, bits_per_second, bit_as: BIT_AS, header_bits, byte_bits, load_modulation, chunk }
 }
 
-/// An air, with all events that have reached the listener's antenna.
 pub(crate) struct Antenna {
     pub(crate) air: Air,
     pub(crate) told: Vec<(u64, AirEvent)>,
 }
 
 impl Antenna {
-    /// Returns an antenna with the poller's field on from the start.
     pub(crate) fn new(seed: u64, faults: AirFaults) -> Self {
         let mut antenna = Self { air: Air::new(seed, faults), told: vec![] };
         antenna.poller(0, AirEvent::FieldOn);
@@ -53,7 +51,6 @@ impl Antenna {
         self.air.set_faults(at, faults, |at, event| told.push((at, event.clone())));
     }
 
-    /// Advances the air to the instant `to`, event by event.
     pub(crate) fn run_to(&mut self, to: u64) {
         let told = &mut self.told;
         while let Some(at) = self.air.next_event().filter(|at| *at <= to) {
@@ -89,7 +86,7 @@ impl Antenna {
     }
 }
 
-/// Returns the positions of the bits in which two frames of the same length differ, in NFC-F's bit order.
+/// Returns the positions of the bits, in NFC-F's order, in which two frames of the same length differ.
 pub(crate) fn wrong_bits(a: &[u8], b: &[u8]) -> Vec<u64> {
     assert_eq!(a.len(), b.len());
     (0..8 * a.len() as u64)

@@ -1,5 +1,5 @@
-//! A simple controller for these tests, with transfers at 8 MHz and the start sequences of the data sheet for a poller
-//! and a listener.
+//! A simple controller for tests: transfers at 8 MHz, and the start sequences of the data sheet for poller and
+//! listener.
 
 pub(crate) mod antenna;
 pub(crate) mod two_way;
@@ -9,7 +9,7 @@ use st25r3916_model::{Air, AirEvent, AirFaults, Chip, Chunk, Config, FrameStart,
 /// The duration of one SPI byte at 8 MHz, ns.
 pub(crate) const BYTE_NS: u64 = 1_000;
 
-/// A poller and a listener, the air between them, and one clock.
+/// A poller, a listener, and the air between them.
 pub(crate) struct Pair {
     pub(crate) poller: Chip,
     pub(crate) listener: Chip,
@@ -39,7 +39,6 @@ impl Pair {
         [self.poller.next_event(), self.listener.next_event(), self.air.next_event()].into_iter().flatten().min()
     }
 
-    /// Runs both chips to `to`, event by event.
     pub(crate) fn run_to(&mut self, to: u64) {
         self.air.carry(&mut self.poller, &mut self.listener);
         loop {
@@ -74,8 +73,7 @@ impl Pair {
         miso
     }
 
-    /// Runs until the IRQ pin of this side's chip is high and returns true; returns false if the pin is still low after
-    /// `ns`.
+    /// Runs until this side's IRQ pin is high; returns false if the pin is still low after `ns`.
     pub(crate) fn wait_irq(&mut self, side: Side, ns: u64) -> bool {
         let end = self.now + ns;
         while !self.chip(side).irq() {
@@ -90,7 +88,7 @@ impl Pair {
         true
     }
 
-    /// Returns the four interrupt registers of this side's chip. Reading clears them.
+    /// Reads the four interrupt registers of this side's chip, which clears them.
     pub(crate) fn irqs(&mut self, side: Side) -> [u8; 4] {
         let r = self.spi(side, &[0x5A, 0, 0, 0, 0]);
         [r[1], r[2], r[3], r[4]]
@@ -98,7 +96,7 @@ impl Pair {
 
     pub(crate) fn start(&mut self, side: Side) {
         self.spi(side, &[0xC1]);
-        // The registers are set for a board with a 5 V supply and antenna tuning.
+        // These registers are set for a board with a 5 V supply and antenna tuning.
         self.spi(side, &[0x00, 0x07, 0x3C]);
         self.spi(side, &[0x02, 0x80]);
         assert!(self.wait_irq(side, 10_000_000), "oscillator");
@@ -122,8 +120,8 @@ impl Pair {
         self.spi(Side::Poller, &[0x02, 0x88]);
     }
 
-    /// Sets the poller to amplitude modulation of 12 % depth, by active wave shaping where the part has it, and its
-    /// antenna in tune.
+    /// Sets the poller to amplitude modulation of 12 % depth, by active wave shaping if the chip has it, and tunes its
+    /// antenna.
     pub(crate) fn modulate_nfc_f(&mut self) {
         let [a, b] = self.poller.config().tuning[0];
         self.spi(Side::Poller, &[0x26, a, b]);
@@ -150,13 +148,13 @@ impl Pair {
         self.arm();
     }
 
-    /// Sets this side's receive chain for NFC-F to the values that public drivers use.
+    /// Gives this side's receive chain the values of public drivers for NFC-F.
     pub(crate) fn receive_nfc_f(&mut self, side: Side) {
         self.spi(side, &[0x0B, 0x13, 0x2D, 0x00, 0x00]);
         self.spi(side, &[0xFB, 0x0C, 0x54, 0x00]);
     }
 
-    /// Sets this side's receive chain for NFC-A to the values that public drivers use.
+    /// Gives this side's receive chain the values of public drivers for NFC-A.
     pub(crate) fn receive_nfc_a(&mut self, side: Side) {
         self.spi(side, &[0x0B, 0x08, 0x2D, 0x00, 0x00]);
         self.spi(side, &[0xFB, 0x0C, 0x51, 0x00]);
@@ -167,7 +165,7 @@ impl Pair {
         self.spi(Side::Listener, &[0xD1]);
     }
 
-    /// Returns a pair in which both chips have started and the listener has detected the poller's field.
+    /// Returns two started chips. The listener has detected the poller's field.
     pub(crate) fn started(poller: Config, listener: Config, air: Air) -> Self {
         let mut pair = Self::new(poller, listener, air);
         pair.start_listener();
@@ -177,8 +175,7 @@ impl Pair {
         pair
     }
 
-    /// Prepares a frame of the poller without the transmit command: clears the FIFO (DB), sets the length and loads the
-    /// payload.
+    /// Clears the poller's FIFO (DB), sets the length and loads the payload, but does not give the transmit command.
     pub(crate) fn load(&mut self, payload: &[u8]) {
         self.spi(Side::Poller, &[0xDB]);
         let bits = (payload.len() as u16) << 3;
@@ -193,7 +190,7 @@ impl Pair {
         self.spi(Side::Poller, &[0xC4]);
     }
 
-    /// Returns the FIFO status: the number of bytes, and the flags of register 1F.
+    /// Returns the number of bytes in the FIFO, and the flags of register 1F.
     pub(crate) fn fifo(&mut self, side: Side) -> (usize, u8) {
         let r = self.spi(side, &[0x5E, 0, 0]);
         (usize::from(r[1]) | usize::from(r[2] >> 6) << 8, r[2] & 0x3F)
@@ -211,12 +208,10 @@ pub(crate) fn bits_ns_424(bits: u64) -> u64 {
     antenna::bits_ns(bits)
 }
 
-/// Returns the configuration of a chip whose transmissions always start at the mean instant.
 pub(crate) fn exact() -> Config {
     Config { transmit_scatter_ns: 0, ..Config::default() }
 }
 
-/// Returns `n` pseudo-random bytes that depend on `seed`.
 pub(crate) fn payload(n: usize, seed: u64) -> Vec<u8> {
     let mut x = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
     (0..n)
@@ -232,20 +227,19 @@ pub(crate) fn payload(n: usize, seed: u64) -> Vec<u8> {
 /// The duration of one bit at 106 kbit/s, attoseconds.
 pub(crate) const BIT_106_AS: u64 = 9_439_528_023_598;
 
-/// Returns a pair whose poller is set to NFC-A, with its field and receiver on, and whose listener has not been
-/// started.
+/// Returns a poller for NFC-A with field and receiver on, and a listener that has not been started.
 pub(crate) fn nfc_a_poller(config: Config) -> Pair {
     let mut pair = Pair::new(config, Config::default(), Air::new(0, AirFaults::default()));
     pair.start(Side::Poller);
     pair.receive_nfc_a(Side::Poller);
     pair.spi(Side::Poller, &[0x03, 0x08, 0x00]);
-    // The poller does not check the CRC (no_crc_rx), because the answers in these tests have none.
+    // The CRC is not checked (no_crc_rx), because the answers in these tests have none.
     pair.spi(Side::Poller, &[0x0A, 0x80]);
     pair.spi(Side::Poller, &[0x02, 0xC8]);
     pair
 }
 
-/// Begins an NFC-A answer with the bytes `data`. The poller's chip gets the events of the whole answer in advance.
+/// Passes the events of a whole NFC-A answer with the bytes `data` to the poller's chip in advance.
 pub(crate) fn nfc_a_answer_begins(pair: &mut Pair, data: &[u8]) {
     let now = pair.now;
     pair.poller.hear(
@@ -265,7 +259,7 @@ pub(crate) fn nfc_a_answer_begins(pair: &mut Pair, data: &[u8]) {
     pair.poller.hear(end, &AirEvent::FrameEnd { bits: 8 * data.len() as u32 });
 }
 
-/// Begins an NFC-A answer with the bytes `data` and runs until the poller has received the answer.
+/// Makes the poller receive an NFC-A answer with the bytes `data`.
 pub(crate) fn nfc_a_answer(pair: &mut Pair, data: &[u8]) {
     nfc_a_answer_begins(pair, data);
     pair.run_for(200_000 + 90_000 * data.len() as u64);

@@ -1,5 +1,4 @@
-//! Two drivers, each on its own chip model with an SPI of 8 MHz, and the paths of frames and answers between their
-//! chips.
+//! Two drivers, each on its own chip with an SPI of 8 MHz, and the paths of frames and answers between the chips.
 
 use st25r3916::executor::{Executor, Failed, Machine, Port};
 use st25r3916::{
@@ -9,10 +8,10 @@ use st25r3916_model::{Air, AirFaults, AnswerFaults, AnswerPath, Chip, Config};
 
 use super::{BYTE_NS, Side};
 
-/// The time that the processor needs from an interrupt to the next transfer, ns.
+/// The processor's time from an interrupt to the next transfer, ns.
 const CODE_NS: u64 = 5_000;
 
-/// The kind of a transfer, which determines where the bytes on MISO go.
+/// The purpose of a transfer, which determines where the bytes on MISO go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Purpose {
     Short,
@@ -20,13 +19,12 @@ enum Purpose {
     Read(usize),
 }
 
-/// One side's SPI, IRQ pin, timer and buffers.
 pub(crate) struct Wires {
     now: u64,
     mosi: Vec<u8>,
     miso: Vec<u8>,
     purpose: Purpose,
-    /// When the next byte ends, ns; `None` when no transfer is in progress.
+    /// The instant at which the next byte ends, ns; `None` without a transfer.
     next_ns: Option<u64>,
     irq: bool,
     timer_ns: u64,
@@ -54,7 +52,6 @@ impl Wires {
         self.next_ns = Some(self.now + after_ns + BYTE_NS);
     }
 
-    /// Clocks the next byte of the transfer, if it is due.
     fn clock(&mut self, chip: &mut Chip) {
         let Some(at) = self.next_ns.filter(|at| *at <= self.now) else { return };
         if self.miso.is_empty() {
@@ -119,14 +116,10 @@ impl Port for Wires {
     }
 }
 
-/// A driver with its SPI, IRQ pin, timer and buffers.
 pub(crate) struct Node<M: Machine, E> {
     pub(crate) executor: Executor<M, Wires>,
-    /// When the test gives the transmit command, ns.
     fire_at: Option<u64>,
-    /// Whether the transmit command is being transferred.
     firing: bool,
-    /// When the IRQ pin last rose, ns.
     rose_ns: u64,
     pub(crate) events: Vec<(u64, E)>,
 }
@@ -149,7 +142,7 @@ impl<M: Machine<Event = E>, E: Copy> Node<M, E> {
         port.next_ns.unwrap_or(u64::MAX).min(fire).min(timer)
     }
 
-    /// Advances the driver to `now` and returns its next event, if there is one.
+    /// Advances the driver to `now` and returns its next event, if any.
     fn advance(&mut self, now: u64, chip: &mut Chip) -> Option<E> {
         let irq = chip.irq();
         let port = self.executor.port();
@@ -174,7 +167,7 @@ impl<M: Machine<Event = E>, E: Copy> Node<M, E> {
     }
 }
 
-/// The hold (poller) and the DPR (listener), each with its driver and chip, and the paths between them.
+/// A hold (poller) and a DPR (listener), each with driver and chip, and the paths between them.
 pub(crate) struct World {
     pub(crate) chips: [Chip; 2],
     pub(crate) air: Air,
@@ -185,12 +178,12 @@ pub(crate) struct World {
     /// The time from the end of a frame (I_rxe) to the command that sends the answer, ns.
     pub(crate) answers_after_ns: u64,
     pub(crate) answer: Vec<u8>,
-    /// The payloads of the frames that the DPR received. `answers` has those of the answers that the hold received.
+    /// The payloads that the DPR received.
     pub(crate) frames: Vec<Vec<u8>>,
     pub(crate) answers: Vec<Vec<u8>>,
 }
 
-/// Returns the chip configurations of hold and DPR, derived from these two configurations.
+/// Returns the chip configurations of hold and DPR, derived from the given ones.
 pub(crate) fn configs(hold: Config, port: Config) -> [Config; 2] {
     [Config { seed: 1, ..hold }, Config { seed: 2, answers: true, ..port }]
 }
@@ -248,7 +241,7 @@ impl World {
         }
     }
 
-    /// Lets the drivers of both sides act at the present time. Returns whether one of them did.
+    /// Lets both drivers act now. Returns whether one of them did.
     fn turn(&mut self) -> bool {
         let mut acted = false;
         while let Some(event) = self.hold.advance(self.now, &mut self.chips[0]) {
@@ -307,7 +300,7 @@ impl World {
         }
     }
 
-    /// Begins an exchange now, whose frame carries `payload`.
+    /// Begins an exchange whose frame carries `payload`.
     pub(crate) fn begin(&mut self, payload: &[u8]) {
         self.hold.events.clear();
         self.hold.executor.port().payload = payload.to_vec();
@@ -320,7 +313,7 @@ impl World {
         }
     }
 
-    /// Runs one cycle of 100 ms. Returns how its exchange ended, and how long after the transmit command, ns.
+    /// Runs one cycle of 100 ms. Returns the end of its exchange, and the time from the transmit command to it, ns.
     pub(crate) fn cycle(&mut self, payload: &[u8]) -> Option<(ExchangeEvent, u64)> {
         let start = self.now;
         self.begin(payload);
@@ -331,7 +324,6 @@ impl World {
         Some((event, at - loaded - 50_000))
     }
 
-    /// Returns the findings of both chips.
     pub(crate) fn findings(&self) -> Vec<String> {
         self.chips.iter().flat_map(|chip| chip.reports().iter().map(ToString::to_string)).collect()
     }
