@@ -29,8 +29,7 @@ pub struct Speed {
     pub dpr: f64,
     /// The time that a copy of the whole bench takes, s.
     pub copy: f64,
-    /// The time that this machine takes for the yardstick, s: a fixed piece of work that no change of this project makes
-    /// faster or slower.
+    /// The time of the yardstick, s: a fixed piece of work that no change of this project makes faster or slower.
     pub yardstick: f64,
 }
 
