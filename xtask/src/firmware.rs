@@ -17,16 +17,28 @@ pub(crate) fn folder() -> PathBuf {
 /// Builds one board's firmware in release, writes its CRC into it, and returns the path of its ELF file. Later builds
 /// for other profiles do not change that file.
 pub(crate) fn build(board: Board, gps: Receivers) -> Result<PathBuf> {
-    let package = board.package();
-    let feature = gps.feature();
-    let args = ["build", "--package", package, "--bin", package, "--no-default-features", "--features", &feature];
+    build_sealed(board.package(), &gps.feature(), &Path::new(&gps.feature()).join(board.package()))
+}
+
+/// Builds `package` with these features, writes its CRC into it, and returns the path of its ELF file, which is `kept`
+/// in the folder of the built firmwares.
+fn build_sealed(package: &str, features: &str, kept: &Path) -> Result<PathBuf> {
+    let args = ["build", "--package", package, "--bin", package, "--no-default-features", "--features", features];
     let made = build_for_target(&args, package)?;
-    let kept = folder().join(gps.feature()).join(board.package()).with_extension("elf");
+    let kept = folder().join(kept).with_extension("elf");
     std::fs::create_dir_all(kept.parent().unwrap_or(Path::new("."))).context("could not make the firmware folder")?;
     // The CRC is written into a copy, because cargo builds its own file again if another program has written to that
     // file.
     seal::copy_sealed(&made, &kept)?;
     Ok(kept)
+}
+
+/// Builds HORUS's firmware, the DPR's with its second port, and the hold's, and returns the paths of their ELF files.
+pub(crate) fn build_with_hold(gps: Receivers) -> Result<(PathBuf, PathBuf, PathBuf)> {
+    let horus = build(Board::Horus, gps)?;
+    let features = format!("{},hold", gps.feature());
+    let dpr = build_sealed(Board::Dpr.package(), &features, &Path::new(&gps.feature()).join("dpr-fw-hold"))?;
+    Ok((horus, dpr, build_sealed("hold-fw", "", Path::new("hold-fw"))?))
 }
 
 /// Builds both boards' firmwares and returns the paths of their ELF files.
