@@ -227,8 +227,8 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
         }
         (Some(folder), false) => (folder.join("horus-tx-fw.elf"), folder.join("dpr-fw.elf"), None),
         (None, true) => {
-            let (horus, dpr, hold) = firmware::build_with_hold(args.gps)?;
-            (horus, dpr, Some(hold))
+            let horus = firmware::build(crate::Board::Horus, args.gps)?;
+            (horus, firmware::build_dpr_with_hold(args.gps)?, Some(firmware::build_hold()?))
         }
         (None, false) => {
             let (horus, dpr) = firmware::build_pair(args.gps)?;

@@ -1,7 +1,7 @@
 //! The µs counter (TIMER0) and the deadline of the next frame (TIMER1).
 
 use dpr_fw::intake::Timer;
-use nrf52840_hal::pac;
+use nrf52840_hal::{pac, timer::Instance};
 
 use super::take_event;
 use crate::board::NOW_CAPTURE;
@@ -11,8 +11,9 @@ pub(super) const PRESCALER: u8 = 4;
 /// The shortest time from now to a compare value, µs: the counter could pass a nearer value before it is set.
 pub(super) const SHORTEST_US: u32 = 2;
 
-/// Starts TIMER0, which counts µs in 32 bits from zero and never stops.
-pub(super) fn start(timer: &pac::TIMER0) {
+/// Starts a timer, which counts µs in 32 bits from zero and never stops.
+pub(super) fn start(timer: &impl Instance) {
+    let timer = timer.as_timer0();
     timer.bitmode.write(|w| w.bitmode()._32bit());
     // SAFETY: the field has four bits and takes 0..=9 (PS v1.7, 6.30).
     timer.prescaler.write(|w| unsafe { w.prescaler().bits(PRESCALER) });
