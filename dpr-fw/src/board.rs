@@ -54,8 +54,6 @@ pub(crate) const FRESH_CHANNEL: usize = 1;
 pub(crate) const WAIT_COMPARE: usize = 0;
 /// The capture register of TIMER0 for the IRQ's edge.
 pub(crate) const EDGE_CAPTURE: usize = 1;
-/// The capture register of TIMER0 for the present time.
-pub(crate) const NOW_CAPTURE: usize = 3;
 /// The compare registers of TIMER2 for the expiry of the image.
 pub(crate) const EXPIRY_COMPARES: [usize; 2] = [0, 1];
 /// The compare register of TIMER2 for the end of the FRESH pulse.

@@ -19,9 +19,6 @@
 //! | [`ssi`] | what the flight controller asked for, and how many transactions it gets | SSI interrupt |
 //! | [`port`] | what the flight controller wrote: uplinks, commands, Port-Status | port |
 //! | [`task`] | the tasks that have to check in, so that the watchdog may be fed | every task |
-//! | [`reset`] | why the part last started | start |
-//! | [`debug_port`] | whether the debug port stays open | start |
-//! | [`crystal`] | the wait for the 32 MHz crystal | start |
 //! | [`telemetry`] | the counters that a debugger, or the bench, reads from RAM | every task |
 //!
 //! Constant time: the cost of a cycle does not depend on what the data say. Every object is verified, and copied under
@@ -31,15 +28,12 @@
 
 pub mod accept;
 pub mod commit;
-pub mod crystal;
-pub mod debug_port;
 pub mod intake;
 pub mod integrity;
 pub mod link;
 pub mod port;
 pub mod protection;
 pub mod publish;
-pub mod reset;
 pub mod rf;
 pub mod ssi;
 pub mod task;
