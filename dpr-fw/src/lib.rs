@@ -20,9 +20,6 @@
 //! | [`port`] | what the flight controller wrote: uplinks, commands, Port-Status | port |
 //! | [`hold`] | the second port: the hold's frames and the answers to them (feature `hold`) | hold interrupts |
 //! | [`task`] | the tasks that have to check in, so that the watchdog may be fed | every task |
-//! | [`reset`] | why the part last started | start |
-//! | [`debug_port`] | whether the debug port stays open | start |
-//! | [`crystal`] | the wait for the 32 MHz crystal | start |
 //! | [`telemetry`] | the counters that a debugger, or the bench, reads from RAM | every task |
 //!
 //! Constant time: the cost of a cycle does not depend on what the data say. Every object is verified, and copied under
@@ -32,8 +29,6 @@
 
 pub mod accept;
 pub mod commit;
-pub mod crystal;
-pub mod debug_port;
 pub mod hold;
 pub mod intake;
 pub mod integrity;
@@ -41,7 +36,6 @@ pub mod link;
 pub mod port;
 pub mod protection;
 pub mod publish;
-pub mod reset;
 pub mod rf;
 pub mod ssi;
 pub mod task;
