@@ -9,6 +9,7 @@
 //! | [`log_section`] | lets the idle loop write to the log without masking interrupts |
 //! | `memory` | words of flash and RAM by the linker's symbols (target only) |
 //! | [`mpu`] | tables of the memory protection unit |
+//! | [`nrf52840`] | what the firmwares for that part share: debug port, crystal, reset reason, supply |
 //! | [`patrol`] | integrity of flash, code in RAM, guard words and RAM in use, round the clock |
 //! | [`safe_state`] | the reaction to a panic or a fault: the board's safe state, one log message, the watchdog |
 //! | [`start`] | the first instructions: reset flags, watchdog, and the code that runs from RAM |
@@ -24,6 +25,7 @@ pub mod log_section;
 #[cfg(target_os = "none")]
 pub mod memory;
 pub mod mpu;
+pub mod nrf52840;
 pub mod patrol;
 pub mod program;
 pub mod safe_state;

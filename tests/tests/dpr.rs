@@ -8,8 +8,6 @@ mod commit;
 mod frames;
 #[path = "dpr/listener.rs"]
 mod listener;
-#[path = "dpr/protection.rs"]
-mod protection;
 #[path = "dpr/ssi.rs"]
 mod ssi;
 
@@ -40,7 +38,7 @@ firmware_common::install_start!([]);
 
 #[defmt_test::tests]
 mod tests {
-    use super::{commit, listener, pac, pass, protection, ssi, HOT, HOT_SIZE, WORDS};
+    use super::{commit, listener, pac, pass, ssi, HOT, HOT_SIZE, WORDS};
     use ::profile::crc::frame as frame_crc;
     use dpr_fw::triple::{Dirty, Rotated, Rotation, Scrubbable};
     use on_target_tests::{
@@ -52,7 +50,7 @@ mod tests {
     fn init() -> Cycles {
         let core = defmt::unwrap!(cortex_m::Peripherals::take());
         let device = defmt::unwrap!(pac::Peripherals::take());
-        protection::open(&device.FICR, &device.UICR);
+        firmware_common::nrf52840::open_debug_port(&device.FICR, &device.UICR);
         Cycles::start(core.DCB, core.DWT)
     }
 

@@ -6,9 +6,6 @@
 #![no_std]
 #![no_main]
 
-#[path = "dpr/protection.rs"]
-mod protection;
-
 use defmt_rtt as _;
 use nrf52840_hal::pac; // this crate also brings the interrupt vectors
 use panic_probe as _;
@@ -23,7 +20,7 @@ firmware_common::install_start!([]);
 
 #[defmt_test::tests]
 mod tests {
-    use super::{pac, protection, Start};
+    use super::{pac, Start};
 
     /// The watchdog's timeout, in periods of its 32 768 Hz clock: 50 ms.
     const TIMEOUT: u32 = 1637;
@@ -34,7 +31,7 @@ mod tests {
     #[init]
     fn init() -> Start {
         let device = defmt::unwrap!(pac::Peripherals::take());
-        protection::open(&device.FICR, &device.UICR);
+        firmware_common::nrf52840::open_debug_port(&device.FICR, &device.UICR);
         let reason = device.POWER.resetreas.read();
         // SAFETY: bits of RESETREAS are cleared by writing ones; the written bits are those just read, so every bit is
         // defined.

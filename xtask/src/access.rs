@@ -15,7 +15,8 @@ pub(crate) const UICR_APPROTECT: u64 = 0x1000_1208;
 /// `nrf52840_bitfields.h`).
 pub(crate) const HW_DISABLED: u32 = 0x5A;
 
-/// The first letter of the build codes of parts that start with a locked debug port (`dpr-fw/src/debug_port.rs`).
+/// The first letter of the build codes of parts that start with a locked debug port: see
+/// `firmware-common/src/nrf52840/debug_port.rs`.
 const FIRST_LOCKED: u8 = b'F';
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -20,7 +20,7 @@ pub(crate) fn layout(gps: usize) -> Layout {
 }
 
 pub(crate) fn header(gps: usize) -> Header {
-    Header { version: Header::VERSION, gps, seed: 1, clock: "fast".to_owned() }
+    Header { version: Header::VERSION, gps, seed: 1, clock: "fast".to_owned(), hold: false }
 }
 
 /// The events of a run in any order; [`Events::log`] sorts them.

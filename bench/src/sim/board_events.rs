@@ -16,7 +16,8 @@ pub(super) fn injected(now: u64, episode: &Episode) -> What {
     What::Injected { kind: fault.name(), disturbs: fault.disturbs(), until: (*until).max(now) }
 }
 
-const fn cause(reset: Reset) -> Cause {
+/// The cause that the log names for a restart of a part.
+pub(super) const fn cause(reset: Reset) -> Cause {
     match reset {
         Reset::PowerOn => Cause::PowerOn,
         Reset::BrownOut => Cause::BrownOut,

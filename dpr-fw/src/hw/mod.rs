@@ -3,10 +3,10 @@
 //! | file | what |
 //! |---|---|
 //! | `mod.rs` | start-up: debug port, program check, supply, clocks, all the files below; the safe state |
-//! | `start_up.rs` | the first instructions: reset reasons and watchdog |
-//! | `time.rs` | the µs counter, the deadline of the next frame |
+//! | `time.rs` | the deadline of the next frame |
 //! | `integrity.rs` | the image that the SSI streams, as the idle loop accesses it |
 //! | `rf.rs` | the front end's SPI, interrupt pin and timer |
+//! | `hold.rs` | the second front end (feature `hold`) |
 //! | `ssi.rs` | the SSI, FRESH and the expiry of the image |
 //!
 //! # Design
@@ -43,30 +43,29 @@
 //! Anomalies 58 (SPIM, one byte too many) and 156 (GPIOTE CLR tasks) concern only Engineering A.
 #![allow(unsafe_code)]
 
+#[cfg(feature = "hold")]
+mod hold;
+/// RTIC wants the types of all resources, so without the feature those of the second port are nothing.
+#[cfg(not(feature = "hold"))]
+mod hold {
+    pub(crate) type HoldEdge = ();
+    pub(crate) type HoldResponder = ();
+    pub(crate) type HoldShared = ();
+}
 mod integrity;
 mod rf;
 mod ssi;
-mod start_up;
 mod time;
 
-use core::sync::atomic::{AtomicU32, Ordering};
-
-use cortex_m::asm;
 use dpr_fw::{
-    crystal,
-    debug_port::{self, DebugPort},
-    port::areas::SsiEnd,
-    protection,
-    publish::Doorbell,
-    reset,
-    ssi::ReceiveArea,
-    telemetry::Telemetry,
-    triple::Filling,
+    port::areas::SsiEnd, protection, publish::Doorbell, ssi::ReceiveArea, telemetry::Telemetry, triple::Filling,
 };
 use dpr_fw::{ImageMemory, ReceiveMemory};
 use firmware_common::{
     last_stop::{Cause, Stop},
-    mpu, program, safe_state, start,
+    mpu,
+    nrf52840::{self, debug_port::DebugPort, POWER_FAIL_MV},
+    program, safe_state,
 };
 use nrf52840_hal::{
     pac::{self, interrupt},
@@ -75,19 +74,28 @@ use nrf52840_hal::{
 use profile::ResetReason;
 use st25r3916::Short;
 
+pub(crate) use firmware_common::nrf52840::now_us;
+pub(crate) use hold::{HoldEdge, HoldResponder, HoldShared};
 pub(crate) use integrity::ShownImage;
 pub(crate) use rf::{RfEdge, RfPort};
 pub(crate) use ssi::{SsiDoorbell, SsiPort};
-pub(crate) use time::{now_us, Deadline};
+pub(crate) use time::Deadline;
 
 use crate::board;
 
+firmware_common::install_nrf52840_start!(cfg!(feature = "debugger-stops-watchdog"));
 firmware_common::install_safe_state!(safe_state, protection::area, board::task_of);
 
 /// The telemetry counters, which a debugger finds by this symbol.
 #[no_mangle]
 pub(crate) static DPR_TELEMETRY: Telemetry = Telemetry::new();
 
+/// The counters of the second port, which a debugger finds by this symbol.
+#[cfg(feature = "hold")]
+#[no_mangle]
+pub(crate) static DPR_HOLD_TELEMETRY: dpr_fw::hold::HoldTelemetry = dpr_fw::hold::HoldTelemetry::new();
+
+/// A receive buffer of the RFID side in static memory.
 pub(crate) type ReceiveBuffer = &'static mut ReceiveMemory;
 pub(crate) type ImageBuffer = &'static mut ImageMemory;
 pub(crate) type AreaBuffer = &'static mut ReceiveArea;
@@ -112,7 +120,10 @@ pub(crate) struct Board {
     pub(crate) rf_edge: RfEdge,
     pub(crate) ssi: SsiPort,
     pub(crate) deadline: Deadline,
-    /// The watchdog; `None` if it was configured by other software, which then has to feed it.
+    /// The second front end, and the IRQ edge of it.
+    #[cfg(feature = "hold")]
+    pub(crate) hold: (hold::HoldPort, HoldEdge),
+    /// The watchdog; `None` if something else has configured the watchdog, which then has to feed it.
     pub(crate) watchdog: Option<WatchdogHandle<Hdl0>>,
     pub(crate) reset_reason: ResetReason,
     pub(crate) debug_port: DebugPort,
@@ -124,53 +135,35 @@ pub(crate) struct DmaMemory {
     pub(crate) spi_rx: &'static mut [u8; Short::MAX],
     /// The area into which the SSI receives, and the queues that carry the areas to the port task.
     pub(crate) ssi_rx: (Filling<AreaBuffer>, SsiEnd<'static, AreaBuffer>),
+    /// The memory of the second port.
+    #[cfg(feature = "hold")]
+    pub(crate) hold: HoldDma,
 }
 
-struct Protection<'a> {
-    ficr: &'a pac::FICR,
-    uicr: &'a pac::UICR,
+/// The static memory that the DMA of the second port uses, beside its receive buffers.
+#[cfg(feature = "hold")]
+pub(crate) struct HoldDma {
+    pub(crate) spi_tx: &'static mut [u8; Short::MAX],
+    pub(crate) spi_rx: &'static mut [u8; Short::MAX],
+    pub(crate) answer: &'static mut dpr_fw::hold::AnswerMemory,
+    pub(crate) receive: Filling<ReceiveBuffer>,
 }
 
-/// The address of APPROTECT.DISABLE, which the PAC does not define.
-const APPROTECT_DISABLE: u32 = 0x4000_0558;
-
-impl debug_port::Registers for Protection<'_> {
-    fn variant(&self) -> u32 {
-        self.ficr.info.variant.read().bits()
-    }
-
-    fn uicr_approtect(&self) -> u32 {
-        self.uicr.approtect.read().bits()
-    }
-
-    fn disable_protection(&mut self) {
-        // SAFETY: the register exists on the parts for which this is called; it opens the debug port and does nothing
-        // else.
-        unsafe { (APPROTECT_DISABLE as *mut u32).write_volatile(debug_port::SW_DISABLE) };
-    }
-}
-
-/// A word that keeps its value over every reset that leaves the RAM powered.
-#[link_section = ".uninit.RAM_KEPT"]
-static RAM_KEPT: AtomicU32 = AtomicU32::new(0);
-/// The value that [`RAM_KEPT`] holds after the firmware has run once since power-on.
-const KEPT: u32 = 0x4450_5221;
-
-/// Configures all hardware. If the program in flash differs from the one that was built, the DPR enters the safe state
-/// before any pin is an output.
+/// Configures all hardware. If the program differs from the one that was built, the DPR enters the safe state before
+/// any pin is an output.
 pub(crate) fn init(
     core: &mut cortex_m::Peripherals,
     p: pac::Peripherals,
     memory: DmaMemory,
     receive: Filling<ReceiveBuffer>,
 ) -> Board {
-    let debug_port = debug_port::open(&mut Protection { ficr: &p.FICR, uicr: &p.UICR });
+    // The debug port is opened first, so that a debugger reaches a board whose firmware stops early.
+    let debug_port = nrf52840::open_debug_port(&p.FICR, &p.UICR);
 
-    // The watchdog already runs: the first instructions (`start_up`) have started it, or it ran on over a soft reset.
+    // The watchdog was started by the first instructions (`firmware_common::nrf52840`), or before a soft reset or a lockup.
     let watchdog = Watchdog::try_recover::<One>(p.WDT).ok().map(|parts| parts.handles.0);
 
-    let ram_kept = RAM_KEPT.swap(KEPT, Ordering::Relaxed) == KEPT;
-    let reset_reason = reset::reason(start::reset_flags(), ram_kept);
+    let reset_reason = nrf52840::reset_reason();
 
     p.NVMC.icachecnf.write(|w| w.cacheen().enabled());
     let flash = program::compare();
@@ -190,52 +183,48 @@ pub(crate) fn init(
     safe_state::name_faults(&mut core.SCB);
     mpu::apply(&mut core.MPU, &protection::START);
 
-    watch_supply(&p.POWER);
-    start_crystal(&p.CLOCK);
+    if nrf52840::watch_supply(&p.POWER) {
+        stop_for_supply();
+    }
+    // Without the crystal the DPR's clock is too coarse to judge HORUS's (docs/decisions/0023-start-and-clocks.md).
+    if !nrf52840::start_crystal(&p.CLOCK) {
+        let log = |_: &Stop| defmt::error!("the 32 MHz crystal does not start");
+        safe_state::enter(safe_state, || Stop::new(Cause::ClockStart, 0, 0), log);
+    }
     core.DCB.enable_trace();
     core.DWT.enable_cycle_counter();
 
-    let board::Pins { rf: rf_pins, ssi: ssi_pins, fresh } = board::Pins::new(p.P0, p.P1);
-    let gpiote = board::connect(p.GPIOTE, p.PPI, &rf_pins.irq, fresh, &p.TIMER0, &p.TIMER2, &p.SPIS1);
-    time::start(&p.TIMER0);
-    let rf = RfPort::new(p.SPIM0, p.TIMER0, rf_pins, memory.spi_tx, memory.spi_rx, receive);
+    let board::Pins {
+        rf: rf_pins,
+        ssi: ssi_pins,
+        fresh,
+        #[cfg(feature = "hold")]
+            hold: hold_pins,
+    } = board::Pins::new(p.P0, p.P1);
+    let (gpiote, _ppi) = board::connect(p.GPIOTE, p.PPI, &rf_pins.irq, fresh, &p.TIMER0, &p.TIMER2, &p.SPIS1);
+    nrf52840::start_counter(&p.TIMER0);
+    let rf = RfPort::new(p.SPIM0, p.TIMER0, (), rf_pins, memory.spi_tx, memory.spi_rx, receive);
+    #[cfg(feature = "hold")]
+    let hold = {
+        let HoldDma { spi_tx, spi_rx, answer, receive } = memory.hold;
+        board::connect_hold(&gpiote, _ppi, &hold_pins.irq, &p.TIMER4, &p.SPIM2, &p.EGU3);
+        nrf52840::start_counter(&p.TIMER4);
+        let answers = hold::Answers::new(answer);
+        let port = hold::HoldPort::new(p.SPIM2, p.TIMER4, answers, hold_pins, spi_tx, spi_rx, receive);
+        (port, HoldEdge::new(p.EGU3))
+    };
     let ssi = SsiPort::new(p.SPIS1, (p.TIMER2, p.TIMER3), ssi_pins, memory.ssi_rx);
     let deadline = Deadline::new(p.TIMER1);
-    Board { rf, rf_edge: RfEdge::new(gpiote), ssi, deadline, watchdog, reset_reason, debug_port }
-}
-
-/// Starts the 32 MHz crystal and waits for it. Without it the DPR enters the safe state, since its clock would be too
-/// coarse to judge HORUS's clock (docs/decisions/0023-start-and-clocks.md).
-fn start_crystal(clock: &pac::CLOCK) {
-    // The event HFCLKSTARTED may still be set from an earlier start (anomaly 36).
-    clock.events_hfclkstarted.reset();
-    // SAFETY: 1 is a valid value of a task register.
-    clock.tasks_hfclkstart.write(|w| unsafe { w.bits(1) });
-    let is_started = || clock.events_hfclkstarted.read().bits() != 0;
-    if !crystal::starts(is_started, || asm::delay(crystal::PAUSE_CYCLES)) {
-        safe_state::enter(
-            safe_state,
-            || Stop::new(Cause::ClockStart, 0, 0),
-            |_| defmt::error!("the 32 MHz crystal does not start"),
-        );
-    }
-}
-
-/// The supply voltage at which the DPR stops, mV. The part needs 1.7 V, but its front end needs 2.4 V (DS13541,
-/// operating conditions). This is the lowest threshold whose tolerance of 5 % (PS v1.7, 5.3.8) keeps it above 2.4 V:
-/// 2.57 to 2.84 V, below the kit's 3.0 V.
-const POWER_FAIL_MV: u32 = 2_700;
-
-/// Switches the power-fail comparator and its interrupt on. A supply that is already below the threshold stops the DPR
-/// here (PS v1.7, 5.3.3). The part's own brown-out reset, at 1.6 V, is always on.
-fn watch_supply(power: &pac::POWER) {
-    power.events_pofwarn.reset();
-    power.intenset.write(|w| w.pofwarn().set());
-    power.pofcon.write(|w| w.pof().enabled().threshold().v27());
-    // SAFETY: the handler shares nothing, does not return, and has the highest priority, which no lock masks.
-    unsafe { cortex_m::peripheral::NVIC::unmask(pac::Interrupt::POWER_CLOCK) };
-    if power.events_pofwarn.read().bits() != 0 {
-        stop_for_supply();
+    Board {
+        rf,
+        rf_edge: RfEdge::new(gpiote),
+        ssi,
+        deadline,
+        #[cfg(feature = "hold")]
+        hold,
+        watchdog,
+        reset_reason,
+        debug_port,
     }
 }
 

@@ -1,37 +1,12 @@
-//! The µs counter (TIMER0) and the deadline of the next frame (TIMER1).
+//! The deadline of the next frame (TIMER1).
 
 use dpr_fw::intake::Timer;
+pub(super) use firmware_common::nrf52840::COUNTER_PRESCALER as PRESCALER;
 use nrf52840_hal::pac;
 
-use super::take_event;
-use crate::board::NOW_CAPTURE;
-
-/// The prescaler of timers that count µs: 16 MHz / 2^4.
-pub(super) const PRESCALER: u8 = 4;
-/// The shortest time from now to a compare value, µs. The counter could pass a nearer value before it is set.
+use super::{now_us, take_event};
+/// The shortest time from now to a compare value, µs: the counter could pass a nearer value before it is set.
 pub(super) const SHORTEST_US: u32 = 2;
-
-/// Starts TIMER0, which counts µs in 32 bits from zero and never stops.
-pub(super) fn start(timer: &pac::TIMER0) {
-    timer.bitmode.write(|w| w.bitmode()._32bit());
-    // SAFETY: the field has four bits and takes 0..=9 (PS v1.7, 6.30).
-    timer.prescaler.write(|w| unsafe { w.prescaler().bits(PRESCALER) });
-    // SAFETY: 1 is a valid value of a task register. The counter is cleared before it is started.
-    timer.tasks_clear.write(|w| unsafe { w.bits(1) });
-    // SAFETY: 1 is a valid value of a task register.
-    timer.tasks_start.write(|w| unsafe { w.bits(1) });
-}
-
-/// Returns the µs counter's value, which wraps after 71 minutes. Any task may call this.
-pub(crate) fn now_us() -> u32 {
-    // SAFETY: the pointer to the peripheral is valid for ever, and only this function uses this capture register. If
-    // another task preempts between the two accesses and captures too, the value that is read is later than this call's
-    // own capture, but still lies within the time of this call.
-    let timer = unsafe { &*pac::TIMER0::ptr() };
-    // SAFETY: 1 is a valid value of a task register.
-    timer.tasks_capture[NOW_CAPTURE].write(|w| unsafe { w.bits(1) });
-    timer.cc[NOW_CAPTURE].read().bits()
-}
 
 /// The deadline of the next frame, in TIMER1, which counts the µs since it was set.
 pub(crate) struct Deadline(pac::TIMER1);

@@ -42,7 +42,9 @@ pub struct Config {
     /// Whether the base station's uplinks come by radio ([`FlightController::write`](super::FlightController::write)).
     /// Otherwise the flight controller generates them.
     pub relays: bool,
-    /// The seed of the random values with which the flight controller misuses the SSI.
+    /// The seed of the commands to the active hold that the DPR shows; `None` without a hold.
+    pub hold: Option<u64>,
+    /// The seed of all random values while the flight controller misuses the SSI.
     pub seed: u64,
 }
 
@@ -59,6 +61,7 @@ impl Config {
             pace: Pace::FASTEST,
             writes: false,
             relays: false,
+            hold: None,
             seed: 1,
         }
     }
@@ -76,7 +79,8 @@ impl Config {
     /// Panics if a profile cannot have that number of receivers.
     #[must_use]
     pub const fn layout(&self) -> Layout {
-        Layout::for_receivers(self.receivers).expect("a profile has 1, 2, 3 or 5 receivers")
+        let layout = Layout::for_receivers(self.receivers).expect("a profile has 1, 2, 3 or 5 receivers");
+        if self.hold.is_some() { layout.with_hold() } else { layout }
     }
 
     /// The time from the fall of chip select to its rise for `bytes` bytes, by the flight controller's clock, ns.

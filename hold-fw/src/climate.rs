@@ -1,0 +1,234 @@
+//! The control of the temperature: a heater and a cooler, of which at most one works.
+//!
+//! # Design
+//!
+//! A proportional and integral controller with a fixed step of [one cycle](STEP_S). Its output goes from -1 (cooling)
+//! to 1 (heating). These limits hold whatever is commanded and whatever the sensors say:
+//!
+//! | limit | |
+//! |---|---|
+//! | set-point | within [`SET_POINTS`]; another one is refused, and so is one that is not a number |
+//! | output | within [`OUTPUTS`] |
+//! | change of the output in a cycle | at most [`SLEW`], but the way to 0 after a fault is immediate |
+//! | no heating above, no cooling below | [`WORKING`] |
+//! | without a valid temperature, or with faulty memory | output 0: [`Climate::is_safe`] |
+//!
+//! *No windup*: the integral changes only while the output that follows from it is within its limits, or if that change
+//! brings it back; its own range is that of the output. Another set-point leaves it as it is. While the output is held
+//! at 0 for safety the integral is 0, so that the control begins anew afterwards.
+//!
+//! *Dead band*: while the error is less than [`DEAD_BAND`], the proportional part is 0, so that the noise of the sensor
+//! does not switch heater and cooler.
+
+use core::ops::RangeInclusive;
+
+/// The set-points that the hold accepts, °C.
+pub const SET_POINTS: RangeInclusive<f32> = 2.0..=40.0;
+/// The set-point after power-on, °C.
+pub const DEFAULT_SET_POINT: f32 = 20.0;
+/// The range of the output. The heater can heat the box faster than is good for what is in it, so it is limited.
+pub const OUTPUTS: RangeInclusive<f32> = -1.0..=0.8;
+/// The greatest change of the output in a cycle.
+pub const SLEW: f32 = 0.05;
+/// The temperatures of the box, °C: above there is no heating, and below no cooling.
+pub const WORKING: RangeInclusive<f32> = 0.0..=45.0;
+/// The error below which there is no proportional part, K.
+pub const DEAD_BAND: f32 = 0.1;
+
+/// The step of the control, s.
+pub const STEP_S: f32 = profile::hold::PERIOD_MS as f32 / 1_000.0;
+/// The output for each kelvin of error.
+const PROPORTIONAL: f32 = 0.2;
+/// The output for each kelvin of error and each second.
+const INTEGRAL: f32 = 0.002;
+
+/// The state of the control.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Climate {
+    set_point: f32,
+    integral: f32,
+    output: f32,
+    safe: bool,
+}
+
+impl Climate {
+    /// Returns the control at its start, with the output off. A set-point out of its range is replaced by the default.
+    #[must_use]
+    pub fn new(set_point: f32) -> Self {
+        let set_point = if SET_POINTS.contains(&set_point) { set_point } else { DEFAULT_SET_POINT };
+        Self { set_point, integral: 0.0, output: 0.0, safe: true }
+    }
+
+    /// Changes the set-point, °C. Returns whether it is one that the hold accepts; otherwise nothing changes.
+    pub fn set(&mut self, set_point: f32) -> bool {
+        let accepted = SET_POINTS.contains(&set_point);
+        if accepted {
+            self.set_point = set_point;
+        }
+        accepted
+    }
+
+    /// Returns the set-point, °C.
+    #[must_use]
+    pub const fn set_point(&self) -> f32 {
+        self.set_point
+    }
+
+    /// Returns the output: 1 is all of the heater, -1 all of the cooler.
+    #[must_use]
+    pub const fn output(&self) -> f32 {
+        self.output
+    }
+
+    /// Whether the output is held at 0 for safety.
+    #[must_use]
+    pub const fn is_safe(&self) -> bool {
+        self.safe
+    }
+
+    /// Does the step of a cycle and returns the output. `temperature`, °C, is `None` while there is no valid one;
+    /// `allowed` is false if the output has to be off whatever the temperature is.
+    pub fn step(&mut self, temperature: Option<f32>, allowed: bool) -> f32 {
+        let Some(temperature) = temperature.filter(|celsius| allowed && celsius.is_finite()) else {
+            *self = Self::new(self.set_point);
+            return self.output;
+        };
+        self.safe = false;
+        let error = self.set_point - temperature;
+        let proportional = if error.abs() < DEAD_BAND { 0.0 } else { PROPORTIONAL * error };
+        let may = |output: f32| {
+            let hottest = if temperature > *WORKING.end() { 0.0 } else { *OUTPUTS.end() };
+            let coldest = if temperature < *WORKING.start() { 0.0 } else { *OUTPUTS.start() };
+            output.clamp(coldest, hottest)
+        };
+        let integral = may(self.integral + INTEGRAL * error * STEP_S);
+        let wanted = proportional + integral;
+        // Beyond a limit only a change that leads back to it counts.
+        if may(wanted) == wanted || (wanted > 0.0) == (integral < self.integral) {
+            self.integral = integral;
+        }
+        let slewed = may(proportional + self.integral).clamp(self.output - SLEW, self.output + SLEW);
+        // The limits count for more than the slew: an output that is no longer allowed ends at once.
+        self.output = may(slewed);
+        self.output
+    }
+}
+
+/// The duty of heater and cooler, each 0 to 1. At most one of them is not 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Duty {
+    heater: f32,
+    cooler: f32,
+}
+
+impl Duty {
+    /// Returns the duties for an output of the control.
+    #[must_use]
+    pub fn of(output: f32) -> Self {
+        Self { heater: output.clamp(0.0, 1.0), cooler: (-output).clamp(0.0, 1.0) }
+    }
+
+    /// Returns how many of `top` counts heater and cooler are on.
+    #[must_use]
+    pub fn counts(self, top: u16) -> [u16; 2] {
+        [self.heater, self.cooler].map(|duty| (duty * f32::from(top)) as u16)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Any number, as often an ordinary one as one that is none.
+    fn any_celsius() -> impl Strategy<Value = Option<f32>> {
+        prop_oneof![
+            (-60.0_f32..130.0).prop_map(Some),
+            prop::num::f32::ANY.prop_map(Some),
+            Just(Some(f32::NAN)),
+            Just(None)
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn no_sequence_of_inputs_breaks_a_limit(
+            steps in prop::collection::vec((any_celsius(), any::<bool>(), prop::num::f32::ANY), 1..300)
+        ) {
+            let mut climate = Climate::new(f32::NAN);
+            for (temperature, allowed, commanded) in steps {
+                let (before, point) = (climate.output(), climate.set_point());
+                let accepted = climate.set(commanded);
+                prop_assert_eq!(accepted, (2.0..=40.0).contains(&commanded));
+                prop_assert!(accepted || climate.set_point() == point);
+                let output = climate.step(temperature, allowed);
+                prop_assert!((-1.0..=0.8).contains(&output));
+                let known = temperature.filter(|celsius| celsius.is_finite() && allowed);
+                prop_assert_eq!(climate.is_safe(), known.is_none());
+                match known {
+                    None => prop_assert_eq!(output, 0.0),
+                    Some(celsius) if celsius > 45.0 => prop_assert!(output <= 0.0),
+                    Some(celsius) if celsius < 0.0 => prop_assert!(output >= 0.0),
+                    Some(_) => prop_assert!((output - before).abs() <= 0.050_001),
+                }
+                let [heater, cooler] = Duty::of(output).counts(1_000);
+                prop_assert!(heater == 0 || cooler == 0);
+                prop_assert!(heater <= 800 && cooler <= 1_000);
+            }
+        }
+    }
+
+    /// A box of 2 kJ/K in air of `outside` °C, with 5 W/K through its walls, a heater of 100 W and a cooler of 60 W.
+    fn flown(climate: &mut Climate, mut celsius: f32, outside: f32, seconds: u32) -> Vec<f32> {
+        let mut record = vec![];
+        for _ in 0..seconds * 10 {
+            let output = climate.step(Some(celsius), true);
+            let power = if output > 0.0 { 100.0 * output } else { 60.0 * output };
+            celsius += (power - 5.0 * (celsius - outside)) / 2_000.0 * STEP_S;
+            record.push(celsius);
+        }
+        record
+    }
+
+    #[test]
+    fn the_box_comes_to_its_set_point_from_both_sides_and_stays() {
+        for (set_point, begins, outside) in [(20.0, 5.0, 8.0), (5.0, 15.0, 12.0), (30.0, 30.0, 18.0)] {
+            let mut climate = Climate::new(set_point);
+            let record = flown(&mut climate, begins, outside, 3_600);
+            for celsius in &record[30_000..] {
+                assert!((celsius - set_point).abs() < 0.3, "{set_point} from {begins}: {celsius}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_set_point_that_was_out_of_reach_leaves_no_windup() {
+        let mut climate = Climate::new(40.0);
+        // Against -20 °C the heater's limit of 80 W reaches -4 °C and no more.
+        let record = flown(&mut climate, -10.0, -20.0, 7_200);
+        assert_eq!(climate.output(), 0.8);
+        let end = record[record.len() - 1];
+        assert!(climate.set(2.0));
+        // The flight goes on where it is warm: there the output leaves its limit within a minute.
+        let _ = flown(&mut climate, end.max(8.0), 20.0, 60);
+        assert!(climate.output() < 0.0, "{}", climate.output());
+    }
+
+    #[test]
+    fn after_a_lost_temperature_the_control_begins_anew() {
+        let mut climate = Climate::new(30.0);
+        let _ = flown(&mut climate, 20.0, 0.0, 600);
+        assert!(climate.output() > 0.5);
+        assert_eq!((climate.step(None, true), climate.is_safe()), (0.0, true));
+        assert!(climate.step(Some(29.0), true) <= SLEW);
+        assert_eq!((climate.step(Some(29.0), false), climate.is_safe()), (0.0, true));
+    }
+
+    #[test]
+    fn duties_are_parts_of_the_period_and_of_one_side() {
+        for (output, expected) in [(0.0, [0, 0]), (0.5, [500, 0]), (-0.25, [0, 250]), (-1.0, [0, 1_000])] {
+            assert_eq!(Duty::of(output).counts(1_000), expected);
+        }
+        assert_eq!(Duty::of(f32::NAN).counts(1_000), [0, 0]);
+    }
+}

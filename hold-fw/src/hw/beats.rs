@@ -1,0 +1,75 @@
+//! The beats and the slot (TIMER1), and the command that fires a frame.
+//!
+//! TIMER1 counts µs and clears itself at each beat, so that the beats are exact. The interrupt of beat and slot has the
+//! highest priority and shares only single words with other tasks, so no lock ever masks it: in each cycle the same
+//! instructions start the transfer of the command, the same time after the tick.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use firmware_common::nrf52840::COUNTER_PRESCALER;
+use hold_fw::timing::{BEATS, BEAT_MS, SLOT_US};
+use nrf52840_hal::pac;
+
+use super::{radio, take_event};
+use crate::board::{BEAT_COMPARE, SLOT_COMPARE};
+
+/// The number of beats so far, which only the timer's interrupt writes.
+static COUNT: AtomicU32 = AtomicU32::new(0);
+
+/// Returns the number of the present beat.
+pub(crate) fn beat() -> u32 {
+    COUNT.load(Ordering::Relaxed)
+}
+
+/// Returns the number of the present cycle.
+pub(crate) fn tick() -> u32 {
+    beat() / BEATS
+}
+
+/// What the timer's interrupt was.
+pub(crate) enum Beat {
+    /// A beat; the value is true at the tick.
+    Began { is_tick: bool },
+    /// The slot, or nothing.
+    Other,
+}
+
+/// TIMER1.
+pub(crate) struct Beats(pac::TIMER1);
+
+impl Beats {
+    pub(super) fn new(timer: pac::TIMER1) -> Self {
+        timer.bitmode.write(|w| w.bitmode()._32bit());
+        // SAFETY: the field has four bits and takes 0..=9 (PS v1.7, 6.30).
+        timer.prescaler.write(|w| unsafe { w.prescaler().bits(COUNTER_PRESCALER) });
+        // SAFETY: the compare registers take any value.
+        timer.cc[BEAT_COMPARE].write(|w| unsafe { w.bits(1_000 * BEAT_MS) });
+        // SAFETY: as above.
+        timer.cc[SLOT_COMPARE].write(|w| unsafe { w.bits(SLOT_US) });
+        timer.shorts.write(|w| w.compare0_clear().enabled());
+        timer.intenset.write(|w| w.compare0().set().compare1().set());
+        Self(timer)
+    }
+
+    /// Starts the beats; the first one comes after [`BEAT_MS`].
+    pub(crate) fn start(&mut self) {
+        // Beat 0 is a tick, so the counter begins one before it.
+        COUNT.store(u32::MAX, Ordering::Relaxed);
+        // SAFETY: 1 is a valid value of a task register.
+        self.0.tasks_start.write(|w| unsafe { w.bits(1) });
+    }
+
+    /// Serves the interrupt. In the slot of a cycle it fires the frame that is loaded.
+    #[inline(always)]
+    pub(crate) fn interrupt(&mut self) -> Beat {
+        if take_event!(self.0.events_compare[SLOT_COMPARE]) {
+            radio::fire(tick());
+        }
+        if take_event!(self.0.events_compare[BEAT_COMPARE]) {
+            let count = beat().wrapping_add(1);
+            COUNT.store(count, Ordering::Relaxed);
+            return Beat::Began { is_tick: count.is_multiple_of(BEATS) };
+        }
+        Beat::Other
+    }
+}

@@ -1,0 +1,193 @@
+//! The registers. Only the files of this module have `unsafe` code in this firmware.
+//!
+//! | file | what |
+//! |---|---|
+//! | `mod.rs` | start-up: debug port, program check, supply, clock, all the files below; the safe state |
+//! | `beats.rs` | the beats and the slot, in which the frame is fired |
+//! | `radio.rs` | the front end's SPI, interrupt pin and timer |
+//! | `i2c.rs` | the sensors' bus |
+//! | `outputs.rs` | heater, cooler and lock |
+//! | `supply.rs` | the measurement of the supply |
+//!
+//! # Design
+//!
+//! Each peripheral is a type that owns the memory that its DMA may access. Compiler fences stand before each start and
+//! after each end of a transfer, so that no access to a buffer moves across; the Cortex-M4 has no data cache and
+//! completes its stores in order, so only the compiler could reorder them.
+//!
+//! # Anomalies
+//!
+//! Those of nRF52840 revisions 1 to 3 that `dpr-fw/src/hw/mod.rs` lists for peripherals that this firmware uses as well,
+//! and these:
+//!
+//! | no. | what | measure |
+//! |---|---|---|
+//! | 87 | CPU: FPU exceptions wake the processor | an extra wake-up of the idle loop does no harm |
+//! | 195, 198 | SPIM3 draws current when disabled and can corrupt what it sends | SPIM0 is used |
+//! | 219 | TWIM: SCL is low for 1.25 µs only at 400 kbit/s, and I2C wants 1.3 µs | see `i2c.rs` |
+//! | 241 | SAADC: more current after it was used | only current is lost |
+#![allow(unsafe_code)]
+
+mod beats;
+mod i2c;
+mod outputs;
+mod radio;
+mod supply;
+
+use core::sync::atomic::AtomicU32;
+
+use firmware_common::{
+    last_stop::{Cause, Stop},
+    mpu,
+    nrf52840::{self, debug_port::DebugPort, POWER_FAIL_MV},
+    program, safe_state,
+};
+use hold_fw::{kept, protection, telemetry::Telemetry};
+use nrf52840_hal::{
+    pac::{self, interrupt},
+    wdt::{count::One, handles::Hdl0, Watchdog, WatchdogHandle},
+};
+use profile::ResetReason;
+
+pub(crate) use beats::{beat, tick, Beat, Beats};
+pub(crate) use firmware_common::nrf52840::now_us;
+pub(crate) use i2c::{Bus, Memory as BusMemory, Pause};
+pub(crate) use outputs::Outputs;
+pub(crate) use radio::{Memory as RfMemory, RfEdge, RfPort};
+pub(crate) use supply::SupplyMeter;
+
+use crate::board;
+
+firmware_common::install_nrf52840_start!(cfg!(feature = "debugger-stops-watchdog"));
+firmware_common::install_safe_state!(safe_state, protection::area, board::task_of);
+
+/// The counters, which a debugger finds by this symbol.
+#[no_mangle]
+pub(crate) static HOLD_TELEMETRY: Telemetry = Telemetry::new();
+
+/// The memory of what is kept over a reset.
+#[link_section = ".uninit.KEPT"]
+static KEPT: kept::Memory = [const { [const { AtomicU32::new(0) }; kept::WORDS] }; 2];
+
+/// Reads and clears an event register, and waits until the write is through the bus bridge, so that the event does not
+/// call its interrupt again (PS v1.7, 6.1.8).
+macro_rules! take_event {
+    ($event:expr) => {{
+        let event = &$event;
+        let set = event.read().bits() != 0;
+        if set {
+            event.reset();
+            let _ = event.read();
+        }
+        set
+    }};
+}
+pub(crate) use take_event;
+
+/// The hardware that the tasks own once it is set up.
+pub(crate) struct Board {
+    /// The front end.
+    pub(crate) rf: RfPort,
+    /// The IRQ edge of the front end.
+    pub(crate) rf_edge: RfEdge,
+    /// The beats, which are started last.
+    pub(crate) beats: Beats,
+    /// The bus of the sensors.
+    pub(crate) bus: Bus,
+    /// Heater, cooler and lock.
+    pub(crate) outputs: Outputs,
+    /// The measurement of the supply.
+    pub(crate) supply: SupplyMeter,
+    /// The watchdog; `None` if something else has configured the watchdog, which then has to feed it.
+    pub(crate) watchdog: Option<WatchdogHandle<Hdl0>>,
+    /// The reason for which the part last started.
+    pub(crate) reset_reason: ResetReason,
+    /// Whether the debug port stays open.
+    pub(crate) debug_port: DebugPort,
+    /// The keeper of what is kept over a reset, and what it has kept.
+    pub(crate) kept: (kept::Keeper, Option<kept::Kept>),
+}
+
+/// The static memory that DMA uses.
+pub(crate) struct DmaMemory {
+    pub(crate) radio: &'static mut radio::Memory,
+    pub(crate) bus: &'static mut i2c::Memory,
+    pub(crate) duties: &'static mut outputs::Memory,
+    pub(crate) supply: &'static mut supply::Memory,
+}
+
+/// Configures all hardware. If the program differs from the one that was built, the hold enters the safe state before
+/// any pin is an output.
+pub(crate) fn init(core: &mut cortex_m::Peripherals, p: pac::Peripherals, memory: DmaMemory) -> Board {
+    // The debug port is opened first, so that a debugger reaches a board whose firmware stops early.
+    let debug_port = nrf52840::open_debug_port(&p.FICR, &p.UICR);
+
+    // The watchdog was started by the first instructions, or before a soft reset or a lockup.
+    let watchdog = Watchdog::try_recover::<One>(p.WDT).ok().map(|parts| parts.handles.0);
+    let reset_reason = nrf52840::reset_reason();
+
+    p.NVMC.icachecnf.write(|w| w.cacheen().enabled());
+    let flash = program::compare();
+    if !flash.is_intact() {
+        safe_state::enter(
+            safe_state,
+            || Stop::new(Cause::Flash, 0, flash.computed),
+            |_| {
+                defmt::error!(
+                    "flash holds CRC {=u32:#010x}, not {=u32:#010x}: build with `cargo xtask build`, or flash again",
+                    flash.computed,
+                    flash.expected
+                );
+            },
+        );
+    }
+    safe_state::name_faults(&mut core.SCB);
+    mpu::apply(&mut core.MPU, &protection::START);
+
+    if nrf52840::watch_supply(&p.POWER) {
+        stop_for_supply();
+    }
+    // Without the crystal the hold's clock is too coarse for the DPR and for the writers of commands.
+    if !nrf52840::start_crystal(&p.CLOCK) {
+        let log = |_: &Stop| defmt::error!("the 32 MHz crystal does not start");
+        safe_state::enter(safe_state, || Stop::new(Cause::ClockStart, 0, 0), log);
+    }
+    core.DCB.enable_trace();
+    core.DWT.enable_cycle_counter();
+
+    let kept = kept::Keeper::take(&KEPT);
+    let locked = kept.1.unwrap_or_default().locked;
+    let board::Pins { rf: rf_pins, bus: bus_pins, outputs: output_pins } = board::Pins::new(p.P0, p.P1, locked);
+    let gpiote = board::connect(p.GPIOTE, &rf_pins.irq);
+    nrf52840::start_counter(&p.TIMER0);
+    Board {
+        rf: RfPort::new(p.SPIM0, p.TIMER0, rf_pins, memory.radio),
+        rf_edge: RfEdge::new(gpiote),
+        beats: Beats::new(p.TIMER1),
+        bus: Bus::new(p.TWIM1, bus_pins, memory.bus),
+        outputs: Outputs::new(p.PWM0, output_pins, memory.duties),
+        supply: SupplyMeter::new(p.SAADC, memory.supply),
+        watchdog,
+        reset_reason,
+        debug_port,
+        kept,
+    }
+}
+
+fn stop_for_supply() -> ! {
+    let stop = || Stop::new(Cause::Supply, safe_state::active_exception(), POWER_FAIL_MV);
+    safe_state::enter(safe_state, stop, |stop| log_stop("supply", stop))
+}
+
+/// Stops the hold because the supply falls; no other event of CLOCK and POWER is enabled to raise this interrupt.
+#[interrupt]
+fn POWER_CLOCK() -> ! {
+    stop_for_supply()
+}
+
+/// Enters the safe state: heater and cooler are off, and the lock stays as it is.
+pub(crate) fn safe_state() {
+    outputs::off();
+}
+
+defmt::timestamp!("{=u32:us}", now_us());

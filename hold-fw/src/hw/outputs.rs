@@ -1,0 +1,80 @@
+//! Heater and cooler (PWM0) and the lock.
+//!
+//! PWM0 plays one step of duties, which goes on until the next one. If it is disabled, its pins follow GPIO's output,
+//! which is low, so heater and cooler are off.
+
+use core::sync::atomic::{compiler_fence, Ordering};
+
+use embedded_hal::digital::{OutputPin, PinState};
+use hold_fw::{climate::Duty, state};
+use nrf52840_hal::{
+    gpio::{Output, Pin, PushPull},
+    pac,
+};
+
+use crate::board::OutputPins;
+
+/// The counts of a period of the PWM: 1 ms.
+const TOP: u16 = 1_000;
+/// The bit of a duty that makes the pin high from the period's start until the duty's count (PS v1.7, 6.17).
+const HIGH_FIRST: u16 = 1 << 15;
+
+/// The duties that the PWM's DMA reads, one for each channel.
+pub(crate) type Memory = [u16; 4];
+
+/// Heater, cooler and lock.
+pub(crate) struct Outputs {
+    pwm: pac::PWM0,
+    lock: Pin<Output<PushPull>>,
+    duties: &'static mut Memory,
+}
+
+impl Outputs {
+    pub(super) fn new(pwm: pac::PWM0, pins: OutputPins, duties: &'static mut Memory) -> Self {
+        let OutputPins { heater, cooler, lock } = pins;
+        for (select, pin) in pwm.psel.out.iter().zip([heater, cooler]) {
+            // SAFETY: the selector is that of an output, which the PWM owns from now on.
+            select.write(|w| unsafe { w.bits(pin.psel_bits()) });
+        }
+        // 16 MHz / 2^4 makes a count of 1 µs.
+        pwm.prescaler.write(|w| w.prescaler().div_16());
+        // SAFETY: the field has 15 bits and takes 3..=32767 (PS v1.7, 6.17).
+        pwm.countertop.write(|w| unsafe { w.countertop().bits(TOP) });
+        pwm.decoder.write(|w| w.load().individual().mode().refresh_count());
+        // SAFETY: the memory is that of the duties, which `self` owns for ever.
+        pwm.seq0.ptr.write(|w| unsafe { w.bits(duties.as_ptr() as u32) });
+        // SAFETY: the sequence has as many values as the duties.
+        pwm.seq0.cnt.write(|w| unsafe { w.bits(duties.len() as u32) });
+        pwm.seq0.refresh.reset();
+        pwm.enable.write(|w| w.enable().enabled());
+        let mut outputs = Self { pwm, lock, duties };
+        outputs.play(Duty::default());
+        outputs
+    }
+
+    fn play(&mut self, duty: Duty) {
+        let [heater, cooler] = duty.counts(TOP);
+        // Two halves of a word are stored one after the other, so the side that goes off is stored first.
+        if heater == 0 {
+            (self.duties[0], self.duties[1]) = (HIGH_FIRST, cooler | HIGH_FIRST);
+        } else {
+            (self.duties[1], self.duties[0]) = (HIGH_FIRST, heater | HIGH_FIRST);
+        }
+        compiler_fence(Ordering::SeqCst);
+        // SAFETY: 1 is a valid value of a task register.
+        self.pwm.tasks_seqstart[0].write(|w| unsafe { w.bits(1) });
+    }
+
+    /// Does what the hold's state wants.
+    pub(crate) fn apply(&mut self, wanted: state::Outputs) {
+        self.play(Duty::of(wanted.output));
+        let Ok(()) = self.lock.set_state(if wanted.locked { PinState::High } else { PinState::Low });
+    }
+}
+
+/// Switches heater and cooler off, whether or not they were ever set up. All interrupts must be masked for good.
+pub(super) fn off() {
+    // SAFETY: a register block is always there, and no task runs any more.
+    let pwm = unsafe { &*pac::PWM0::ptr() };
+    pwm.enable.write(|w| w.enable().disabled());
+}

@@ -1,0 +1,267 @@
+//! The front end's registers: SPIM0, chip select, the IRQ pin, and the driver's timer.
+//!
+//! Every operation of the port starts something and returns. The SPI has two users that never use it at once: the
+//! slot's interrupt from [`FrontEndPort::arm`] to the slot, and otherwise the tasks of the front end, which have one
+//! priority.
+
+use core::sync::atomic::{compiler_fence, AtomicU32, Ordering};
+
+use embedded_hal::digital::{InputPin, OutputPin};
+use hold_fw::{
+    exchange::{FrontEndPort, Ticket},
+    task::Task,
+};
+use nrf52840_hal::{gpiote::Gpiote, pac};
+use profile::hold::HoldObject;
+use st25r3916::{
+    command,
+    executor::{Failed, Port},
+    listener::{BUFFER, PAYLOAD_OFFSET},
+    Exchange, Short,
+};
+
+use super::{now_us, take_event};
+use crate::board::{call, RfPins, WAIT_COMPARE};
+
+/// The number of polls within which SPIM0 must have stopped; it stops at the end of the byte under way, within 1 µs.
+const STOP_POLLS: u32 = 1_000;
+/// The shortest time from now to a compare value, µs: the counter could pass a nearer value before it is set.
+const SHORTEST_US: u32 = 2;
+/// The byte that is clocked in under a command.
+const LEAD: usize = 1;
+
+/// The ticket for the next slot, as a word; 0 is none.
+static ARMED: AtomicU32 = AtomicU32::new(0);
+/// The bit of chip select in port 1, for the slot.
+const SELECT: u32 = 1 << 12;
+
+/// Fires the frame of cycle `tick`, if it is loaded: lowers chip select and starts the transfer of the command, which
+/// [`FrontEndPort::arm`] has set up.
+#[inline(always)]
+pub(super) fn fire(tick: u32) {
+    if !Ticket::is_due(ARMED.load(Ordering::Acquire), tick) {
+        return;
+    }
+    ARMED.store(0, Ordering::Relaxed);
+    // SAFETY: a register block is always there, and from `arm` to the ticket's end only this function uses the SPI and
+    // chip select; OUTCLR changes only the pins whose bits are ones.
+    let (port, spim) = unsafe { (&*pac::P1::ptr(), &*pac::SPIM0::ptr()) };
+    // SAFETY: the bit is that of chip select.
+    port.outclr.write(|w| unsafe { w.bits(SELECT) });
+    // SAFETY: 1 is a valid value of a task register; `arm` has set up pointers and counts.
+    spim.tasks_start.write(|w| unsafe { w.bits(1) });
+}
+
+/// The interrupt of the front end's IRQ pin, which its rising edge raises.
+pub(crate) struct RfEdge(Gpiote);
+
+impl RfEdge {
+    pub(super) fn new(gpiote: Gpiote) -> Self {
+        Self(gpiote)
+    }
+
+    /// Clears the interrupt of the IRQ pin. The driver's state machine then reads the pin's level, not the edge.
+    pub(crate) fn clear(&mut self) {
+        let channel = self.0.channel0();
+        take_event!(*channel.event());
+    }
+}
+
+/// The memory that the SPI's DMA reads and writes.
+pub(crate) struct Memory {
+    /// The bytes to send: a short transfer, or the command of a load with the bytes of the frame behind it.
+    send: [u8; LEAD + HoldObject::SIZE],
+    /// The bytes received: those of a short transfer, or the byte under the command with the answer behind it.
+    receive: [u8; LEAD + BUFFER],
+}
+
+impl Memory {
+    pub(crate) const EMPTY: Self = Self { send: [0; LEAD + HoldObject::SIZE], receive: [0; LEAD + BUFFER] };
+}
+
+/// What the transfer that runs, or has ended last, has to bring.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Transfer {
+    Nothing,
+    /// All bytes of a short transfer.
+    Short(usize),
+    /// The bytes behind the one under the command.
+    Read(usize),
+}
+
+/// SPIM0, chip select, IRQ pin and timer compare 0.
+pub struct RfPort {
+    spim: pac::SPIM0,
+    timer: pac::TIMER0,
+    pins: RfPins,
+    memory: &'static mut Memory,
+    frame: [u8; HoldObject::SIZE],
+    transfer: Transfer,
+    timer_from: u32,
+    timer_us: u32,
+}
+
+impl RfPort {
+    pub(super) fn new(spim: pac::SPIM0, timer: pac::TIMER0, pins: RfPins, memory: &'static mut Memory) -> Self {
+        // SAFETY: the value is the selector of a pin that `pins` owns and that is configured as PS v1.7, 6.25.2 wants.
+        spim.psel.sck.write(|w| unsafe { w.bits(pins.clock.psel_bits()) });
+        // SAFETY: the selector is that of the MOSI pin, which `pins` owns.
+        spim.psel.mosi.write(|w| unsafe { w.bits(pins.mosi.psel_bits()) });
+        // SAFETY: the selector is that of the MISO pin, which `pins` owns.
+        spim.psel.miso.write(|w| unsafe { w.bits(pins.miso.psel_bits()) });
+        spim.frequency.write(|w| w.frequency().m8());
+        // The SPIM works in mode 1: the clock is low when idle, and data are taken at the trailing edge.
+        spim.config.write(|w| w.order().msb_first().cpha().trailing().cpol().active_high());
+        // SAFETY: any byte may be sent beyond the end of the transmit buffer.
+        spim.orc.write(|w| unsafe { w.orc().bits(0) });
+        spim.intenset.write(|w| w.end().set());
+        spim.enable.write(|w| w.enable().enabled());
+        timer.intenset.write(|w| w.compare0().set());
+        Self {
+            spim,
+            timer,
+            pins,
+            memory,
+            frame: [0; HoldObject::SIZE],
+            transfer: Transfer::Nothing,
+            timer_from: 0,
+            timer_us: u32::MAX,
+        }
+    }
+
+    /// Sets SPIM0 up to send `send` bytes and to receive `receive` bytes of its memory.
+    fn set_up(&mut self, send: usize, receive: usize) {
+        let send = send.min(self.memory.send.len()) as u16;
+        let receive = receive.min(self.memory.receive.len()) as u16;
+        // SAFETY: (all four) `self` owns the memory for ever, the counts are at most its lengths, and nobody else
+        // accesses it until the transfer has ended or was stopped.
+        self.spim.txd.ptr.write(|w| unsafe { w.ptr().bits(self.memory.send.as_ptr() as u32) });
+        // SAFETY: as above.
+        self.spim.txd.maxcnt.write(|w| unsafe { w.maxcnt().bits(send) });
+        // SAFETY: as above.
+        self.spim.rxd.ptr.write(|w| unsafe { w.ptr().bits(self.memory.receive.as_mut_ptr() as u32) });
+        // SAFETY: as above.
+        self.spim.rxd.maxcnt.write(|w| unsafe { w.maxcnt().bits(receive) });
+        self.spim.events_end.reset();
+        // All writes to the buffers must be in memory before the DMA reads or overwrites it.
+        compiler_fence(Ordering::SeqCst);
+    }
+
+    fn start(&mut self, send: usize, receive: usize) {
+        self.set_up(send, receive);
+        let Ok(()) = self.pins.select.set_low();
+        // SAFETY: 1 is a valid value of a task register.
+        self.spim.tasks_start.write(|w| unsafe { w.bits(1) });
+    }
+
+    fn finish(&mut self) {
+        let Ok(()) = self.pins.select.set_high();
+        compiler_fence(Ordering::SeqCst);
+    }
+}
+
+impl Port for RfPort {
+    fn start_short(&mut self, short: &Short) {
+        let bytes = short.bytes();
+        self.memory.send[..bytes.len()].copy_from_slice(bytes);
+        self.transfer = Transfer::Short(bytes.len());
+        self.start(bytes.len(), bytes.len());
+    }
+
+    fn start_load(&mut self, offset: usize, len: usize) -> bool {
+        let Some(bytes) = self.frame.get(offset..offset + len) else { return false };
+        self.memory.send[0] = command::FIFO_LOAD;
+        self.memory.send[LEAD..LEAD + len].copy_from_slice(bytes);
+        self.transfer = Transfer::Nothing;
+        self.start(LEAD + len, 0);
+        true
+    }
+
+    fn start_read(&mut self, offset: usize, len: usize) -> bool {
+        // An exchange reads an answer at once.
+        if offset != 0 || len > BUFFER {
+            return false;
+        }
+        // An answer that came before can never be taken for this one.
+        self.memory.receive.fill(0);
+        self.memory.send[0] = command::FIFO_READ;
+        self.transfer = Transfer::Read(len);
+        self.start(LEAD, LEAD + len);
+        true
+    }
+
+    fn ended(&mut self) -> bool {
+        if !take_event!(self.spim.events_end) {
+            return false;
+        }
+        self.finish();
+        true
+    }
+
+    fn response(&self) -> Result<&[u8], Failed> {
+        let received = usize::from(self.spim.rxd.amount.read().amount().bits());
+        let (from, len) = match self.transfer {
+            Transfer::Nothing => return Ok(&[]),
+            Transfer::Short(len) => (0, len),
+            Transfer::Read(len) => (LEAD, len),
+        };
+        self.memory.receive.get(from..from + len).filter(|_| received == from + len).ok_or(Failed)
+    }
+
+    fn abort(&mut self) {
+        self.spim.events_stopped.reset();
+        // SAFETY: 1 is a valid value of a task register.
+        self.spim.tasks_stop.write(|w| unsafe { w.bits(1) });
+        let stopped = (0..STOP_POLLS).any(|_| self.spim.events_stopped.read().bits() != 0);
+        // Until STOPPED the peripheral may still write to the buffers (PS v1.7, 6.25, "Low power": wait for it).
+        assert!(stopped, "SPIM0 does not stop");
+        self.spim.events_end.reset();
+        self.finish();
+    }
+
+    fn irq_is_high(&mut self) -> bool {
+        let Ok(high) = self.pins.irq.is_high();
+        high
+    }
+
+    fn start_timer(&mut self, us: u32) {
+        let us = us.max(SHORTEST_US);
+        self.timer_from = now_us();
+        self.timer_us = us;
+        // SAFETY: the compare register takes any value.
+        self.timer.cc[WAIT_COMPARE].write(|w| unsafe { w.bits(self.timer_from.wrapping_add(us)) });
+        self.timer.events_compare[WAIT_COMPARE].reset();
+        if now_us().wrapping_sub(self.timer_from) >= us {
+            // If the task was preempted for long, the counter has passed the value already, so the task is called now.
+            call(Task::rf_timer);
+        }
+    }
+
+    fn elapsed(&mut self) -> bool {
+        take_event!(self.timer.events_compare[WAIT_COMPARE]);
+        now_us().wrapping_sub(self.timer_from) >= self.timer_us
+    }
+}
+
+impl FrontEndPort for RfPort {
+    fn deposit(&mut self, frame: &[u8; HoldObject::SIZE]) {
+        self.frame = *frame;
+    }
+
+    fn arm(&mut self, ticket: Ticket) {
+        let command = Exchange::transmit();
+        self.memory.send[..command.bytes().len()].copy_from_slice(command.bytes());
+        self.transfer = Transfer::Nothing;
+        self.set_up(command.bytes().len(), 0);
+        ARMED.store(ticket.word(), Ordering::Release);
+    }
+
+    fn disarm(&mut self) -> bool {
+        ARMED.swap(0, Ordering::Acquire) != 0
+    }
+
+    fn answer(&self, len: usize) -> &[u8] {
+        let from = LEAD + PAYLOAD_OFFSET;
+        self.memory.receive.get(from..from + len).unwrap_or(&[])
+    }
+}

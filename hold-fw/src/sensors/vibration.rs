@@ -1,0 +1,178 @@
+//! Vibration and shocks from the samples of an accelerometer.
+//!
+//! The *vibration* along an axis is the standard deviation of the samples of the last second: the root mean square of
+//! the acceleration without its mean, which has gravity in it. A *shock* is the greatest distance of a sample from that
+//! mean. Sums are integers, so that nothing is lost as samples enter and leave.
+
+use super::SAMPLES_PER_SECOND;
+
+/// The number of readings of the sensor in a second.
+pub const READINGS: usize = 20;
+
+/// The fewest samples in a second that make a result; the sensor's clock may be some percent slow.
+const FEWEST: u32 = SAMPLES_PER_SECOND * 3 / 4;
+
+/// A sample: x, y, z in [digits](DIGIT).
+pub type Sample = [i16; 3];
+
+/// A digit, m/s²: 12 mg, in a range of 16 g with 12 bits (LIS3DH and LIS2DH12 data sheets, table "mechanical
+/// characteristics").
+pub const DIGIT: f32 = 0.012 * 9.806_65;
+
+/// The sums over the samples of one reading.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Sums {
+    samples: u32,
+    sum: [i64; 3],
+    squares: [i64; 3],
+}
+
+impl Sums {
+    fn of(samples: &[Sample]) -> Self {
+        let mut sums = Self::default();
+        for sample in samples {
+            sums.samples += 1;
+            for (axis, value) in sample.iter().enumerate() {
+                sums.sum[axis] += i64::from(*value);
+                sums.squares[axis] += i64::from(*value) * i64::from(*value);
+            }
+        }
+        sums
+    }
+}
+
+/// The samples of the last second, as sums, and the greatest shock.
+#[derive(Clone, Debug, Default)]
+pub struct Vibration {
+    readings: [Sums; READINGS],
+    next: usize,
+    greatest: Option<f32>,
+}
+
+impl Vibration {
+    /// Returns the state without a sample.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Takes the samples of a reading, in the place of the reading a second ago.
+    pub fn take(&mut self, samples: &[Sample]) {
+        // A shock is measured against the second before it, so that it does not move its own mean.
+        if let Some(total) = self.total() {
+            let count = total.samples as f32;
+            let mean = total.sum.map(|sum| sum as f32 / count);
+            let squares = samples.iter().map(|sample| {
+                (0..3).map(|axis| f32::from(sample[axis]) - mean[axis]).map(|distance| distance * distance).sum::<f32>()
+            });
+            let shock = DIGIT * libm::sqrtf(squares.fold(0.0, f32::max));
+            self.greatest = Some(self.greatest.unwrap_or(0.0).max(shock));
+        }
+        self.readings[self.next] = Sums::of(samples);
+        self.next = (self.next + 1) % READINGS;
+    }
+
+    /// Forgets all samples, after a fault of the sensor, but not the greatest shock.
+    pub fn clear(&mut self) {
+        self.readings = [Sums::default(); READINGS];
+    }
+
+    /// Returns the vibration along x, y, z, m/s²; `None` while there is not about a second of samples.
+    #[must_use]
+    pub fn rms(&self) -> Option<[f32; 3]> {
+        let total = self.total()?;
+        let count = i64::from(total.samples);
+        Some([0, 1, 2].map(|axis| {
+            let scatter = count * total.squares[axis] - total.sum[axis] * total.sum[axis];
+            DIGIT * libm::sqrtf(scatter as f32) / count as f32
+        }))
+    }
+
+    /// Returns the greatest shock since the last call, m/s²; `None` if none could be measured.
+    pub fn take_greatest(&mut self) -> Option<f32> {
+        self.greatest.take()
+    }
+
+    fn total(&self) -> Option<Sums> {
+        let mut total = Sums::default();
+        for reading in &self.readings {
+            total.samples += reading.samples;
+            for axis in 0..3 {
+                total.sum[axis] += reading.sum[axis];
+                total.squares[axis] += reading.squares[axis];
+            }
+        }
+        (total.samples >= FEWEST).then_some(total)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn second(of: impl Fn(usize) -> Sample) -> Vibration {
+        let mut vibration = Vibration::new();
+        let samples: Vec<Sample> = (0..400).map(of).collect();
+        samples.chunks(20).for_each(|reading| vibration.take(reading));
+        vibration
+    }
+
+    #[test]
+    fn gravity_alone_is_no_vibration_and_a_sine_has_its_rms() {
+        assert_eq!(second(|_| [0, -3, 83]).rms(), Some([0.0; 3]));
+        let sine = |n: usize| (100.0 * (n as f64 * std::f64::consts::TAU * 50.0 / 400.0).sin()).round() as i16;
+        let [x, y, z] = second(|n| [sine(n), 0, 83 + sine(n)]).rms().unwrap();
+        let expected = 100.0 / 2.0_f32.sqrt() * DIGIT;
+        assert!((x - expected).abs() < 0.01 * expected && y == 0.0 && (z - x).abs() < 1e-3, "{x} {y} {z}");
+    }
+
+    #[test]
+    fn the_vibration_is_unknown_until_a_second_of_samples_is_there() {
+        let mut vibration = Vibration::new();
+        for reading in 0..15 {
+            assert_eq!(vibration.rms(), None, "{reading}");
+            vibration.take(&[[1, 2, 3]; 20]);
+        }
+        assert!(vibration.rms().is_some());
+        vibration.clear();
+        assert_eq!(vibration.rms(), None);
+        // Readings that find nothing push the samples of a second ago out.
+        let mut vibration = second(|_| [0, 0, 83]);
+        (0..6).for_each(|_| vibration.take(&[]));
+        assert_eq!(vibration.rms(), None);
+    }
+
+    #[test]
+    fn a_second_after_it_a_shock_is_kept_as_greatest_only() {
+        let mut vibration = second(|_| [0, 0, 83]);
+        let _ = vibration.take_greatest();
+        vibration.take(&[[300, 400, 83]]);
+        assert!(vibration.rms().unwrap()[0] > 0.0);
+        for _ in 0..READINGS {
+            vibration.take(&[[0, 0, 83]; 20]);
+        }
+        assert_eq!(vibration.rms(), Some([0.0; 3]));
+        let greatest = vibration.take_greatest().unwrap();
+        assert!((greatest - 500.0 * DIGIT).abs() < 0.1, "{greatest}");
+        assert_eq!(vibration.take_greatest(), None);
+    }
+
+    proptest! {
+        #[test]
+        fn the_rms_is_that_of_the_definition(
+            samples in prop::collection::vec([-2_048_i16..2_048, -2_048_i16..2_048, -2_048_i16..2_048], 310..640)
+        ) {
+            let mut vibration = Vibration::new();
+            samples.chunks(32).for_each(|reading| vibration.take(reading));
+            let rms = vibration.rms().unwrap();
+            for axis in 0..3 {
+                let values: Vec<f64> = samples.iter().map(|sample| f64::from(sample[axis])).collect();
+                let mean = values.iter().sum::<f64>() / values.len() as f64;
+                let square = values.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>();
+                let expected = (square / values.len() as f64).sqrt() * f64::from(DIGIT);
+                prop_assert!((f64::from(rms[axis]) - expected).abs() < 1e-4 * expected + 1e-4);
+            }
+        }
+    }
+}
