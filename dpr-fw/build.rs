@@ -2,6 +2,8 @@
 
 use std::{env, error::Error, fs, path::PathBuf};
 
+use firmware_common::task_table;
+
 fn main() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(env::var("OUT_DIR")?);
     for script in ["memory.x", "hot.x"] {
@@ -13,8 +15,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     if env::var("CARGO_CFG_TARGET_OS")? == "none" {
         println!("cargo:rustc-link-arg-bins=-Tprogram_crc.x");
     }
+    // The tasks of the second port come last, since they are the least urgent.
     let application = fs::read_to_string("src/main.rs")?;
-    fs::write(out.join("each_task.rs"), firmware_common::task_table::each_task(&application))?;
+    let (always, hold) =
+        application.split_once("#[cfg(feature = \"hold\")]\n    #[task(").ok_or("no task of a hold")?;
+    let hold = task_table::each_task(&format!("#[task({hold}"));
+    let with_hold = env::var_os("CARGO_FEATURE_HOLD").is_some();
+    fs::write(out.join("each_task.rs"), task_table::each_task(if with_hold { &application } else { always }))?;
+    fs::write(out.join("each_hold_task.rs"), hold.replace("each_task", "each_hold_task"))?;
     println!("cargo:rerun-if-changed=src/main.rs");
     Ok(())
 }

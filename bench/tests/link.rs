@@ -134,7 +134,7 @@ fn every_wire_of_the_trace_moves_and_no_instant_comes_before_another() {
 fn crystals_at_their_worst_against_each_other_change_nothing() {
     let Some(mut setup) = setup(3, 300) else { return };
     for (horus_ppb, dpr_ppb) in [(100_000, -100_000), (-100_000, 100_000)] {
-        setup.crystals = Crystals { horus_ppb, dpr_ppb, flight_controller_ppb: dpr_ppb };
+        setup.crystals = Crystals { horus_ppb, dpr_ppb, flight_controller_ppb: dpr_ppb, hold_ppb: 0 };
         let report = outcome(&setup).report;
         assert_eq!(report.violations, [""; 0]);
         assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4);

@@ -42,7 +42,7 @@ fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64
     // The sweep begins with the second frame. On a slower clock that frame comes up to four cycles later, so the run is
     // longer.
     let setup = Setup {
-        crystals: Crystals { horus_ppb, dpr_ppb, flight_controller_ppb: 0 },
+        crystals: Crystals { horus_ppb, dpr_ppb, flight_controller_ppb: 0, hold_ppb: 0 },
         sweep: Some(sweep.clone()),
         clock,
         ..Setup::new(Images { horus, dpr }, gps, (cycles + 7) * 10_000_000)

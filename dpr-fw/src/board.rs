@@ -15,6 +15,11 @@
 //! | SSI MISO | P1.03 | D2 | out while selected |
 //! | SSI CSN | P1.04 | D3 | in, pulled up |
 //! | FRESH | P1.05 | D4 | out |
+//! | second front end MISO | P1.06 | D5 | in |
+//! | second front end MOSI | P1.07 | D6 | out |
+//! | second front end SCK | P1.08 | D7 | out |
+//! | second front end chip select | P1.10 | D8 | out |
+//! | second front end IRQ | P1.11 | D9 | in, pulled down |
 //!
 //! | peripheral | use | task |
 //! |---|---|---|
@@ -27,6 +32,9 @@
 //! | TIMER2 | time since FRESH, µs. Compare 0 and 1: expiry of the image. Compare 2: end of the FRESH pulse | – |
 //! | TIMER3 | time since a transaction was served, µs. Compare 0: end of the pause | `ssi_pause` |
 //! | SWI0, SWI1, SWI2 | calls from other tasks | `commit`, `scrub`, `port` |
+//! | SPIM2 | second front end | `hold_spi` |
+//! | GPIOTE channel 2, EGU3 channel 0 | rising edge of the second front end's IRQ, without GPIOTE's interrupt | `hold_irq` |
+//! | TIMER4 | µs counter; compare 0: a wait of the driver, 2: start of the answer; capture 1: IRQ edge, 3: now | `hold_timer` |
 //! | WDT | watchdog | – |
 //!
 //! | PPI channel | event | task |
@@ -35,6 +43,11 @@
 //! | 1 | TIMER2 COMPARE\[0\] | SPIS1 ACQUIRE |
 //! | 2 | TIMER2 COMPARE\[1\] | SPIS1 ACQUIRE |
 //! | 3 | TIMER2 COMPARE\[2\] | GPIOTE CLR\[1\] |
+//! | 4 | GPIOTE IN\[2\] | EGU3 TRIGGER\[0\] |
+//! | 5 | GPIOTE IN\[2\] | TIMER4 CAPTURE\[1\] |
+//! | 6 | TIMER4 COMPARE\[2\] | SPIM2 START |
+//!
+//! The second front end, SPIM2, EGU3 and TIMER4, and what belongs to them here, are used with the feature `hold` only.
 
 use dpr_fw::task::{Task, TASKS};
 use nrf52840_hal::{
@@ -50,10 +63,16 @@ dpr_fw::each_task!(firmware_common::task_vectors);
 pub(crate) const SSI_SELECT_PIN: u8 = 4;
 /// The GPIOTE channel of FRESH.
 pub(crate) const FRESH_CHANNEL: usize = 1;
-/// The compare register of TIMER0 for the waits of the front end's driver.
+/// The compare register of TIMER0, and of TIMER4, for the waits of the front end's driver.
 pub(crate) const WAIT_COMPARE: usize = 0;
-/// The capture register of TIMER0 for the IRQ's edge.
+/// The capture register of TIMER0, and of TIMER4, for the IRQ's edge.
 pub(crate) const EDGE_CAPTURE: usize = 1;
+/// The capture register of TIMER4 for the present time.
+#[cfg(feature = "hold")]
+pub(crate) use firmware_common::nrf52840::NOW_CAPTURE;
+/// The compare register of TIMER4 for the start of the answer.
+#[cfg(feature = "hold")]
+pub(crate) const HOLD_ANSWER_COMPARE: usize = 2;
 /// The compare registers of TIMER2 for the expiry of the image.
 pub(crate) const EXPIRY_COMPARES: [usize; 2] = [0, 1];
 /// The compare register of TIMER2 for the end of the FRESH pulse.
@@ -61,7 +80,7 @@ pub(crate) const PULSE_COMPARE: usize = 2;
 /// The compare register of TIMER3 for the end of the pause after a transaction.
 pub(crate) const PAUSE_COMPARE: usize = 0;
 
-/// The pins of the front end.
+/// The pins of a front end.
 pub(crate) struct RfPins {
     pub(crate) select: Pin<Output<PushPull>>,
     pub(crate) mosi: Pin<Output<PushPull>>,
@@ -83,6 +102,8 @@ pub(crate) struct Pins {
     pub(crate) rf: RfPins,
     pub(crate) ssi: SsiPins,
     pub(crate) fresh: Pin<Output<PushPull>>,
+    #[cfg(feature = "hold")]
+    pub(crate) hold: RfPins,
 }
 
 impl Pins {
@@ -105,6 +126,14 @@ impl Pins {
                 select: port1.p1_04.into_pullup_input().degrade(),
             },
             fresh: port1.p1_05.into_push_pull_output(Level::Low).degrade(),
+            #[cfg(feature = "hold")]
+            hold: RfPins {
+                select: port1.p1_10.into_push_pull_output(Level::High).degrade(),
+                mosi: port1.p1_07.into_push_pull_output(Level::Low).degrade(),
+                miso: port1.p1_06.into_floating_input().degrade(),
+                clock: port1.p1_08.into_push_pull_output(Level::Low).degrade(),
+                irq: port1.p1_11.into_pulldown_input().degrade(),
+            },
         }
     }
 }
@@ -119,7 +148,7 @@ pub(crate) fn connect(
     timer0: &pac::TIMER0,
     timer2: &pac::TIMER2,
     spis: &pac::SPIS1,
-) -> Gpiote {
+) -> (Gpiote, ppi::Parts) {
     let gpiote = Gpiote::new(gpiote);
     gpiote.channel0().input_pin(irq).lo_to_hi().enable_interrupt();
     gpiote.channel1().output_pin(fresh).task_out_polarity(TaskOutPolarity::Set).init_low();
@@ -137,5 +166,29 @@ pub(crate) fn connect(
     ppi.ppi3.set_event_endpoint(&timer2.events_compare[PULSE_COMPARE]);
     ppi.ppi3.set_task_endpoint(gpiote.channel1().task_clr());
     ppi.ppi3.enable();
-    gpiote
+    (gpiote, ppi)
+}
+
+/// Configures the GPIOTE channel and the PPI channels of the second front end as the tables say.
+#[cfg(feature = "hold")]
+pub(crate) fn connect_hold(
+    gpiote: &Gpiote,
+    mut ppi: ppi::Parts,
+    irq: &Pin<Input<PullDown>>,
+    timer: &pac::TIMER4,
+    spim: &pac::SPIM2,
+    egu: &pac::EGU3,
+) {
+    use nrf52840_hal::timer::Instance as _;
+
+    gpiote.channel2().input_pin(irq).lo_to_hi();
+    ppi.ppi4.set_event_endpoint(gpiote.channel2().event());
+    ppi.ppi4.set_task_endpoint(&egu.tasks_trigger[0]);
+    ppi.ppi4.enable();
+    ppi.ppi5.set_event_endpoint(gpiote.channel2().event());
+    ppi.ppi5.set_task_endpoint(&timer.as_timer0().tasks_capture[EDGE_CAPTURE]);
+    ppi.ppi5.enable();
+    ppi.ppi6.set_event_endpoint(&timer.as_timer0().events_compare[HOLD_ANSWER_COMPARE]);
+    ppi.ppi6.set_task_endpoint(&spim.tasks_start);
+    ppi.ppi6.enable();
 }

@@ -18,6 +18,7 @@
 //! | [`publish`] | hands images to the SSI, FRESH, expiry | commit, SSI interrupt |
 //! | [`ssi`] | what the flight controller asked for, and how many transactions it gets | SSI interrupt |
 //! | [`port`] | what the flight controller wrote: uplinks, commands, Port-Status | port |
+//! | [`hold`] | the second port: the hold's frames and the answers to them (feature `hold`) | hold interrupts |
 //! | [`task`] | the tasks that have to check in, so that the watchdog may be fed | every task |
 //! | [`telemetry`] | the counters that a debugger, or the bench, reads from RAM | every task |
 //!
@@ -28,6 +29,7 @@
 
 pub mod accept;
 pub mod commit;
+pub mod hold;
 pub mod intake;
 pub mod integrity;
 pub mod link;
@@ -66,7 +68,9 @@ pub const RECEIVERS: usize = if cfg!(feature = "gps-1") {
 /// The words of a receive buffer: [`rf::LEAD`] bytes, then LEN, payload and CRC-16 of the longest NFC-F frame.
 pub const RECEIVE_WORDS: usize = (rf::LEAD + st25r3916::listener::BUFFER).div_ceil(4);
 /// The number of words of an image buffer: it holds the map for five receivers, which is the longest.
-pub const IMAGE_WORDS: usize = profile::map::Map::<5>::LEN.div_ceil(4);
+pub const IMAGE_WORDS: usize = (profile::map::Map::<5>::LEN + hold::SHOWN).div_ceil(4);
+/// The number of bytes of the map that the flight controller can read: with the hold's place if there is a hold.
+pub const MAP_BYTES: usize = profile::map::Map::<RECEIVERS>::LEN + hold::SHOWN;
 
 /// The memory of one air frame.
 pub type ReceiveMemory = [u32; RECEIVE_WORDS];

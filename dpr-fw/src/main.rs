@@ -9,6 +9,7 @@
 //! | `commit`, `deadline` | a frame is in its buffer; 12.5 ms without one | 0.1 ms |
 //! | `scrub` | a buffer was read | 10 ms |
 //! | `port` | a transaction has brought something; an image was published | 10 ms |
+//! | `hold_spi`, `hold_irq`, `hold_timer` | as `rf_spi` and so on, for the front end of a hold (feature `hold`) | 1 ms |
 //! | `idle` | nothing else wants to run | 100 ms |
 //!
 //! The most urgent tasks come first. Only a task's attribute states its priority and vector; `build.rs` makes the table
@@ -16,10 +17,10 @@
 //!
 //! The bounds have these reasons. After 10 µs the flight controller may select again. 40 µs are two bytes on the air; a
 //! task that verifies an object early takes about 30 µs, and the front end's FIFO holds what arrives meanwhile. 0.1 ms
-//! is what the design allows from the last bit to a readable image. After 10 ms the next frame needs the buffer. After
-//! 100 ms the watchdog resets the part.
+//! is what the design allows from the last bit to a readable image. After 10 ms the next frame needs the buffer. 1 ms is
+//! what an answer has in hand ([`dpr_fw::hold::ANSWER_US`]). After 100 ms the watchdog resets the part.
 //!
-//! The priorities fall in the order SSI, RFID, commit, scrub, port, idle. A flight controller that makes transactions
+//! The priorities fall in the order SSI, RFID, commit, scrub, port, hold, idle. A flight controller that makes transactions
 //! without end cannot keep the other tasks from running: the pause between two transactions that are served, and the
 //! number that is granted between two images, bound how often the SSI tasks run ([`dpr_fw::ssi`]).
 //!
@@ -48,6 +49,7 @@ mod app {
     use cortex_m::peripheral::DWT;
     use defmt_rtt as _;
     use dpr_fw::{
+        hold::Area,
         intake::{Intake, Notices},
         integrity::{self, Consequence, ImageCheck, Integrity, Judge},
         port::{
@@ -60,7 +62,7 @@ mod app {
         ssi::{ReceiveArea, SignOfLife, RECEIVE_BYTES},
         task::Task,
         triple::{self, Filling, Rotation, IMAGES, RECEIVE_BUFFERS},
-        ImageMemory, ReceiveMemory, IMAGE_WORDS, RECEIVERS, RECEIVE_WORDS,
+        ImageMemory, ReceiveMemory, IMAGE_WORDS, MAP_BYTES, RECEIVERS, RECEIVE_WORDS,
     };
     use firmware_common::{
         check_in::CheckIn,
@@ -70,14 +72,18 @@ mod app {
         safe_state, start_test,
     };
     use nrf52840_hal::wdt::{handles::Hdl0, WatchdogHandle};
-    use profile::map::{Map, PortArea};
     use rtic::Mutex;
     use st25r3916::{Listener, ListenerConfig, ReadMode, Short};
 
+    #[cfg(feature = "hold")]
+    use crate::hw::DPR_HOLD_TELEMETRY as HOLD_TELEMETRY;
+    #[cfg(feature = "hold")]
+    use dpr_fw::hold::{AnswerMemory, ANSWER_MEMORY};
+
     use crate::board;
     use crate::hw::{
-        self, AreaBuffer, Deadline, ImageBuffer, ReceiveBuffer, RfEdge, RfPort, SsiDoorbell, SsiPort,
-        DPR_TELEMETRY as TELEMETRY,
+        self, AreaBuffer, Deadline, HoldEdge, HoldResponder, HoldShared, ImageBuffer, ReceiveBuffer, RfEdge, RfPort,
+        SsiDoorbell, SsiPort, DPR_TELEMETRY as TELEMETRY,
     };
 
     const LISTENER: ListenerConfig = ListenerConfig {
@@ -106,8 +112,11 @@ mod app {
     struct Shared {
         rotation: Rotation<ReceiveBuffer, FrameInfo>,
         mailbox: Mailbox<ImageBuffer>,
-        prepared: Prepared<&'static mut PortArea>,
+        prepared: Prepared<&'static mut Area>,
         front_end: FrontEnd,
+        hold: HoldShared,
+        #[lock_free]
+        responder: HoldResponder,
         #[lock_free]
         receiver: Reception<RfPort>,
         #[lock_free]
@@ -117,12 +126,13 @@ mod app {
     #[local]
     struct Local {
         ssi: SsiPort,
-        server: Server<{ Map::<RECEIVERS>::LEN }>,
+        server: Server<MAP_BYTES>,
         port: WritePort,
         areas: PortEnd<'static, AreaBuffer>,
-        spare: &'static mut PortArea,
+        spare: &'static mut Area,
         rf_edge: RfEdge,
         sign_of_life: SignOfLife,
+        hold_edge: HoldEdge,
         watchdog: Option<WatchdogHandle<Hdl0>>,
         patrol: Patrol,
         memory: PartMemory,
@@ -135,7 +145,15 @@ mod app {
         spi_rx: [u8; Short::MAX] = [0; Short::MAX],
         ssi_rx: [ReceiveArea; AREAS] = [[0; RECEIVE_BYTES / 4]; AREAS],
         ssi_areas: Areas<AreaBuffer> = Areas::new(),
-        port_areas: [PortArea; 2] = [PortArea::EMPTY; 2],
+        port_areas: [Area; 2] = [Area::EMPTY; 2],
+        #[cfg(feature = "hold")]
+        hold_receive: [ReceiveMemory; RECEIVE_BUFFERS] = [[0; RECEIVE_WORDS]; RECEIVE_BUFFERS],
+        #[cfg(feature = "hold")]
+        hold_spi_tx: [u8; Short::MAX] = [0; Short::MAX],
+        #[cfg(feature = "hold")]
+        hold_spi_rx: [u8; Short::MAX] = [0; Short::MAX],
+        #[cfg(feature = "hold")]
+        hold_answer: AnswerMemory = ANSWER_MEMORY,
     ])]
     fn init(cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let mut core = cx.core;
@@ -147,6 +165,13 @@ mod app {
         shared[3] = memory::span(cx.local.spi_tx);
         shared[4] = memory::span(cx.local.spi_rx);
         shared[5] = memory::span(&TELEMETRY);
+        #[cfg(feature = "hold")]
+        {
+            shared[6] = memory::span(cx.local.hold_receive);
+            shared[7] = memory::span(cx.local.hold_spi_tx);
+            shared[8] = memory::span(cx.local.hold_spi_rx);
+            shared[9] = memory::span(cx.local.hold_answer);
+        }
         let (filling, rotation, found) = Rotation::new(cx.local.receive.each_mut());
         TELEMETRY.scrubbed(found);
         let mailbox = Mailbox::new(cx.local.images.each_mut());
@@ -154,9 +179,24 @@ mod app {
         TELEMETRY.scrubbed(found_in_areas);
         let [ready, spare] = cx.local.port_areas.each_mut();
         let mut port = WritePort::new();
-        port.prepare(&Diagnostics::default(), 0, ready);
+        port.prepare(&Diagnostics::default(), 0, &mut ready.port);
         TELEMETRY.ram_errors.add(u32::from(start_test::take().fault().is_some()));
-        let memory = hw::DmaMemory { spi_tx: cx.local.spi_tx, spi_rx: cx.local.spi_rx, ssi_rx: (area, ssi_end) };
+        #[cfg(feature = "hold")]
+        let (hold_filling, hold_rotation, found_in_hold) = Rotation::new(cx.local.hold_receive.each_mut());
+        #[cfg(feature = "hold")]
+        HOLD_TELEMETRY.scrubbed(found_in_hold);
+        let memory = hw::DmaMemory {
+            spi_tx: cx.local.spi_tx,
+            spi_rx: cx.local.spi_rx,
+            ssi_rx: (area, ssi_end),
+            #[cfg(feature = "hold")]
+            hold: hw::HoldDma {
+                spi_tx: cx.local.hold_spi_tx,
+                spi_rx: cx.local.hold_spi_rx,
+                answer: cx.local.hold_answer,
+                receive: hold_filling,
+            },
+        };
         let board = hw::init(&mut core, cx.device, memory, filling);
         defmt::info!(
             "DPR for {=usize} receivers; last reset: {}; debug port: {}",
@@ -169,6 +209,13 @@ mod app {
         }
         TELEMETRY.last_stop.set(last_stop::code());
         let receiver = Reception::start(Listener::new(LISTENER), board.rf);
+        #[cfg(feature = "hold")]
+        let (hold, responder, hold_edge) = {
+            let (port, edge) = board.hold;
+            (HoldShared::new(), HoldResponder::start(port, hold_rotation, hw::now_us()), edge)
+        };
+        #[cfg(not(feature = "hold"))]
+        let (hold, responder, hold_edge) = ((), (), ());
         let intake = Intake::new(board.reset_reason);
         let committing = Committing { intake, filling: None, deadline: board.deadline };
         let mut memory = PartMemory::take();
@@ -182,6 +229,8 @@ mod app {
                 mailbox,
                 prepared: Prepared::new(ready),
                 front_end: FrontEnd::Starting,
+                hold,
+                responder,
                 receiver,
                 committing,
             },
@@ -193,6 +242,7 @@ mod app {
                 spare,
                 rf_edge: board.rf_edge,
                 sign_of_life: SignOfLife::new(),
+                hold_edge,
                 watchdog: board.watchdog,
                 patrol,
                 memory,
@@ -260,7 +310,7 @@ mod app {
     }
 
     /// Runs when a transaction has ended, or the semaphore has come for another reason.
-    #[task(binds = SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1, priority = 5, local = [ssi, server], shared = [mailbox])]
+    #[task(binds = SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1, priority = 6, local = [ssi, server], shared = [mailbox])]
     fn ssi_end(cx: ssi_end::Context) {
         let start = DWT::cycle_count();
         cx.local.server.serve(cx.local.ssi, cx.shared.mailbox, &TELEMETRY);
@@ -269,21 +319,21 @@ mod app {
     }
 
     /// Runs when the pause after a transaction is over. The next end calls `ssi_end`, at once if it has already come.
-    #[task(binds = TIMER3, priority = 5)]
+    #[task(binds = TIMER3, priority = 6)]
     fn ssi_pause(_: ssi_pause::Context) {
         SsiDoorbell::end_pause();
         CHECK_IN.check_in(Task::ssi_pause);
     }
 
     /// Runs when a transfer with the front end has ended.
-    #[task(binds = SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0, priority = 4, shared = [receiver, rotation, front_end])]
+    #[task(binds = SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0, priority = 5, shared = [receiver, rotation, front_end])]
     fn rf_spi(cx: rf_spi::Context) {
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
         CHECK_IN.check_in(Task::rf_spi);
     }
 
     /// Runs when the front end's IRQ has risen.
-    #[task(binds = GPIOTE, priority = 4, local = [rf_edge], shared = [receiver, rotation, front_end])]
+    #[task(binds = GPIOTE, priority = 5, local = [rf_edge], shared = [receiver, rotation, front_end])]
     fn rf_irq(cx: rf_irq::Context) {
         cx.local.rf_edge.clear();
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
@@ -291,7 +341,7 @@ mod app {
     }
 
     /// Runs when a wait of the front end's driver is over.
-    #[task(binds = TIMER0, priority = 4, shared = [receiver, rotation, front_end])]
+    #[task(binds = TIMER0, priority = 5, shared = [receiver, rotation, front_end])]
     fn rf_timer(cx: rf_timer::Context) {
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
         CHECK_IN.check_in(Task::rf_timer);
@@ -316,7 +366,7 @@ mod app {
     }
 
     /// Runs when a frame is in its buffer, and verifies, deposits and publishes it.
-    #[task(binds = SWI0_EGU0, priority = 3, shared = [committing, rotation, mailbox, prepared, front_end])]
+    #[task(binds = SWI0_EGU0, priority = 4, shared = [committing, rotation, mailbox, prepared, front_end])]
     fn commit(cx: commit::Context) {
         let commit::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
         prepared.lock(|prepared| publish(committing, rotation, mailbox, prepared.newest(), front_end));
@@ -324,7 +374,7 @@ mod app {
     }
 
     /// Runs when no frame came in time, so that objects that were valid once do not stay readable.
-    #[task(binds = TIMER1, priority = 3, shared = [committing, rotation, mailbox, prepared, front_end])]
+    #[task(binds = TIMER1, priority = 4, shared = [committing, rotation, mailbox, prepared, front_end])]
     fn deadline(cx: deadline::Context) {
         cx.shared.committing.deadline.clear();
         let deadline::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
@@ -336,7 +386,7 @@ mod app {
         committing: &mut Committing,
         rotation: impl Mutex<T = Rotation<ReceiveBuffer, FrameInfo>>,
         mailbox: impl Mutex<T = Mailbox<ImageBuffer>>,
-        port: &PortArea,
+        port: &Area,
         mut front_end: impl Mutex<T = FrontEnd>,
     ) {
         let start = DWT::cycle_count();
@@ -355,7 +405,7 @@ mod app {
     }
 
     /// Scrubs buffers that were read or replaced, then calls the other tasks so that they check in, once a cycle.
-    #[task(binds = SWI1_EGU1, priority = 2, local = [sign_of_life, asked_us: u32 = 0], shared = [rotation, mailbox])]
+    #[task(binds = SWI1_EGU1, priority = 3, local = [sign_of_life, asked_us: u32 = 0], shared = [rotation, mailbox])]
     fn scrub(cx: scrub::Context) {
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.rotation));
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.mailbox));
@@ -367,7 +417,10 @@ mod app {
         }
         *cx.local.asked_us = now_us;
         // Tasks that have checked in already, because a frame has called them, need no other call.
-        for task in [Task::rf_spi, Task::rf_irq, Task::rf_timer, Task::commit, Task::deadline] {
+        let called = [Task::rf_spi, Task::rf_irq, Task::rf_timer, Task::commit, Task::deadline];
+        #[cfg(feature = "hold")]
+        let called = called.into_iter().chain([Task::hold_spi, Task::hold_irq, Task::hold_timer]);
+        for task in called {
             if !CHECK_IN.has_checked_in(task) {
                 board::call(task);
             }
@@ -378,7 +431,7 @@ mod app {
 
     /// Runs when a transaction has brought something or an image was published: judges what came in and prepares
     /// Port-Status and uplinks for the next image.
-    #[task(binds = SWI2_EGU2, priority = 1, local = [port, areas, spare, prepared_for: u32 = 0], shared = [prepared])]
+    #[task(binds = SWI2_EGU2, priority = 2, local = [port, areas, spare, prepared_for: u32 = 0], shared = [prepared, hold])]
     fn port(mut cx: port::Context) {
         let start = DWT::cycle_count();
         let port::LocalResources { port, areas, spare, prepared_for } = cx.local;
@@ -390,6 +443,13 @@ mod app {
         }
         let publications = TELEMETRY.publications.get();
         changed |= core::mem::replace(prepared_for, publications) != publications;
+        #[cfg(feature = "hold")]
+        let hold = cx.shared.hold.lock(|hold| {
+            port.hand_on(hold);
+            hold.show(hw::now_us(), &mut spare.hold)
+        });
+        #[cfg(not(feature = "hold"))]
+        let hold = profile::PortStatusBits::new();
         let diagnostics = Diagnostics {
             too_many: TELEMETRY.ssi_budgets_spent.get().wrapping_add(TELEMETRY.ssi_objects_dropped.get()),
             integrity_faults: TELEMETRY.image_faults.get(),
@@ -397,13 +457,14 @@ mod app {
             stuck_bits: TELEMETRY.scrub_faults.get(),
             buffers_out_of_use: TELEMETRY.buffers_out_of_use.get(),
             last_stop: last_stop::code(),
+            hold,
         };
         if let Some(passed) = INTEGRITY.serve_self_test(port.self_test_requested()) {
             port.self_test_done(passed);
             changed = true;
         }
         if changed {
-            port.prepare(&diagnostics, hw::now_us(), spare);
+            port.prepare(&diagnostics, hw::now_us(), &mut spare.port);
             cx.shared.prepared.lock(|prepared| prepared.exchange(spare));
         }
         TELEMETRY.access_violations.set(port.access_violations());
@@ -411,5 +472,37 @@ mod app {
         TELEMETRY.uplinks_accepted.set(port.uplinks_accepted());
         CHECK_IN.check_in(Task::port);
         TELEMETRY.port_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
+    }
+
+    /// Runs when a transfer with the hold's front end has ended.
+    #[cfg(feature = "hold")]
+    #[task(binds = SPIM2_SPIS2_SPI2, priority = 1, shared = [responder, hold])]
+    fn hold_spi(cx: hold_spi::Context) {
+        respond(cx.shared.responder, cx.shared.hold);
+        CHECK_IN.check_in(Task::hold_spi);
+    }
+
+    /// Runs when the IRQ of the hold's front end has risen.
+    #[cfg(feature = "hold")]
+    #[task(binds = SWI3_EGU3, priority = 1, local = [hold_edge], shared = [responder, hold])]
+    fn hold_irq(cx: hold_irq::Context) {
+        cx.local.hold_edge.clear();
+        respond(cx.shared.responder, cx.shared.hold);
+        CHECK_IN.check_in(Task::hold_irq);
+    }
+
+    /// Runs when a wait of the second port's driver is over.
+    #[cfg(feature = "hold")]
+    #[task(binds = TIMER4, priority = 1, shared = [responder, hold])]
+    fn hold_timer(cx: hold_timer::Context) {
+        respond(cx.shared.responder, cx.shared.hold);
+        CHECK_IN.check_in(Task::hold_timer);
+    }
+
+    #[cfg(feature = "hold")]
+    fn respond(responder: &mut HoldResponder, shared: impl Mutex<T = HoldShared>) {
+        let start = DWT::cycle_count();
+        responder.serve(shared, hw::now_us, &HOLD_TELEMETRY);
+        HOLD_TELEMETRY.worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 }

@@ -23,6 +23,9 @@
 //! board does not use. In two regions each eighth has 4 KiB, which is one peripheral. In the region of the watchdog and
 //! TIMER3 each eighth has 8 KiB, which is two peripherals, since the unit has no region left. So RTC1 and TIMER4 are
 //! open beside those of the board: nothing starts them, and none of their interrupts or PPI channels is enabled.
+//!
+//! With the feature `hold` SPIM2 needs a region. Then the first two are one, whose eighths have 8 KiB too, and UARTE0,
+//! NFCT, SAADC, RTC0 and EGU2 are open as well, of which nothing uses any.
 
 use firmware_common::mpu::{Access, Allowed, Memory, Region, Table};
 
@@ -60,15 +63,34 @@ pub const TASKS: Table<8> = Table::new([
     NULL_PAGE,
     RAM,
     CODE_RAM,
+    #[cfg(feature = "hold")]
+    // Five eighths of 8 KiB are open: those of SPIM0, SPIS1, GPIOTE, TIMER0 with TIMER1, and TIMER2.
+    Region::new("timers", 0x4000_0000, 64 * KIB, Memory::Peripheral, Allowed::ReadWrite)
+        .only([false, true, true, true, true, true, false, false]),
+    #[cfg(feature = "hold")]
+    // One eighth of this region is open: that of SPIM2.
+    Region::new("second front end", 0x4002_0000, 32 * KIB, Memory::Peripheral, Allowed::ReadWrite)
+        .only([false, false, false, true, false, false, false, false]),
+    #[cfg(not(feature = "hold"))]
     // Three eighths of this region are open: those of SPIM0, SPIS1 and GPIOTE.
     Region::new("serial interfaces and GPIOTE", 0x4000_0000, 32 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([false, false, false, true, true, false, true, false]),
+    #[cfg(not(feature = "hold"))]
     // Three eighths of this region are open: those of TIMER0 to TIMER2.
     Region::new("timers", 0x4000_8000, 32 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, true, false, false, false, false, false]),
-    // Two eighths of 8 KiB are open: that of the WDT and RTC1, and that of TIMER3 and TIMER4.
-    Region::new("watchdog and pause", 0x4001_0000, 64 * KIB, Memory::Peripheral, Allowed::ReadWrite)
-        .only([true, false, false, false, false, true, false, false]),
+    // Two eighths of 8 KiB are open: that of the WDT and RTC1, and that of TIMER3 and TIMER4. With the feature `hold`
+    // that of EGU2 and EGU3 is open, too.
+    Region::new("watchdog and pause", 0x4001_0000, 64 * KIB, Memory::Peripheral, Allowed::ReadWrite).only([
+        true,
+        false,
+        false,
+        cfg!(feature = "hold"),
+        false,
+        true,
+        false,
+        false,
+    ]),
     Region::new("GPIO ports", 0x5000_0000, 4 * KIB, Memory::Peripheral, Allowed::ReadWrite),
 ]);
 
@@ -118,8 +140,13 @@ mod tests {
     #[test]
     fn tasks_reach_only_the_boards_peripherals_and_two_neighbours() {
         let of_the_board = [0x3000, 0x4000, 0x6000, 0x8000, 0x9000, 0xA000, 0x1_0000, 0x1_A000];
-        // RTC1 and TIMER4 are open beside peripherals of the board, in the same eighths.
-        let beside = [0x1_1000, 0x1_B000];
+        // RTC1 and TIMER4 are open beside peripherals of the board, in the same eighths. TIMER4, SPIM2 and EGU3 belong to
+        // the board with the feature `hold`, and UARTE0, NFCT, SAADC, RTC0 and EGU2 are beside.
+        let beside: &[u32] = if cfg!(feature = "hold") {
+            &[0x1_1000, 0x1_B000, 0x2_3000, 0x1_7000, 0x2000, 0x5000, 0x7000, 0xB000, 0x1_6000]
+        } else {
+            &[0x1_1000, 0x1_B000]
+        };
         for offset in (0..0x3_0000).step_by(0x1000) {
             let address = 0x4000_0000 + offset;
             let open = of_the_board.contains(&offset) || beside.contains(&offset);

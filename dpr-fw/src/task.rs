@@ -8,3 +8,17 @@
 include!(concat!(env!("OUT_DIR"), "/each_task.rs"));
 
 each_task!(firmware_common::task_table);
+
+/// The tasks of the second port, which exist with the feature `hold`; then they are also the last of [`TASKS`].
+pub mod hold {
+    include!(concat!(env!("OUT_DIR"), "/each_hold_task.rs"));
+
+    macro_rules! names {
+        ($($name:ident $vector:ident)*) => {
+            /// Their names with their interrupt vectors.
+            pub const TASKS: &[(&str, &str)] = &[$((stringify!($name), stringify!($vector))),*];
+        };
+    }
+
+    each_hold_task!(names);
+}

@@ -6,7 +6,7 @@ use std::process::Stdio;
 
 use anyhow::{Context, Result, bail};
 
-use crate::workspace::{FLIP_LINK, TARGET, cargo, install, target_dir};
+use crate::workspace::{FLIP_LINK, TARGET, cargo, install, metadata, target_dir};
 use crate::{Board, Receivers, seal};
 
 /// The folder of the built firmwares. It has a subfolder for each profile with the name of the profile's cargo feature.
@@ -20,13 +20,42 @@ pub(crate) fn build(board: Board, gps: Receivers) -> Result<PathBuf> {
     let package = board.package();
     let feature = gps.feature();
     let args = ["build", "--package", package, "--bin", package, "--no-default-features", "--features", &feature];
-    let made = build_for_target(&args, package)?;
-    let kept = folder().join(gps.feature()).join(board.package()).with_extension("elf");
+    keep(&build_for_target(&args, package)?, &folder().join(gps.feature()).join(package).with_extension("elf"))
+}
+
+/// Builds the DPR's firmware with the port of a hold, as [`build`] does.
+pub(crate) fn build_dpr_with_hold(gps: Receivers) -> Result<PathBuf> {
+    let features = format!("{},hold", gps.feature());
+    let package = Board::Dpr.package();
+    let args = ["build", "--package", package, "--bin", package, "--no-default-features", "--features", &features];
+    keep(&build_for_target(&args, package)?, &folder().join(gps.feature()).join("dpr-fw-hold.elf"))
+}
+
+/// Builds the firmware of the hold in release, writes its CRC into it, and returns the path of its ELF file.
+pub(crate) fn build_hold() -> Result<PathBuf> {
+    if !has_package(HOLD)? {
+        bail!("this workspace has no package {HOLD}, the firmware of the hold");
+    }
+    let args = ["build", "--package", HOLD, "--bin", HOLD];
+    keep(&build_for_target(&args, HOLD)?, &folder().join(HOLD).with_extension("elf"))
+}
+
+/// The package of the hold's firmware, which is also its binary's name.
+pub(crate) const HOLD: &str = "hold-fw";
+
+/// Whether the workspace has a package of this name.
+pub(crate) fn has_package(name: &str) -> Result<bool> {
+    let metadata = metadata()?;
+    let packages = metadata["packages"].as_array().context("cargo metadata lists no packages")?;
+    Ok(packages.iter().any(|package| package["name"] == name))
+}
+
+/// Copies a firmware that was built to `kept`, and writes its CRC into the copy. Cargo builds its own file again if
+/// another program has written to that file.
+fn keep(made: &Path, kept: &Path) -> Result<PathBuf> {
     std::fs::create_dir_all(kept.parent().unwrap_or(Path::new("."))).context("could not make the firmware folder")?;
-    // The CRC is written into a copy, because cargo builds its own file again if another program has written to that
-    // file.
-    seal::copy_sealed(&made, &kept)?;
-    Ok(kept)
+    seal::copy_sealed(made, kept)?;
+    Ok(kept.to_owned())
 }
 
 /// Builds both boards' firmwares and returns the paths of their ELF files.

@@ -174,6 +174,9 @@ struct BuildArgs {
     /// GNSS receivers in the profile: 1, 2, 3 or 5.
     #[arg(long, default_value_t = Receivers::DEFAULT)]
     gps: Receivers,
+    /// Build the DPR's firmware with the port of an active hold, and the hold's firmware.
+    #[arg(long, conflicts_with = "board")]
+    hold: bool,
 }
 
 #[derive(Args)]
@@ -269,6 +272,10 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         Command::Build(args) => {
             for board in args.board.map_or(Board::ALL.to_vec(), |board| vec![board]) {
                 println!("{}", firmware::build(board, args.gps)?.display());
+            }
+            if args.hold {
+                println!("{}", firmware::build_dpr_with_hold(args.gps)?.display());
+                println!("{}", firmware::build_hold()?.display());
             }
             Ok(ExitCode::SUCCESS)
         }

@@ -84,7 +84,11 @@ pub(crate) struct SimArgs {
     /// HORUS's front end does not report the end of a transmission while its receiver is off.
     #[arg(long)]
     no_txe: bool,
-    /// Run the images in this folder, horus-tx-fw.elf and dpr-fw.elf, instead of building them.
+    /// Put an active hold beside the DPR, which then has its second port.
+    #[arg(long, conflicts_with = "from_flash")]
+    hold: bool,
+    /// Run the images in this folder, horus-tx-fw.elf and dpr-fw.elf (with --hold: dpr-fw-hold.elf and hold-fw.elf),
+    /// instead of building them.
     #[arg(long, value_name = "FOLDER", conflicts_with = "from_flash")]
     images: Option<PathBuf>,
     /// Run what `flash --probe bench` wrote to both boards of the bench. It must equal the images as they are built
@@ -215,11 +219,23 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
         output("--plot", &args.plot)?,
     ];
     let [json, trace, log, plot] = outputs.each_ref().map(|output| output.as_ref().map(|it| it.path().to_owned()));
-    let (horus, dpr) = match &args.images {
-        Some(folder) => (folder.join("horus-tx-fw.elf"), folder.join("dpr-fw.elf")),
-        None => firmware::build_pair(args.gps)?,
+    let (horus, dpr, hold) = match (&args.images, args.hold) {
+        (Some(folder), true) => {
+            let [horus, dpr, hold] =
+                ["horus-tx-fw.elf", "dpr-fw-hold.elf", "hold-fw.elf"].map(|name| folder.join(name));
+            (horus, dpr, Some(hold))
+        }
+        (Some(folder), false) => (folder.join("horus-tx-fw.elf"), folder.join("dpr-fw.elf"), None),
+        (None, true) => {
+            let horus = firmware::build(crate::Board::Horus, args.gps)?;
+            (horus, firmware::build_dpr_with_hold(args.gps)?, Some(firmware::build_hold()?))
+        }
+        (None, false) => {
+            let (horus, dpr) = firmware::build_pair(args.gps)?;
+            (horus, dpr, None)
+        }
     };
-    let mut setup = Setup { trace, log, plot, ..setup(args, recordings, Images { horus, dpr }) };
+    let mut setup = Setup { trace, log, plot, hold, ..setup(args, recordings, Images { horus, dpr }) };
     if args.from_flash {
         setup.flashed = Some(Flashed { horus: flashed(crate::Board::Horus)?, dpr: flashed(crate::Board::Dpr)? });
     }
@@ -304,6 +320,7 @@ fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Se
     let to_ppb = |ppm: f64| (ppm * 1000.0).round() as i64;
     Setup {
         images,
+        hold: None,
         flashed: None,
         gps: args.gps.0,
         duration_ns,
@@ -317,6 +334,7 @@ fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Se
             horus_ppb: to_ppb(args.horus_ppm),
             dpr_ppb: to_ppb(args.dpr_ppm),
             flight_controller_ppb: to_ppb(args.fc_ppm),
+            hold_ppb: 17_000,
         },
         front_ends: on_the_link(FrontEndConfig {
             txe_with_rx_off: !args.no_txe,
@@ -407,6 +425,30 @@ fn exclusions(voter: &Voter) -> String {
         text.push_str(&format!("  and {more} more exclusions\n"));
     }
     text
+}
+
+/// Returns lines about the active hold.
+fn hold_in_words(hold: &bench::report::Hold) -> String {
+    let commands = |of: bench::report::Commands| {
+        format!("{} commands, {} acknowledged, {} lost", of.sent, of.acknowledged, of.lost)
+    };
+    format!(
+        "{:<21} {} frames, {} delivered; {} answers, {} delivered; load {:.1} %\n  {:<19} {} times valid, {} times \
+         not\n  {:<19} {}\n  {:<19} {}\n",
+        "hold",
+        hold.frames_sent,
+        hold.frames_delivered,
+        hold.answers_sent,
+        hold.answers_delivered,
+        hold.load * 100.0,
+        "read by the client",
+        hold.read,
+        hold.vacant,
+        "base station",
+        commands(hold.base_station),
+        "flight controller",
+        commands(hold.flight_controller),
+    )
 }
 
 /// Returns lines about the effects of the upsets that were tried on copies of the bench.
@@ -524,6 +566,9 @@ pub(crate) fn table(report: &Report) -> String {
         text.push_str(&format!("{name:<21} {value}\n"));
         if name == "voter" {
             text.push_str(&exclusions(&report.voter));
+        }
+        if let Some(hold) = report.hold.as_ref().filter(|_| name == "voter") {
+            text.push_str(&hold_in_words(hold));
         }
         if let Some(upsets) = report.upsets.as_ref().filter(|_| name == "faults") {
             text.push_str(&format!("{:<21} {}\n", "upsets", upsets_in_words(upsets)));

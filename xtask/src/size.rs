@@ -1,4 +1,4 @@
-//! Compares the sizes of both firmwares with the budgets in each firmware's `Cargo.toml`.
+//! Compares the sizes of all firmwares with the budgets in each firmware's `Cargo.toml`.
 //!
 //! Flash is what a program takes of flash: code, constants and the initial values of statics. RAM is all statics,
 //! whether they have initial values or not. The rest of the RAM budget is for the stack, which flip-link places so that
@@ -38,13 +38,20 @@ pub(crate) fn size(gps: Receivers) -> Result<ExitCode> {
         "{:<12} {:>9} {:>9} {:>5}   {:>9} {:>9} {:>5}   {:>13}",
         "image", "flash B", "budget", "", "RAM B", "budget", "", "code in RAM B"
     );
+    let mut images = Vec::new();
     for board in Board::ALL {
-        let elf = firmware::build(board, gps)?;
+        images.push((board.package(), board.package(), firmware::build(board, gps)?));
+    }
+    images.push(("dpr-fw +hold", Board::Dpr.package(), firmware::build_dpr_with_hold(gps)?));
+    if firmware::has_package(firmware::HOLD)? {
+        images.push((firmware::HOLD, firmware::HOLD, firmware::build_hold()?));
+    }
+    for (name, package, elf) in images {
         let used = footprint(&elf)?;
-        let budget = budget(&budgets, board)?;
+        let budget = budget(&budgets, package)?;
         println!(
             "{:<12} {:>9} {:>9} {:>4}%   {:>9} {:>9} {:>4}%   {:>13}",
-            board.package(),
+            name,
             used.flash,
             budget.flash,
             used.flash * 100 / budget.flash,
@@ -62,16 +69,13 @@ pub(crate) fn size(gps: Receivers) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn budget(metadata: &serde_json::Value, board: Board) -> Result<Budget> {
+fn budget(metadata: &serde_json::Value, name: &str) -> Result<Budget> {
     let packages = metadata["packages"].as_array().context("cargo metadata lists no packages")?;
-    let budget = packages
-        .iter()
-        .find(|package| package["name"] == board.package())
-        .map(|package| &package["metadata"]["budget"]);
+    let budget = packages.iter().find(|package| package["name"] == name).map(|package| &package["metadata"]["budget"]);
     let bytes = |kind: &str| {
         budget
             .and_then(|budget| budget[kind].as_u64())
-            .with_context(|| format!("{} has no package.metadata.budget.{kind}", board.package()))
+            .with_context(|| format!("{name} has no package.metadata.budget.{kind}"))
     };
     Ok(Budget { flash: bytes("flash")?, ram: bytes("ram")? })
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::Disturbance;
+use crate::{Disturbance, HoldEvent};
 
 /// What is known of a run before its first event.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -15,6 +15,9 @@ pub struct Header {
     pub seed: u64,
     /// The clock that determines how long the cores' instructions take: `fast`, `optimistic` or `pessimistic`.
     pub clock: String,
+    /// Whether an active hold is beside the link.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub hold: bool,
 }
 
 impl Header {
@@ -329,6 +332,8 @@ pub enum What {
         /// The delay in words.
         text: String,
     },
+    /// Something that the active hold did, or that was done to it.
+    Hold(HoldEvent),
     /// The value of a counter of a firmware at the end of the run. The bench reads it from RAM, as a debug probe does.
     Counter {
         /// The board whose firmware keeps the counter.
@@ -392,9 +397,10 @@ impl What {
             Self::Finding { .. } => 26,
             Self::Misuse { .. } => 27,
             Self::Late { .. } => 28,
-            Self::Counter { .. } => 29,
-            Self::Load { .. } => 30,
-            Self::End => 31,
+            Self::Hold(_) => 29,
+            Self::Counter { .. } => 30,
+            Self::Load { .. } => 31,
+            Self::End => 32,
         }
     }
 }

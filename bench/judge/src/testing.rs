@@ -27,7 +27,7 @@ pub(crate) fn layout(gps: usize) -> Layout {
 
 /// Returns a header for this number of receivers.
 pub(crate) fn header(gps: usize) -> Header {
-    Header { version: Header::VERSION, gps, seed: 1, clock: "fast".to_owned() }
+    Header { version: Header::VERSION, gps, seed: 1, clock: "fast".to_owned(), hold: false }
 }
 
 /// The events of a run. They are sorted only when the log is made, so they can be added in any order.

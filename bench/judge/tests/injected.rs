@@ -142,7 +142,8 @@ fn objects_of(bytes: usize, whole: bool) -> (Option<usize>, usize) {
     let layout = Layout::for_receivers(1).unwrap();
     let frame = common::frame(&common::profile(1, 70));
     assert_eq!(frame.len(), LEN_BYTES + layout.profile_len() + CRC_BYTES);
-    let mut context = Context::new(&Header { version: Header::VERSION, gps: 1, seed: 0, clock: "fast".into() });
+    let mut context =
+        Context::new(&Header { version: Header::VERSION, gps: 1, seed: 0, clock: "fast".into(), hold: false });
     let what = What::Heard { started: 0, bytes: frame[..bytes].to_vec().into(), whole };
     context.take(&Event { at: 9, what });
     let frame = context.frame().unwrap();

@@ -290,7 +290,7 @@ proptest! {
         steps in prop::collection::vec((0..20_000_000_u64, what()), 0..60),
     ) {
         let mut at = 0;
-        let header = Header { version: Header::VERSION, gps: 1, seed: 0, clock: "fast".into() };
+        let header = Header { version: Header::VERSION, gps: 1, seed: 0, clock: "fast".into(), hold: false };
         let mut events = vec![];
         for (step, mut what) in steps {
             at += step;

@@ -1,4 +1,4 @@
-//! The two boards: what is wired to each part.
+//! The boards: what is wired to each part.
 //!
 //! | | HORUS: NUCLEO-F429ZI | DPR: nRF52840-DK |
 //! |---|---|---|
@@ -12,13 +12,23 @@
 //! | inputs of the state: relay, motor cut, emergency measure | PE2 and PE4, PE5 and PE6, PD3 and PD4 | – |
 //! | TICK, which falls with each tick | PB10 | – |
 //! | SSI: SCK, MOSI, MISO, CSN, FRESH | – | P1.01, P1.02, P1.03, P1.04, P1.05 |
+//! | second front end, with a hold: SCK, MISO, MOSI | – | P1.08, P1.06, P1.07 |
+//! | second front end: chip select, IRQ | – | P1.10, P1.11 |
+//!
+//! | | active hold: nRF52840-DK |
+//! |---|---|
+//! | front end | as the DPR's first one |
+//! | I2C: SDA, SCL, with pull-ups; SHT4x and LIS3DH | P0.26, P0.27 |
+//! | heater, cooler, lock | P1.05, P1.06, P1.07 |
 
 mod dpr;
 pub mod front_end;
+mod hold;
 mod horus;
 pub mod receivers;
 mod supply;
 
 pub use dpr::{Dpr, FRESH, SSI};
+pub use hold::{Hold, Outputs};
 pub use horus::{Horus, InputChange};
 pub use supply::{Powered, supply};

@@ -5,7 +5,7 @@ use emulator_node::{Board, FromOutside, Node};
 use st25r3916_model::Chip;
 
 use super::front_end::FrontEnd;
-use super::{Dpr, Horus};
+use super::{Dpr, Hold, Horus};
 use crate::faults::PowerFault;
 use crate::faults::power::RAILS_UV;
 
@@ -17,6 +17,11 @@ const FRONT_END_UV: u32 = 2_400_000;
 pub trait Powered: Board {
     /// The front end.
     fn front_end(&mut self) -> &mut FrontEnd;
+
+    /// Switches the supply of all chips beside the part on or off at `at` (ns).
+    fn supply_chips(&mut self, at: u64, on: bool) {
+        self.front_end().supply(at, on);
+    }
 
     /// Read access to the chip of the board's front end.
     fn chip(&self) -> &Chip;
@@ -61,6 +66,38 @@ impl Powered for Dpr {
 
     fn front_end(&mut self) -> &mut FrontEnd {
         &mut self.front_end
+    }
+
+    fn supply_chips(&mut self, at: u64, on: bool) {
+        self.front_end.supply(at, on);
+        if let Some(port) = &mut self.hold_port {
+            port.supply(at, on);
+        }
+    }
+
+    fn chip(&self) -> &Chip {
+        self.front_end.chip()
+    }
+}
+
+impl Powered for Hold {
+    fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool) {
+        node.input(|part, _, _| part.set_hfxo_startup(works.then_some(CRYSTAL_STARTS)));
+    }
+
+    fn cannot_start(part: &Self::Part) -> bool {
+        !part.has_hfxo()
+    }
+
+    fn front_end(&mut self) -> &mut FrontEnd {
+        &mut self.front_end
+    }
+
+    fn supply_chips(&mut self, at: u64, on: bool) {
+        self.front_end.supply(at, on);
+        if on {
+            self.payload.power_on(at);
+        }
     }
 
     fn chip(&self) -> &Chip {
@@ -110,7 +147,5 @@ pub fn supply<B: Powered, C: Cost>(node: &mut Node<B, C>, microvolts: u32, seed:
 
 fn supply_front_end<B: Powered, C: Cost>(node: &mut Node<B, C>, on: bool) {
     let now = node.now();
-    node.board_mut(|board| {
-        board.front_end().with(|chip| if on { chip.power_on(now) } else { chip.power_off(now) });
-    });
+    node.board_mut(|board| board.supply_chips(now, on));
 }

@@ -179,6 +179,40 @@ impl From<&Campaign> for Upsets {
     }
 }
 
+/// The commands of one writer to the active hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Commands {
+    /// The number of commands sent.
+    pub sent: u64,
+    /// The number of them that the hold has acknowledged.
+    pub acknowledged: u64,
+    /// The number of them that the writer has given up, or that were lost when the hold restarted.
+    pub lost: u64,
+}
+
+/// The figures of the active hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Hold {
+    /// The number of frames that the hold has sent.
+    pub frames_sent: u64,
+    /// The number of them that arrived at the DPR's antenna whole and unchanged.
+    pub frames_delivered: u64,
+    /// The number of answers on the air, those of a foreign card included.
+    pub answers_sent: u64,
+    /// The number of them that arrived at the hold's antenna whole and unchanged.
+    pub answers_delivered: u64,
+    /// The number of readings of the map with a valid Hold-Status.
+    pub read: u64,
+    /// The number of readings of the map without a valid Hold-Status.
+    pub vacant: u64,
+    /// The base station's commands.
+    pub base_station: Commands,
+    /// The flight controller's commands.
+    pub flight_controller: Commands,
+    /// The fraction of the time in which the hold's core was awake.
+    pub load: f64,
+}
+
 /// The figures and violations of a run of the link.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Report {
@@ -209,6 +243,9 @@ pub struct Report {
     pub voter: Voter,
     /// The far end of the radio.
     pub base: Base,
+    /// The active hold, where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hold: Option<Hold>,
     /// The injected faults and their consequences.
     pub faults: Faults,
     /// The outcomes of upsets of RAM, flash and registers, where they were tried.

@@ -18,7 +18,7 @@ pub(super) fn injected(now: u64, episode: &Episode) -> What {
 }
 
 /// The cause that the log names for a restart of a part.
-const fn cause(reset: Reset) -> Cause {
+pub(super) const fn cause(reset: Reset) -> Cause {
     match reset {
         Reset::PowerOn => Cause::PowerOn,
         Reset::BrownOut => Cause::BrownOut,

@@ -15,6 +15,7 @@ use profile::uplink::Written;
 use st25r3916_model::{Air, AirEvent, AirFaults, Counters};
 
 use super::board_events::{BoardEvents, injected};
+use super::hold::Beside;
 use super::marks::{DPR_SPI_HZ, HORUS_SPI_HZ, SSI_HZ, bus};
 use super::phases::{Edge, Phase, PhaseEvent, Sweeping};
 use super::recorder::Recorder;
@@ -22,6 +23,7 @@ use super::upstream::Notes;
 use crate::boards::{Dpr, Horus};
 use crate::faults::wires::Wires;
 use crate::faults::{BaseFault, Episode, Fault, Faults, Timeline, Turn};
+use crate::report;
 use crate::trace::{self, Mark, TaskWatch, Wire, Word};
 use crate::world::flight_controller::{Placed, Stats};
 use crate::world::ssi::{Progress, Transaction};
@@ -42,8 +44,10 @@ enum Seen {
 
 /// The air, the DPR's surroundings, and the log.
 #[derive(Clone, Debug)]
-pub(super) struct Link {
+pub(super) struct Link<C: Cost> {
     air: Air,
+    /// The active hold; `None` without one.
+    hold: Option<Beside<C>>,
     /// The instant up to which the air has all inputs, ns. The poller's emissions are passed on up to a millisecond
     /// ahead of the DPR.
     air_at: u64,
@@ -82,7 +86,7 @@ pub(super) struct Link {
 }
 
 /// The initial values of a [`Link`].
-pub(super) struct Surroundings {
+pub(super) struct Surroundings<C: Cost> {
     pub(super) header: Header,
     pub(super) flight: Option<Arc<Flight>>,
     pub(super) flight_controller: FlightController,
@@ -90,6 +94,7 @@ pub(super) struct Surroundings {
     pub(super) traced: bool,
     pub(super) logged: bool,
     pub(super) sweeping: Option<Sweeping>,
+    pub(super) hold: Option<Beside<C>>,
 }
 
 /// The final values of a [`Link`].
@@ -100,12 +105,13 @@ pub(super) struct Ended {
     pub(super) phases: Vec<Phase>,
 }
 
-impl Link {
-    pub(super) fn new(with: Surroundings, faults: &Faults) -> Self {
+impl<C: Cost> Link<C> {
+    pub(super) fn new(with: Surroundings<C>, faults: &Faults) -> Self {
         let seed = with.header.seed;
         let layout = with.flight_controller.config().layout();
         Self {
             air: Air::new(seed, AirFaults::default()),
+            hold: with.hold,
             air_at: 0,
             flight_controller: with.flight_controller,
             base: with.base,
@@ -134,6 +140,11 @@ impl Link {
         std::iter::from_fn(move || self.horus_lines.pop_front_if(|line| line.at <= now))
     }
 
+    /// Takes the log lines of the hold since the last call.
+    pub(super) fn hold_lines(&mut self) -> Vec<LogLine> {
+        self.hold.as_mut().map(Beside::take_log).unwrap_or_default()
+    }
+
     /// The run's header.
     pub(super) fn header(&self) -> &Header {
         self.recorder.header()
@@ -154,13 +165,22 @@ impl Link {
         self.flight_controller.stats()
     }
 
+    /// The figures of the hold; `None` without one.
+    pub(super) fn hold_figures(&self) -> Option<report::Hold> {
+        Some(self.hold.as_ref()?.figures(self.flight_controller.hold()?))
+    }
+
     /// Judges everything before `reached` (ns), which both boards have passed.
-    pub(super) fn come_to<C: Cost>(&mut self, reached: u64, dpr: &mut Node<Dpr, C>) {
+    pub(super) fn come_to(&mut self, reached: u64, dpr: &mut Node<Dpr, C>) {
         self.watch_dpr(dpr);
         self.advance_air(reached, dpr);
         self.recorder.extend(self.dpr_events.take());
         self.note_station(reached);
-        self.recorder.release(reached.min(self.announced.unwrap_or(u64::MAX)).min(self.untold_since));
+        let mut known = reached.min(self.announced.unwrap_or(u64::MAX)).min(self.untold_since);
+        if let Some(hold) = &mut self.hold {
+            known = known.min(hold.watch(reached, dpr, &mut self.recorder));
+        }
+        self.recorder.release(known);
     }
 
     /// Records the base station's display at `now` (ns), if a record is due or the alarms have changed. The base
@@ -215,7 +235,7 @@ impl Link {
     }
 
     /// Takes the marks of the wires since the last call, for the trace; empty without one.
-    pub(super) fn take_marks<C: Cost>(&mut self, dpr: &mut Node<Dpr, C>) -> Vec<Mark> {
+    pub(super) fn take_marks(&mut self, dpr: &mut Node<Dpr, C>) -> Vec<Mark> {
         let Some(trace) = &mut self.trace else { return vec![] };
         let crossings = dpr.board_mut(|board| board.front_end.take_crossings());
         bus(trace, crossings, trace::DPR, [Wire::DprCs, Wire::DprIrq], DPR_SPI_HZ);
@@ -226,7 +246,7 @@ impl Link {
     }
 
     /// Ends the run at `end` (ns).
-    pub(super) fn finish<C: Cost>(mut self, end: u64, evidence: Vec<What>, dpr: &mut Node<Dpr, C>) -> Ended {
+    pub(super) fn finish(mut self, end: u64, evidence: Vec<What>, dpr: &mut Node<Dpr, C>) -> Ended {
         self.come_to(end, dpr);
         self.offered(None);
         for what in evidence {
@@ -252,7 +272,7 @@ impl Link {
     // ---- the air
 
     /// Records the event that the poller emitted and passes it through the air to the listener.
-    fn emitted<C: Cost>(&mut self, at: u64, event: AirEvent, node: &mut Node<Dpr, C>) {
+    fn emitted(&mut self, at: u64, event: AirEvent, node: &mut Node<Dpr, C>) {
         match &event {
             AirEvent::FieldOn | AirEvent::FieldOff => {
                 let on = event == AirEvent::FieldOn;
@@ -287,7 +307,7 @@ impl Link {
 
     /// Advances the air to `to` (ns) and passes on the frames that the air delays or repeats. The poller has emitted
     /// everything before that instant.
-    fn advance_air<C: Cost>(&mut self, to: u64, node: &mut Node<Dpr, C>) {
+    fn advance_air(&mut self, to: u64, node: &mut Node<Dpr, C>) {
         let Self { air, recorder, .. } = self;
         node.board_mut(|board| {
             air.advance(to, |at, event| {
@@ -352,7 +372,7 @@ impl Link {
     }
 
     /// Records the events of the DPR's pins and its SPIS since the last call.
-    fn watch_dpr<C: Cost>(&mut self, node: &mut Node<Dpr, C>) {
+    fn watch_dpr(&mut self, node: &mut Node<Dpr, C>) {
         let changes = node.board_mut(Dpr::take_fresh);
         let spis = node.input(|part, _, _| part.take_spis_events());
         let mut offers = node.input(|part, _, _| part.take_spis_offers()).into_iter();
@@ -457,7 +477,7 @@ impl Link {
     }
 
     /// Begins or ends an episode of a fault on the DPR's side.
-    fn turn<C: Cost>(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
+    fn turn(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
         let now = node.now();
         let (Turn::Begins(episode) | Turn::Ends(episode)) = turn else {
             self.turn_board(turn, node);
@@ -518,7 +538,7 @@ impl Link {
     }
 
     /// Begins, changes or ends an episode of a fault of the board itself.
-    fn turn_board<C: Cost>(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
+    fn turn_board(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
         self.dpr_events.turn(node, turn);
         // A board without a supply offers no image. A restart is recorded elsewhere.
         if !node.is_powered() {
@@ -537,7 +557,7 @@ fn note_field(recorder: &mut Recorder, at: u64, event: &AirEvent) {
     }
 }
 
-impl<C: Cost> Downstream<Dpr, C> for Link {
+impl<C: Cost> Downstream<Dpr, C> for Link<C> {
     type Message = AirEvent;
     type Notes = Notes;
 
@@ -562,16 +582,23 @@ impl<C: Cost> Downstream<Dpr, C> for Link {
                 self.recorder.note(at, What::Answer);
             }
         }
+        if let Some(hold) = &mut self.hold {
+            hold.answered(node, &mut self.recorder);
+        }
     }
 
     fn next_at(&self) -> u64 {
         let air = self.air.next_event().unwrap_or(u64::MAX);
-        self.flight_controller.next_at().min(self.faults.next_at()).min(air)
+        let hold = self.hold.as_ref().map_or(u64::MAX, Beside::next_at);
+        self.flight_controller.next_at().min(self.faults.next_at()).min(air).min(hold)
     }
 
     fn act(&mut self, at: u64, node: &mut Node<Dpr, C>) {
         if self.air.next_event().is_some_and(|next| next <= at) {
             self.advance_air(at, node);
+        }
+        if let Some(hold) = self.hold.as_mut().filter(|hold| hold.next_at() <= at) {
+            hold.act(at, node, &mut self.recorder);
         }
         while let Some(turn) = self.faults.take(at) {
             self.watch_dpr(node);

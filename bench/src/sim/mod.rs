@@ -14,6 +14,7 @@ mod campaign;
 mod debugged;
 mod downstream;
 pub mod flips;
+mod hold;
 mod marks;
 pub mod phases;
 mod recorder;
@@ -39,7 +40,7 @@ use stm32f429::{Oscillators, Stm32f429};
 
 use crate::boards::{self, Dpr, Horus};
 use crate::debug_port::{self, Debugged as HasDebugPort};
-use crate::faults::{Campaign, Faults, Options};
+use crate::faults::{Campaign, Faults, Options, Rng};
 use crate::plot::History;
 use crate::report::{self, Report};
 use crate::trace::{self, TaskWatch, Trace};
@@ -48,6 +49,7 @@ use crate::world::{BaseStation, FlightController};
 pub use debugged::Debugged;
 use downstream::{Ended, Link, Surroundings};
 use emulator_node::{self as node, Board, Clock, Firmware, Node, Relay, Threads};
+use hold::Beside;
 use phases::{Phase, Sweep, Sweeping};
 use upstream::Receivers;
 
@@ -85,6 +87,8 @@ pub struct Crystals {
     pub dpr_ppb: i64,
     /// The error on the side of the flight controller, for its crystal.
     pub flight_controller_ppb: i64,
+    /// The error on the hold's board, for the crystals of the microcontroller and of the front end.
+    pub hold_ppb: i64,
 }
 
 /// The setup of a run.
@@ -92,6 +96,8 @@ pub struct Crystals {
 pub struct Setup {
     /// The two ELF files, built for this number of receivers.
     pub images: Images,
+    /// The ELF file of an active hold beside the DPR, whose ELF file then has the second port; `None` for no hold.
+    pub hold: Option<PathBuf>,
     /// The contents of the boards' flash, if given. It must already hold the programs of these ELF files, which are
     /// then not loaded.
     pub flashed: Option<Flashed>,
@@ -141,6 +147,7 @@ impl Setup {
     pub fn new(images: Images, gps: usize, duration_ns: u64) -> Self {
         Self {
             images,
+            hold: None,
             flashed: None,
             gps,
             duration_ns,
@@ -150,7 +157,7 @@ impl Setup {
             recordings: vec![],
             receiver_hz: None,
             factory_settings: false,
-            crystals: Crystals { horus_ppb: 8_000, dpr_ppb: -12_000, flight_controller_ppb: 25_000 },
+            crystals: Crystals { horus_ppb: 8_000, dpr_ppb: -12_000, flight_controller_ppb: 25_000, hold_ppb: 17_000 },
             front_ends: on_the_link(FrontEndConfig::default()),
             faults: Faults::none(),
             writes: false,
@@ -267,7 +274,7 @@ pub enum Error {
 /// A clone that runs on gives exactly the same result, byte for byte, as the original.
 #[derive(Clone, Debug)]
 pub struct Bench<C: Cost = Fast> {
-    relay: Relay<Horus, Dpr, Receivers, Link, C>,
+    relay: Relay<Horus, Dpr, Receivers, Link<C>, C>,
 }
 
 /// The outcome of a [`Bench`].
@@ -313,25 +320,34 @@ impl<C: Cost> Bench<C> {
         let receivers = receivers(setup, &flight)?;
         let recorded = setup.recordings.iter().any(Option::is_some);
         let traced = setup.trace.is_some();
-        let Crystals { horus_ppb, dpr_ppb, flight_controller_ppb } = setup.crystals;
+        let Crystals { horus_ppb, dpr_ppb, flight_controller_ppb, hold_ppb } = setup.crystals;
         // The expansion boards supply the front end's chip from the 5 V of their header.
         let chip = |crystal_ppb, seed| {
             Chip::new(FrontEndConfig { crystal_ppb, seed, vdd_mv: 5000, ..setup.front_ends.clone() })
         };
         let oscillators = Oscillators { hse_ppb: horus_ppb, ..Oscillators::default() };
         let stm32 = Stm32f429::new(oscillators).with_brown_out_level_3();
-        let nrf =
-            Nrf52840::new(Settings { hfxo_ppb: dpr_ppb, lfxo_ppb: dpr_ppb, seed: setup.seed, ..Settings::default() });
+        let nrf = |ppb, seed| Nrf52840::new(Settings { hfxo_ppb: ppb, lfxo_ppb: ppb, seed, ..Settings::default() });
         let mut horus = Horus::new(chip(horus_ppb, setup.seed), setup.gps, traced);
         horus.receivers.attend();
         for (index, receiver) in receivers.iter().enumerate() {
             horus.receivers.listen_at(index, receiver.bit_rate());
         }
-        let dpr = Dpr::new(chip(dpr_ppb, !setup.seed), traced);
+        let mut dpr = Dpr::new(chip(dpr_ppb, !setup.seed), traced);
+        let mut hold = None;
+        if let Some(image) = &setup.hold {
+            let [port, own, of_hold] = [1, 2, 3].map(|stream| Rng::stream(setup.seed, 0x4100 + stream).word());
+            let front_ends = FrontEndConfig { answers: true, ..setup.front_ends.clone() };
+            let port = Chip::new(FrontEndConfig { crystal_ppb: dpr_ppb, seed: port, vdd_mv: 5000, ..front_ends });
+            dpr = dpr.with_hold_port(port);
+            let board = boards::Hold::new(chip(hold_ppb, own), of_hold);
+            hold = Some(Beside::new(switched_on(nrf(hold_ppb, of_hold), board, image, None)?, setup.seed));
+        }
         let mut config = flight_controller::Config {
             crystal_ppb: flight_controller_ppb,
             writes: setup.writes && setup.sweep.is_none(),
             relays: setup.relays,
+            hold: hold.as_ref().map(|_| setup.seed),
             ..flight_controller::Config::new(setup.gps)
         };
         let sweeping = setup.sweep.clone().map(|sweep| {
@@ -339,7 +355,7 @@ impl<C: Cost> Bench<C> {
             Sweeping::new(sweep, setup.gps)
         });
         let clock = C::NAME.to_owned();
-        let header = Header { version: Header::VERSION, gps: setup.gps, seed: setup.seed, clock };
+        let header = Header { version: Header::VERSION, gps: setup.gps, seed: setup.seed, clock, hold: hold.is_some() };
         let surroundings = Surroundings {
             header,
             flight: (!recorded).then_some(flight),
@@ -348,10 +364,11 @@ impl<C: Cost> Bench<C> {
             traced,
             logged: setup.log.is_some() || setup.plot.is_some(),
             sweeping,
+            hold,
         };
         let flashed = |part: fn(&Flashed) -> &Vec<u8>| setup.flashed.as_ref().map(part);
         let a = switched_on(stm32, horus, &setup.images.horus, flashed(|flashed| &flashed.horus))?;
-        let mut b = switched_on(nrf, dpr, &setup.images.dpr, flashed(|flashed| &flashed.dpr))?;
+        let mut b = switched_on(nrf(dpr_ppb, setup.seed), dpr, &setup.images.dpr, flashed(|flashed| &flashed.dpr))?;
         b.input(|part, _, _| part.wire_spis(boards::SSI));
         let upstream = Receivers::new(receivers, config.layout(), &setup.faults, setup.seed);
         let relay = Relay { a, b, upstream, downstream: Link::new(surroundings, &setup.faults) };
@@ -373,7 +390,7 @@ impl<C: Cost> Bench<C> {
         &mut self,
         end: u64,
         threads: Threads,
-        mut each: impl FnMut(u64, &mut Node<Dpr, C>, &mut Link) -> Result<(), E>,
+        mut each: impl FnMut(u64, &mut Node<Dpr, C>, &mut Link<C>) -> Result<(), E>,
     ) -> Result<(), E> {
         self.relay.run(end, STEP, threads, |reached, dpr, link| {
             link.come_to(reached, dpr);
@@ -396,6 +413,7 @@ impl<C: Cost> Bench<C> {
     pub fn run_to(&mut self, end: u64, threads: Threads) {
         let run = self.run(end, threads, |_, dpr, link| {
             dpr.take_log();
+            link.hold_lines();
             link.take_marks(dpr);
             link.take_images();
             link.take_ports();
@@ -439,7 +457,7 @@ impl<C: Cost> Bench<C> {
     pub fn finish(self, reached: u64) -> Finished {
         let Relay { a, mut b, downstream, .. } = self.relay;
         let header = downstream.header().clone();
-        let around = (downstream.air(), downstream.stats());
+        let around = (downstream.air(), downstream.stats(), downstream.hold_figures());
         let evidence = downstream::evidence(&a, &b, header.gps);
         let Ended { verdict, log, base, phases } = downstream.finish(reached, evidence, &mut b);
         let report = report(&header, reached, &verdict, (&a, &b), around, &base);
@@ -453,7 +471,7 @@ fn report<C: Cost>(
     reached: u64,
     verdict: &Verdict,
     (horus, dpr): (&Node<Horus, C>, &Node<Dpr, C>),
-    (air, stats): (st25r3916_model::Counters, flight_controller::Stats),
+    (air, stats, hold): (st25r3916_model::Counters, flight_controller::Stats, Option<report::Hold>),
     base: &BaseStation,
 ) -> Report {
     let figures = verdict.figures.clone();
@@ -508,6 +526,7 @@ fn report<C: Cost>(
         },
         voter: figures.voter.into(),
         base: report::Base { profiles: base.drone().counts().messages, bad_crc: base.drone().counts().bad_crc },
+        hold,
         faults: figures.faults,
         upsets: None,
         violations: verdict.violations.iter().map(ToString::to_string).collect(),
@@ -573,11 +592,12 @@ impl Outputs {
         &mut self,
         reached: u64,
         dpr: &mut Node<Dpr, C>,
-        link: &mut Link,
+        link: &mut Link<C>,
         observer: &mut dyn Observer,
     ) -> Result<(), Error> {
         let lines = link.horus_lines(reached).map(|line| ("horus", line)).collect::<Vec<_>>().into_iter();
-        for (board, line) in lines.chain(dpr.take_log().into_iter().map(|line| ("dpr", line))) {
+        let lines = lines.chain(dpr.take_log().into_iter().map(|line| ("dpr", line)));
+        for (board, line) in lines.chain(link.hold_lines().into_iter().map(|line| ("hold", line))) {
             let line = line.to_string();
             observer.log(board, &line);
             self.logs.push((board, line));

@@ -6,6 +6,7 @@
 //! | `time.rs` | the deadline of the next frame |
 //! | `integrity.rs` | the image that the SSI streams, as the idle loop accesses it |
 //! | `rf.rs` | the front end's SPI, interrupt pin and timer |
+//! | `hold.rs` | the second front end (feature `hold`) |
 //! | `ssi.rs` | the SSI, FRESH and the expiry of the image |
 //!
 //! # Design
@@ -43,6 +44,15 @@
 //! Anomalies 58 (SPIM, one byte too many) and 156 (GPIOTE CLR tasks) concern only Engineering A.
 #![allow(unsafe_code)]
 
+#[cfg(feature = "hold")]
+mod hold;
+/// RTIC wants the types of all resources, so without the feature those of the second port are nothing.
+#[cfg(not(feature = "hold"))]
+mod hold {
+    pub(crate) type HoldEdge = ();
+    pub(crate) type HoldResponder = ();
+    pub(crate) type HoldShared = ();
+}
 mod integrity;
 mod rf;
 mod ssi;
@@ -66,6 +76,7 @@ use profile::ResetReason;
 use st25r3916::Short;
 
 pub(crate) use firmware_common::nrf52840::now_us;
+pub(crate) use hold::{HoldEdge, HoldResponder, HoldShared};
 pub(crate) use integrity::ShownImage;
 pub(crate) use rf::{RfEdge, RfPort};
 pub(crate) use ssi::{SsiDoorbell, SsiPort};
@@ -79,6 +90,11 @@ firmware_common::install_safe_state!(safe_state, protection::area, board::task_o
 /// The counters, which a debugger finds by this symbol.
 #[no_mangle]
 pub(crate) static DPR_TELEMETRY: Telemetry = Telemetry::new();
+
+/// The counters of the second port, which a debugger finds by this symbol.
+#[cfg(feature = "hold")]
+#[no_mangle]
+pub(crate) static DPR_HOLD_TELEMETRY: dpr_fw::hold::HoldTelemetry = dpr_fw::hold::HoldTelemetry::new();
 
 /// A receive buffer of the RFID side in static memory.
 pub(crate) type ReceiveBuffer = &'static mut ReceiveMemory;
@@ -112,6 +128,9 @@ pub(crate) struct Board {
     pub(crate) ssi: SsiPort,
     /// The deadline that notices a missed frame.
     pub(crate) deadline: Deadline,
+    /// The second front end, and the IRQ edge of it.
+    #[cfg(feature = "hold")]
+    pub(crate) hold: (hold::HoldPort, HoldEdge),
     /// The watchdog; `None` if something else has configured the watchdog, which then has to feed it.
     pub(crate) watchdog: Option<WatchdogHandle<Hdl0>>,
     /// The reason for which the part last started.
@@ -128,6 +147,18 @@ pub(crate) struct DmaMemory {
     pub(crate) spi_rx: &'static mut [u8; Short::MAX],
     /// The area into which the SSI receives, and the queues by which areas go on from there.
     pub(crate) ssi_rx: (Filling<AreaBuffer>, SsiEnd<'static, AreaBuffer>),
+    /// The memory of the second port.
+    #[cfg(feature = "hold")]
+    pub(crate) hold: HoldDma,
+}
+
+/// The static memory that the DMA of the second port uses, beside its receive buffers.
+#[cfg(feature = "hold")]
+pub(crate) struct HoldDma {
+    pub(crate) spi_tx: &'static mut [u8; Short::MAX],
+    pub(crate) spi_rx: &'static mut [u8; Short::MAX],
+    pub(crate) answer: &'static mut dpr_fw::hold::AnswerMemory,
+    pub(crate) receive: Filling<ReceiveBuffer>,
 }
 
 /// Configures all hardware. If the program differs from the one that was built, the DPR enters the safe state before
@@ -175,13 +206,38 @@ pub(crate) fn init(
     core.DCB.enable_trace();
     core.DWT.enable_cycle_counter();
 
-    let board::Pins { rf: rf_pins, ssi: ssi_pins, fresh } = board::Pins::new(p.P0, p.P1);
-    let gpiote = board::connect(p.GPIOTE, p.PPI, &rf_pins.irq, fresh, &p.TIMER0, &p.TIMER2, &p.SPIS1);
+    let board::Pins {
+        rf: rf_pins,
+        ssi: ssi_pins,
+        fresh,
+        #[cfg(feature = "hold")]
+            hold: hold_pins,
+    } = board::Pins::new(p.P0, p.P1);
+    let (gpiote, _ppi) = board::connect(p.GPIOTE, p.PPI, &rf_pins.irq, fresh, &p.TIMER0, &p.TIMER2, &p.SPIS1);
     nrf52840::start_counter(&p.TIMER0);
-    let rf = RfPort::new(p.SPIM0, p.TIMER0, rf_pins, memory.spi_tx, memory.spi_rx, receive);
+    let rf = RfPort::new(p.SPIM0, p.TIMER0, (), rf_pins, memory.spi_tx, memory.spi_rx, receive);
+    #[cfg(feature = "hold")]
+    let hold = {
+        let HoldDma { spi_tx, spi_rx, answer, receive } = memory.hold;
+        board::connect_hold(&gpiote, _ppi, &hold_pins.irq, &p.TIMER4, &p.SPIM2, &p.EGU3);
+        nrf52840::start_counter(&p.TIMER4);
+        let answers = hold::Answers::new(answer);
+        let port = hold::HoldPort::new(p.SPIM2, p.TIMER4, answers, hold_pins, spi_tx, spi_rx, receive);
+        (port, HoldEdge::new(p.EGU3))
+    };
     let ssi = SsiPort::new(p.SPIS1, (p.TIMER2, p.TIMER3), ssi_pins, memory.ssi_rx);
     let deadline = Deadline::new(p.TIMER1);
-    Board { rf, rf_edge: RfEdge::new(gpiote), ssi, deadline, watchdog, reset_reason, debug_port }
+    Board {
+        rf,
+        rf_edge: RfEdge::new(gpiote),
+        ssi,
+        deadline,
+        #[cfg(feature = "hold")]
+        hold,
+        watchdog,
+        reset_reason,
+        debug_port,
+    }
 }
 
 fn stop_for_supply() -> ! {

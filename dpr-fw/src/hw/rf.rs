@@ -1,4 +1,6 @@
-//! The front end's registers: SPIM0, chip select, the IRQ pin, and the driver's timer.
+//! A front end's registers: the SPIM, chip select, the IRQ pin, and the driver's timer.
+//!
+//! HORUS's front end and that of the hold have one [`Port`] each, which differ in their [`Wiring`].
 
 use core::sync::atomic::{compiler_fence, Ordering};
 
@@ -8,17 +10,21 @@ use dpr_fw::{
     triple::Filling,
 };
 use embedded_hal::digital::{InputPin, OutputPin};
-use nrf52840_hal::{gpiote::Gpiote, pac};
+use nrf52840_hal::{
+    gpiote::Gpiote,
+    pac, spim,
+    timer::{self, Instance as _},
+};
 use st25r3916::{
     command,
-    executor::{Failed, Port},
+    executor::{self, Failed},
     Short,
 };
 
 use super::{now_us, take_event, time::SHORTEST_US, ReceiveBuffer};
 use crate::board::{call, RfPins, EDGE_CAPTURE, WAIT_COMPARE};
 
-/// The number of polls within which SPIM0 must have stopped; it stops at the end of the byte under way, within 1 µs.
+/// The number of polls within which a SPIM must have stopped; it stops at the end of the byte under way, within 1 µs.
 const STOP_POLLS: u32 = 1_000;
 
 /// The interrupt of the front end's IRQ pin, which its rising edge raises.
@@ -33,6 +39,69 @@ impl RfEdge {
     pub(crate) fn clear(&mut self) {
         let channel = self.0.channel0();
         take_event!(*channel.event());
+    }
+}
+
+/// What a front end is wired to.
+pub(crate) trait Wiring {
+    /// The SPIM that the front end is on.
+    type Spim: spim::Instance;
+    /// The timer of the driver's waits and of the IRQ's edge, which counts µs.
+    type Timer: timer::Instance;
+    /// What the front end sends.
+    type Sends: Sends;
+    /// The task that the timer calls.
+    const TIMER_TASK: Task;
+    /// Returns the timer's counter.
+    fn now_us() -> u32;
+}
+
+/// What a front end sends over the air.
+pub(crate) trait Sends {
+    /// Puts the command of a FIFO load before these bytes of what is sent, and returns command and bytes; `None` if
+    /// there are no such bytes.
+    fn load(&mut self, offset: usize, len: usize) -> Option<&[u8]>;
+    /// Whether a timer starts the present transfer, and not the port. The transfer is then already set up.
+    fn is_armed(&self) -> bool;
+    /// Takes note of a transfer of so many bytes.
+    fn carries(&mut self, bytes: usize);
+    /// Takes note that the present transfer is over.
+    fn disarm(&mut self);
+    /// Returns the time limit of a transfer that has `us` from its start, counted from `now_us` on.
+    fn limit_us(&self, us: u32, now_us: u32) -> u32;
+    /// Called if the SPIM does not stop. It may go on writing to its buffers, which are never given away then.
+    fn does_not_stop(&mut self);
+}
+
+/// HORUS's front end, which sends nothing.
+pub(crate) struct Horus;
+
+impl Wiring for Horus {
+    type Spim = pac::SPIM0;
+    type Timer = pac::TIMER0;
+    type Sends = ();
+    const TIMER_TASK: Task = Task::rf_timer;
+
+    fn now_us() -> u32 {
+        now_us()
+    }
+}
+
+impl Sends for () {
+    fn load(&mut self, _offset: usize, _len: usize) -> Option<&[u8]> {
+        None
+    }
+    fn is_armed(&self) -> bool {
+        false
+    }
+    fn carries(&mut self, _bytes: usize) {}
+    fn disarm(&mut self) {}
+    fn limit_us(&self, us: u32, _now_us: u32) -> u32 {
+        us
+    }
+    fn does_not_stop(&mut self) {
+        // A peripheral that never stops would overwrite a frame, so the DPR enters the safe state.
+        panic!("SPIM0 does not stop");
     }
 }
 
@@ -51,10 +120,11 @@ enum Transfer {
     },
 }
 
-/// SPIM0, chip select, IRQ pin and timer compare 0 of the RFID side, with the receive buffer that is being written.
-pub(crate) struct RfPort {
-    spim: pac::SPIM0,
-    timer: pac::TIMER0,
+/// SPIM, chip select, IRQ pin and timer compare 0 of a front end, with the receive buffer that is being written.
+pub(crate) struct Port<W: Wiring> {
+    pub(super) spim: W::Spim,
+    pub(super) timer: W::Timer,
+    pub(super) sends: W::Sends,
     pins: RfPins,
     tx: &'static mut [u8; Short::MAX],
     rx: &'static mut [u8; Short::MAX],
@@ -65,10 +135,14 @@ pub(crate) struct RfPort {
     timer_us: u32,
 }
 
-impl RfPort {
+/// The port of HORUS's front end.
+pub(crate) type RfPort = Port<Horus>;
+
+impl<W: Wiring> Port<W> {
     pub(super) fn new(
-        spim: pac::SPIM0,
-        timer: pac::TIMER0,
+        spim: W::Spim,
+        timer: W::Timer,
+        sends: W::Sends,
         pins: RfPins,
         tx: &'static mut [u8; Short::MAX],
         rx: &'static mut [u8; Short::MAX],
@@ -88,10 +162,11 @@ impl RfPort {
         spim.orc.write(|w| unsafe { w.orc().bits(0) });
         spim.intenset.write(|w| w.end().set());
         spim.enable.write(|w| w.enable().enabled());
-        timer.intenset.write(|w| w.compare0().set());
+        timer.as_timer0().intenset.write(|w| w.compare0().set());
         Self {
             spim,
             timer,
+            sends,
             pins,
             tx,
             rx,
@@ -103,33 +178,49 @@ impl RfPort {
         }
     }
 
-    /// Starts SPIM0, which sends `tx[..send]` and receives `receive` bytes at `into`.
+    /// Sets the SPIM up to send `send` bytes from `from` and to receive `receive` bytes at `into`, and selects the chip.
     ///
     /// # Safety
     ///
-    /// `into` must be valid for `receive` bytes of RAM that are owned by `self` until the transfer has ended or was
-    /// stopped.
-    unsafe fn start(&mut self, send: usize, into: *mut u8, receive: usize) {
-        // SAFETY: (pointers and counts) `self` owns `tx`, and the callers see to it that `send` is at most its length;
-        // the caller guarantees that `into` is valid. Counts fit 16 bits.
-        self.spim.txd.ptr.write(|w| unsafe { w.ptr().bits(self.tx.as_ptr() as u32) });
-        // SAFETY: the caller guarantees that `send` is at most the length of `tx`, which fits 16 bits.
+    /// `from` must be valid for `send` bytes of RAM and `into` for `receive` bytes that are owned by `self` until the
+    /// transfer has ended or was stopped.
+    unsafe fn set_up(&mut self, from: *const u8, send: usize, into: *mut u8, receive: usize) {
+        // SAFETY: (pointers and counts) the caller guarantees that both pointers are valid. Counts fit 16 bits.
+        self.spim.txd.ptr.write(|w| unsafe { w.ptr().bits(from as u32) });
+        // SAFETY: the caller guarantees that `from` is valid for `send` bytes, a number that fits 16 bits.
         self.spim.txd.maxcnt.write(|w| unsafe { w.maxcnt().bits(send as u16) });
         // SAFETY: the caller guarantees that `into` is valid for `receive` bytes until the transfer has ended.
         self.spim.rxd.ptr.write(|w| unsafe { w.ptr().bits(into as u32) });
         // SAFETY: the caller guarantees that `into` is valid for `receive` bytes, a number that fits 16 bits.
         self.spim.rxd.maxcnt.write(|w| unsafe { w.maxcnt().bits(receive as u16) });
         self.spim.events_end.reset();
+        self.sends.carries(send.max(receive));
         self.running = true;
         // All writes to the buffers must be in memory before the DMA reads or overwrites it.
         compiler_fence(Ordering::SeqCst);
         let Ok(()) = self.pins.select.set_low();
+    }
+
+    /// Sets up a short transfer, and selects the chip.
+    pub(super) fn set_up_short(&mut self, short: &Short) {
+        let len = short.bytes().len();
+        *self.tx = *short.padded();
+        self.transfer = Transfer::Short { len };
+        let (from, into) = (self.tx.as_ptr(), self.rx.as_mut_ptr());
+        // SAFETY: `self` owns `tx` and `rx` for ever, at least `len` bytes; nobody reads `rx` before the transfer has
+        // ended.
+        unsafe { self.set_up(from, len, into, len) };
+    }
+
+    /// Starts the transfer that was set up.
+    fn start(&mut self) {
         // SAFETY: 1 is a valid value of a task register.
         self.spim.tasks_start.write(|w| unsafe { w.bits(1) });
     }
 
     /// Ends a transfer that is complete or was stopped: its buffers belong to the processor again.
-    fn finish(&mut self) {
+    pub(super) fn finish(&mut self) {
+        self.sends.disarm();
         let Ok(()) = self.pins.select.set_high();
         compiler_fence(Ordering::SeqCst);
         self.running = false;
@@ -140,14 +231,23 @@ impl RfPort {
     }
 }
 
-impl Port for RfPort {
+impl<W: Wiring> executor::Port for Port<W> {
     fn start_short(&mut self, short: &Short) {
-        let len = short.bytes().len();
-        *self.tx = *short.padded();
-        self.transfer = Transfer::Short { len };
+        if !self.sends.is_armed() {
+            self.set_up_short(short);
+            self.start();
+        }
+    }
+
+    fn start_load(&mut self, offset: usize, len: usize) -> bool {
+        let Some(bytes) = self.sends.load(offset, len) else { return false };
+        let (from, send) = (bytes.as_ptr(), bytes.len());
+        self.transfer = Transfer::Short { len: 0 };
         let into = self.rx.as_mut_ptr();
-        // SAFETY: `self` owns `rx` for ever, at least `len` bytes; nobody reads it before the transfer has ended.
-        unsafe { self.start(len, into, len) };
+        // SAFETY: the bytes are in memory that `sends` owns for ever, and nothing is received.
+        unsafe { self.set_up(from, send, into, 0) };
+        self.start();
+        true
     }
 
     fn start_read(&mut self, offset: usize, len: usize) -> bool {
@@ -158,10 +258,11 @@ impl Port for RfPort {
         let into = &mut bytes[place..place + 1 + len];
         self.transfer = Transfer::Read { offset, len, kept: into[0] };
         self.tx[0] = command::FIFO_READ;
-        let into = into.as_mut_ptr();
-        // SAFETY: the slice was just checked to lie in the receive buffer, which stays in `self` until the transfer has
-        // ended: `exchange` refuses to replace it before.
-        unsafe { self.start(1, into, len + 1) };
+        let (from, into) = (self.tx.as_ptr(), into.as_mut_ptr());
+        // SAFETY: `self` owns `tx`, which has a byte. The slice was just checked to lie in the receive buffer, which
+        // stays in `self` until the transfer has ended: `exchange` refuses to replace it before.
+        unsafe { self.set_up(from, 1, into, len + 1) };
+        self.start();
         true
     }
 
@@ -190,9 +291,11 @@ impl Port for RfPort {
         // SAFETY: 1 is a valid value of a task register.
         self.spim.tasks_stop.write(|w| unsafe { w.bits(1) });
         let stopped = (0..STOP_POLLS).any(|_| self.spim.events_stopped.read().bits() != 0);
-        // Until STOPPED the peripheral may still write to the buffers (PS v1.7, 6.25, "Low power": wait for it). A
-        // peripheral that never stops would overwrite a frame, so the DPR enters the safe state.
-        assert!(stopped, "SPIM0 does not stop");
+        // Until STOPPED the peripheral may still write to the buffers (PS v1.7, 6.25, "Low power": wait for it).
+        if !stopped {
+            self.sends.does_not_stop();
+            return;
+        }
         self.spim.events_end.reset();
         self.finish();
         self.transfer = Transfer::None;
@@ -204,25 +307,26 @@ impl Port for RfPort {
     }
 
     fn start_timer(&mut self, us: u32) {
-        let us = us.max(SHORTEST_US);
-        self.timer_from = now_us();
+        self.timer_from = W::now_us();
+        let us = self.sends.limit_us(us.max(SHORTEST_US), self.timer_from);
         self.timer_us = us;
+        let timer = self.timer.as_timer0();
         // SAFETY: the compare register takes any value.
-        self.timer.cc[WAIT_COMPARE].write(|w| unsafe { w.bits(self.timer_from.wrapping_add(us)) });
-        self.timer.events_compare[WAIT_COMPARE].reset();
-        if now_us().wrapping_sub(self.timer_from) >= us {
+        timer.cc[WAIT_COMPARE].write(|w| unsafe { w.bits(self.timer_from.wrapping_add(us)) });
+        timer.events_compare[WAIT_COMPARE].reset();
+        if W::now_us().wrapping_sub(self.timer_from) >= us {
             // If the task was preempted for long, the counter has passed the value already, so the task is called now.
-            call(Task::rf_timer);
+            call(W::TIMER_TASK);
         }
     }
 
     fn elapsed(&mut self) -> bool {
-        take_event!(self.timer.events_compare[WAIT_COMPARE]);
-        now_us().wrapping_sub(self.timer_from) >= self.timer_us
+        take_event!(self.timer.as_timer0().events_compare[WAIT_COMPARE]);
+        W::now_us().wrapping_sub(self.timer_from) >= self.timer_us
     }
 }
 
-impl rf::FrontEndPort for RfPort {
+impl<W: Wiring> rf::FrontEndPort for Port<W> {
     type Buffer = ReceiveBuffer;
 
     fn exchange(&mut self, with: impl FnOnce(Filling<ReceiveBuffer>) -> Filling<ReceiveBuffer>) {
@@ -241,6 +345,6 @@ impl rf::FrontEndPort for RfPort {
     }
 
     fn irq_edge_us(&mut self) -> u32 {
-        self.timer.cc[EDGE_CAPTURE].read().bits()
+        self.timer.as_timer0().cc[EDGE_CAPTURE].read().bits()
     }
 }

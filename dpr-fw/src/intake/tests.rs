@@ -3,16 +3,14 @@
 use std::cell::Cell;
 
 use firmware_common::{patrol::Slice, program::Comparison};
-use profile::{
-    map::{Map, PortArea},
-    LinkStatus, LinkStatusBits,
-};
+use profile::{map::Map, LinkStatus, LinkStatusBits};
 use st25r3916::Fault;
 
 use super::*;
 use crate::{
     accept::Early,
     commit::testing::profile,
+    hold::Area,
     integrity::Judge,
     link::FRAME_DEADLINE_US,
     rf::LEAD,
@@ -72,7 +70,7 @@ struct Dpr {
     mailbox: Mailbox<ImageMemory>,
     filling: Option<Filling<ImageMemory>>,
     streamed: Option<Received<ImageMemory, ()>>,
-    port: PortArea,
+    port: Area,
     telemetry: Telemetry,
     integrity: Integrity,
     front_end: FrontEnd,
@@ -85,7 +83,7 @@ const LISTENING: FrontEnd = FrontEnd::Listening { field: true };
 impl Dpr {
     fn new() -> Self {
         let (receiving, rotation, _) = Rotation::new([[0; RECEIVE_WORDS]; RECEIVE_BUFFERS]);
-        let mut port = PortArea::EMPTY;
+        let mut port = Area::EMPTY;
         bytemuck::bytes_of_mut(&mut port).fill(0x5A);
         Self {
             intake: Intake::new(ResetReason::Pin),

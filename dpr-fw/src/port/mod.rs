@@ -38,6 +38,7 @@ use profile::{
 pub use prepared::Prepared;
 
 use crate::{
+    hold,
     link::Clock,
     ssi::{Asked, ReceiveArea},
 };
@@ -72,6 +73,8 @@ pub struct Diagnostics {
     pub buffers_out_of_use: u32,
     /// The code of the reason for which the DPR was last in its safe state; 0 if it was not.
     pub last_stop: u32,
+    /// The hold's bits of Port-Status.
+    pub hold: PortStatusBits,
 }
 
 /// The stored uplink of one writer.
@@ -254,6 +257,12 @@ impl WritePort {
         self.uplinks_accepted
     }
 
+    /// Keeps the uplinks that were stored for the hold. To be called before [`WritePort::prepare`].
+    pub fn hand_on(&self, hold: &mut hold::Shared) {
+        hold.keep::<BaseStation>(&self.base_station.stored, self.base_station.stored_us);
+        hold.keep::<FlightController>(&self.flight_controller.stored, self.flight_controller.stored_us);
+    }
+
     /// Whether a self-test was asked for and has not ended.
     #[must_use]
     pub const fn self_test_requested(&self) -> bool {
@@ -285,6 +294,7 @@ impl WritePort {
             .with_self_test_passed(self.self_test.passed == Some(true))
             .with_self_test_failed(self.self_test.passed == Some(false))
             .with_buffers_out_of_use(diagnostics.buffers_out_of_use > 0);
+        let status = PortStatusBits::from_bits(status.bits() | diagnostics.hold.bits());
         let (last_command_timestamp, last_command) =
             self.last_command.map_or((0, 0), |(timestamp, command)| (timestamp, command.word()));
         let status = PortStatus::seal(

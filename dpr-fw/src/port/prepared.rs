@@ -2,7 +2,7 @@
 
 use core::borrow::Borrow;
 
-use profile::map::PortArea;
+use crate::hold::Area;
 
 /// The newest Port-Status and uplinks that are ready.
 ///
@@ -12,14 +12,14 @@ use profile::map::PortArea;
 #[derive(Clone, Copy, Debug)]
 pub struct Prepared<A>(A);
 
-impl<A: Borrow<PortArea>> Prepared<A> {
+impl<A: Borrow<Area>> Prepared<A> {
     /// Returns a holder whose newest area is `area`.
     pub const fn new(area: A) -> Self {
         Self(area)
     }
 
     /// Returns the area that the next image shows.
-    pub fn newest(&self) -> &PortArea {
+    pub fn newest(&self) -> &Area {
         self.0.borrow()
     }
 

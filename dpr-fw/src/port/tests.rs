@@ -9,6 +9,7 @@ use super::{
     *,
 };
 use crate::{
+    hold::Area,
     ssi::{Windows, RECEIVE_BYTES},
     triple::{Memory, Scrubbed},
 };
@@ -123,7 +124,7 @@ fn an_uplink_is_shown_in_its_writers_place_for_500_ms() {
 fn the_port_task_exchanges_its_newest_area_for_the_one_before() {
     let mut bench = Bench::new();
     bench.wait_ms(30);
-    let (first, second) = (PortArea::EMPTY, bench.area());
+    let (first, second) = (Area::EMPTY, Area { port: bench.area(), ..Area::EMPTY });
     let mut prepared = Prepared::new(first);
     assert_eq!(prepared.newest(), &first);
     let mut spare = second;
@@ -306,6 +307,7 @@ fn clear_counters_clears_what_the_port_counts_and_nothing_else() {
         stuck_bits: 5,
         buffers_out_of_use: 1,
         last_stop: 0xDEAD_BEEF,
+        hold: PortStatusBits::new(),
     };
     bench.write(uplink(BASE, 7).as_bytes());
     bench.clock(&[1; 9]);
@@ -370,6 +372,7 @@ fn counters_of_faults_and_violations_stay_at_their_end() {
         stuck_bits: u32::MAX,
         buffers_out_of_use: 65_537,
         last_stop: 0,
+        hold: PortStatusBits::new(),
     };
     let values = bench.values();
     let counters = [values.integrity_faults, values.flash_passes, values.stuck_bits, values.buffers_out_of_use];

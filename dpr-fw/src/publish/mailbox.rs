@@ -2,15 +2,13 @@
 
 use core::borrow;
 
-use profile::{
-    criticality::{Dpr, Writer},
-    map::{self, PortArea},
-};
+use profile::criticality::{Dpr, Writer};
 use rtic_core::Mutex;
 
 use super::ImageBuffer;
 use crate::{
     commit::Images,
+    hold::Area,
     telemetry::Telemetry,
     triple::{Dirty, Exchange, Filling, Memory, Outcome, Received, Scrubbable, Scrubbed, IMAGES},
     ImageMemory,
@@ -78,7 +76,7 @@ pub struct Outbox<'a, M, B, D> {
     /// The hardware of the SSI, to which a published image is announced.
     pub doorbell: D,
     /// Port-Status and the uplinks as the port task has prepared them for the next image.
-    pub port: &'a PortArea,
+    pub port: &'a Area,
     /// The counters of scrubs and publications.
     pub telemetry: &'a Telemetry,
 }
@@ -105,11 +103,8 @@ impl<M: Mutex<T = Mailbox<B>>, B: ImageBuffer, D: Doorbell> Images for Outbox<'_
     }
 
     fn place_port<const N: usize>(&mut self) {
-        let port = self.port.as_bytes();
-        let image: &mut [u8] = bytemuck::cast_slice_mut(self.filling());
-        if let Some(place) = map::port_area_mut::<_, N>(Writer::<Dpr>::claim(), image) {
-            *place = *port;
-        }
+        let port = self.port;
+        port.place::<N>(Writer::<Dpr>::claim(), bytemuck::cast_slice_mut(self.filling()));
     }
 
     fn publish(&mut self) {

@@ -5,7 +5,7 @@ use std::{cell::RefCell, collections::VecDeque, ops::Range, rc::Rc};
 
 use profile::{
     criticality::{Dpr, Writer},
-    map::{Map, PortArea},
+    map::Map,
     ssi::{encode, Request},
     PortStatus, PortValues, Violation,
 };
@@ -15,6 +15,7 @@ use rtic_core::Mutex;
 use super::*;
 use crate::{
     commit::Images,
+    hold::Area,
     port::areas::HandedOver,
     ssi::Asked,
     telemetry::Telemetry,
@@ -223,7 +224,7 @@ impl Board {
             mailbox: self.clone(),
             filling,
             doorbell: self.clone(),
-            port: &PortArea::EMPTY,
+            port: &Area::EMPTY,
             telemetry: &self.telemetry,
         };
         assert_eq!(outbox.filling(), &[0; IMAGE_WORDS], "filled over old data");
@@ -461,7 +462,7 @@ fn the_next_image_is_scrubbed_before_its_frame_comes() {
         mailbox: board.clone(),
         filling: &mut filling,
         doorbell: board.clone(),
-        port: &PortArea::EMPTY,
+        port: &Area::EMPTY,
         telemetry: &board.telemetry,
     };
     outbox.prepare();
@@ -590,15 +591,15 @@ fn only_a_dropped_object_that_is_not_idle_is_counted() {
 #[test]
 fn port_status_and_uplinks_lie_behind_the_image_in_the_buffer() {
     let board = Board::new();
-    let mut port = PortArea::EMPTY;
+    let mut area = Area::EMPTY;
     let values = PortValues { timestamp: 77, ..PortValues::default() };
-    port.set_status(Writer::<Dpr>::claim(), PortStatus::seal(Writer::<Dpr>::claim(), &values));
+    area.port.set_status(Writer::<Dpr>::claim(), PortStatus::seal(Writer::<Dpr>::claim(), &values));
     let mut filling = None;
     let mut outbox = Outbox {
         mailbox: board.clone(),
         filling: &mut filling,
         doorbell: board.clone(),
-        port: &port,
+        port: &area,
         telemetry: &board.telemetry,
     };
     outbox.place_port::<3>();

@@ -4,7 +4,7 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m::asm;
-use nrf52840_hal::pac;
+use nrf52840_hal::{pac, timer::Instance};
 use profile::ResetReason;
 
 use super::{
@@ -89,11 +89,12 @@ pub fn watch_supply(power: &pac::POWER) -> bool {
 /// The prescaler of timers that count microseconds: 16 MHz / 2^4.
 pub const COUNTER_PRESCALER: u8 = 4;
 
-/// The capture register of TIMER0 for the present time, which belongs to [`now_us`].
+/// The capture register of a timer for the present time; that of TIMER0 belongs to [`now_us`].
 pub const NOW_CAPTURE: usize = 3;
 
-/// Starts TIMER0, which counts µs in 32 bits from zero and never stops.
-pub fn start_counter(timer: &pac::TIMER0) {
+/// Starts a timer, which counts µs in 32 bits from zero and never stops.
+pub fn start_counter(timer: &impl Instance) {
+    let timer = timer.as_timer0();
     timer.bitmode.write(|w| w.bitmode()._32bit());
     // SAFETY: the field has four bits and takes 0..=9 (PS v1.7, 6.30).
     timer.prescaler.write(|w| unsafe { w.prescaler().bits(COUNTER_PRESCALER) });
@@ -103,7 +104,7 @@ pub fn start_counter(timer: &pac::TIMER0) {
     timer.tasks_start.write(|w| unsafe { w.bits(1) });
 }
 
-/// Returns the µs counter's value; any task may call this. It wraps after 71 minutes.
+/// Returns the value of TIMER0, the µs counter; any task may call this. It wraps after 71 minutes.
 #[must_use]
 pub fn now_us() -> u32 {
     // SAFETY: the pointer to the peripheral is valid for ever, and only this function uses this capture register. If

@@ -104,7 +104,7 @@ impl Plan {
         let layout = Layout::for_receivers(gps).unwrap();
         let end = FIRST_TICK + u64::from(cycles) * bounds::CYCLE;
         let mut plan = Self {
-            header: Header { version: Header::VERSION, gps, seed: 7, clock: "fast".into() },
+            header: Header { version: Header::VERSION, gps, seed: 7, clock: "fast".into(), hold: false },
             layout,
             upstream: vec![],
             publications: vec![],

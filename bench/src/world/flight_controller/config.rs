@@ -43,6 +43,8 @@ pub struct Config {
     /// Whether the base station's uplinks come by radio ([`FlightController::write`](super::FlightController::write)),
     /// so that the flight controller generates none of them itself.
     pub relays: bool,
+    /// The seed of the commands to the active hold that the DPR shows; `None` without a hold.
+    pub hold: Option<u64>,
     /// The seed of all random values while the flight controller misuses the SSI.
     pub seed: u64,
 }
@@ -61,6 +63,7 @@ impl Config {
             pace: Pace::FASTEST,
             writes: false,
             relays: false,
+            hold: None,
             seed: 1,
         }
     }
@@ -78,7 +81,8 @@ impl Config {
     /// Panics if no profile has that number of receivers: the bench is set up wrongly.
     #[must_use]
     pub const fn layout(&self) -> Layout {
-        Layout::for_receivers(self.receivers).expect("a profile has 1, 2, 3 or 5 receivers")
+        let layout = Layout::for_receivers(self.receivers).expect("a profile has 1, 2, 3 or 5 receivers");
+        if self.hold.is_some() { layout.with_hold() } else { layout }
     }
 
     /// The time from the fall of chip select to its rise in a transaction of `bytes` bytes, by the flight controller's

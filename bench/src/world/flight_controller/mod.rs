@@ -20,9 +20,11 @@
 //! |---|---|
 //! | `config` | the settings of its reads |
 //! | [`uplinks`] | its writes, if any |
+//! | `hold` | its readings of an active hold, and the commands to it |
 //! | `reading` | the evaluation of the bytes that one transaction brought |
 
 mod config;
+mod hold;
 mod misconduct;
 mod reading;
 #[cfg(test)]
@@ -39,6 +41,7 @@ use profile::ssi::{self, Request};
 use profile::uplink::Written;
 
 pub use config::{Config, Placed, Schedule};
+pub use hold::{Fates, HoldUser};
 pub use reading::{Outcome, Reading};
 
 use misconduct::{Misconduct, Rhythm};
@@ -83,6 +86,8 @@ pub struct FlightController {
     /// The instant before which no further transaction begins, ns.
     not_before: u64,
     client: Client,
+    /// The reader of the hold; `None` without one.
+    hold: Option<HoldUser>,
     /// The windows that the next transactions without another request are to request, in order.
     requests: VecDeque<Request>,
     /// The window that the present transaction requests.
@@ -116,6 +121,7 @@ impl FlightController {
         let client = Client::new(client::Config { read_bytes, ..client::Config::new(config.layout()) });
         let mut controller = Self {
             client: client.expect("a transaction reads the image"),
+            hold: config.hold.map(HoldUser::new),
             config,
             crystal,
             master: SsiMaster::new(crystal),
@@ -266,6 +272,12 @@ impl FlightController {
         core::mem::take(&mut self.ports)
     }
 
+    /// The reader of the hold, if there is one.
+    #[must_use]
+    pub fn hold(&self) -> Option<&HoldUser> {
+        self.hold.as_ref()
+    }
+
     /// The flight controller's totals since reset.
     #[must_use]
     pub fn stats(&self) -> Stats {
@@ -323,7 +335,7 @@ impl FlightController {
         }
         mosi.truncate(bytes);
         let own_ns = self.config.first_ns + self.cycle * self.config.cycle_ns;
-        let made_up = self.config.writes.then(|| uplinks::written(self.cycle, own_ns)).flatten();
+        let made_up = self.config.writes.then(|| uplinks::written(self.cycle, own_ns, self.hold.as_mut())).flatten();
         let of_base_station = |object: &[u8; Uplink::SIZE]| Uplink::verify::<BaseStation>(object).is_ok();
         // An uplink that came by radio goes first and replaces a generated uplink.
         let is_free = uplinks::is_free(&mosi);
@@ -363,12 +375,15 @@ impl FlightController {
         {
             self.images.push((transaction.deselected_ns, whole.to_vec()));
         }
-        let map = Request { offset: 0, length: u16::try_from(layout.map_len()).expect("a map has at most 588 bytes") };
+        let map = Request { offset: 0, length: u16::try_from(layout.map_len()).expect("a map has at most 652 bytes") };
         let whole = View::new(layout, map, &transaction.miso);
         if view.window().offset == 0 && matches!(whole.port_status(), Some(Shown::Intact(_))) {
             let (status, uplink) = (layout.port_status(), layout.uplink::<BaseStation>());
             let read = whole.find(status.start..uplink.end).filter(|_| status.end == uplink.start);
             self.ports.extend(read.map(|port| (transaction.deselected_ns, port.to_vec())));
+        }
+        if let Some(hold) = self.hold.as_mut().filter(|_| view.window().offset == 0) {
+            hold.read(&whole, own_us);
         }
         if reading.outcome == Outcome::Busy {
             // A busy DPR has not received the request, so the request is repeated.

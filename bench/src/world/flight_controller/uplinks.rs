@@ -1,5 +1,6 @@
 //! The flight controller's ordinary writes: uplinks of the base station and of its own, and an occasional command.
 
+use super::HoldUser;
 use profile::criticality::{BaseStation, FlightController, Writer, WritesUplink};
 use profile::ssi::REQUEST_SIZE;
 use profile::{Command, CommandObject, Uplink, UplinkValues};
@@ -26,17 +27,17 @@ pub fn reads_map(cycle: u64) -> bool {
 }
 
 /// The object to write in control cycle number `cycle`, which begins at `own_ns` by the flight controller's clock;
-/// `None` in most cycles.
+/// `None` in most cycles. `hold` has the commands to a hold.
 #[must_use]
-pub fn written(cycle: u64, own_ns: u64) -> Option<[u8; Uplink::SIZE]> {
+pub fn written(cycle: u64, own_ns: u64, hold: Option<&mut HoldUser>) -> Option<[u8; Uplink::SIZE]> {
     let timestamp = u32::try_from(own_ns / MS % (1 << 32)).unwrap_or(u32::MAX);
     if cycle % COMMAND_EVERY == COMMAND_EVERY / 2 + 1 {
         let command = Command::ALL[(cycle / COMMAND_EVERY % Command::ALL.len() as u64) as usize];
         return Some(*CommandObject::seal(Writer::<FlightController>::claim(), timestamp, command).as_bytes());
     }
     match cycle % (2 * UPLINK_EVERY) {
-        0 => Some(uplink::<BaseStation>(timestamp)),
-        UPLINK_EVERY => Some(uplink::<FlightController>(timestamp)),
+        0 => Some(uplink::<BaseStation>(timestamp, own_ns, hold)),
+        UPLINK_EVERY => Some(uplink::<FlightController>(timestamp, own_ns, hold)),
         _ => None,
     }
 }
@@ -54,10 +55,14 @@ pub fn put(object: &[u8; Uplink::SIZE], mosi: &mut Vec<u8>) {
     mosi[REQUEST_SIZE..end].copy_from_slice(object);
 }
 
-/// An uplink of the writer `W` whose payload changes with its timestamp.
-fn uplink<W: WritesUplink>(timestamp: u32) -> [u8; Uplink::SIZE] {
+/// An uplink of the writer `W` whose payload changes with its timestamp, and begins with a command to the hold if there
+/// is one.
+fn uplink<W: WritesUplink>(timestamp: u32, own_ns: u64, hold: Option<&mut HoldUser>) -> [u8; Uplink::SIZE] {
     let bytes = timestamp.to_le_bytes();
-    let payload = std::array::from_fn(|place| bytes[place % bytes.len()] ^ place as u8);
+    let mut payload = std::array::from_fn(|place| bytes[place % bytes.len()] ^ place as u8);
+    if let Some(hold) = hold {
+        hold.fill::<W>(&mut payload, own_ns / MS);
+    }
     *Uplink::seal(Writer::<W>::claim(), &UplinkValues { timestamp, payload, ..UplinkValues::default() }).as_bytes()
 }
 
@@ -70,7 +75,7 @@ mod tests {
     fn two_seconds_contain_uplinks_of_both_writers_and_every_command() {
         let (mut base, mut own, mut commands) = (0, 0, vec![]);
         for cycle in 0..2 * COMMAND_EVERY {
-            let Some(object) = written(cycle, cycle * 4 * MS) else { continue };
+            let Some(object) = written(cycle, cycle * 4 * MS, None) else { continue };
             assert!(!reads_map(cycle), "{cycle}");
             match Written::verify(&object).unwrap() {
                 Written::BaseStation(uplink) => {

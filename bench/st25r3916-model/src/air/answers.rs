@@ -21,7 +21,7 @@
 //! on the air breaks off at that instant, and the sync of the new answer is masked.
 
 use super::faults::within;
-use super::{Air, AirFaults, Counters, Heard};
+use super::{Air, AirFaults, Counters, Heard, SentFrame};
 use crate::Chip;
 use crate::clock::{Clock, bits_ns};
 use crate::crc;
@@ -197,6 +197,12 @@ impl AnswerPath {
     /// Returns the number of answers that a foreign card began.
     pub fn foreign_answers(&self) -> u64 {
         self.foreign_answers
+    }
+
+    /// Returns the answers that the listener and a foreign card sent since the last call, as [`Air::take_sent`] does for
+    /// frames. An answer that was lost in a collision before its first bit is not among them.
+    pub fn take_sent(&mut self) -> Vec<SentFrame> {
+        self.air.take_sent()
     }
 
     /// Returns the answers that reached the poller's antenna since the last call, as [`Air::take_heard`] does for

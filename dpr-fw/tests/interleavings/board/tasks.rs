@@ -6,7 +6,6 @@ use dpr_fw::{
     triple::{scrub_waiting, Received, Rotated},
     IMAGE_WORDS,
 };
-use profile::map::PortArea;
 use rtic_core::Mutex;
 
 use super::{At, Buffer, RotationOf, FILLING, RECEIVING, SSI};
@@ -60,7 +59,7 @@ impl At {
             mailbox: self.clone(),
             filling: &mut filling,
             doorbell: self.clone(),
-            port: &PortArea::EMPTY,
+            port: &dpr_fw::hold::Area::EMPTY,
             telemetry: &self.0.telemetry,
         };
         let mut frames = 0;

@@ -233,7 +233,7 @@ impl Run {
         }
         events.push(Event { at: end, what: What::End });
         events.sort_by_key(|event| (event.at, event.what.rank()));
-        let header = Header { version: Header::VERSION, gps: self.n, seed: 1, clock: self.clock.into() };
+        let header = Header { version: Header::VERSION, gps: self.n, seed: 1, clock: self.clock.into(), hold: false };
         Log { header, events }
     }
 

@@ -1,0 +1,262 @@
+//! The active hold beside the DPR, in lock-step with it: its board, the air between the two, and their events.
+//!
+//! # Time
+//!
+//! The hold runs on the thread of the DPR. It goes ahead of the DPR by [`Beside::lead`], the least time after which
+//! anything that the DPR still does can reach the hold's chip; then the DPR goes ahead of the hold by [`REACTION`], and
+//! so on. What either emits reaches the other one's chip at its own instant, because that chip reacts to nothing on the
+//! air within that time:
+//!
+//! - The end of a frame shows one latency of the receiver later, and so does a byte (4.72 µs, `nfc_f_latency_ns`); a
+//!   carrier shows later still (10 µs, `field_detect_ns`).
+//! - The beginning of a frame shows when its preamble and sync have passed, 64 bits or 151 µs later.
+//!
+//! So the hold is nearly always 150 µs ahead, and the two go in steps of a few microseconds only while the DPR answers.
+//! The instants of the steps follow from these rules alone, and so does the run.
+
+use bench_judge::{Board as Side, Bytes, Cause, HoldEvent, HoldFrame, What};
+use cortex_m4::Cost;
+use st25r3916_model::{Air, AirEvent, AirFaults, AnswerFaults, AnswerPath, Chip};
+
+use super::board_events::cause;
+use super::recorder::Recorder;
+use crate::boards::front_end::FrontEnd;
+use crate::boards::{Dpr, Hold};
+use crate::report;
+use crate::world::flight_controller::{Fates, HoldUser};
+use emulator_node::{LogLine, Node};
+
+/// The least time from anything on the air to an effect of it in the chip that hears it, ns: the receiver's latency
+/// less what a board's last instruction may take beyond its time.
+const REACTION: u64 = 3_700;
+
+/// The least time from the transmit command of an answer to an effect in the hold's chip, ns: 64 bits at 424 kbit/s
+/// (150.9 µs) and [`REACTION`].
+const BEFORE_AN_ANSWER: u64 = 150_000;
+
+/// The interval between two records of what is true of the payload, ns.
+const PAYLOAD_EVERY: u64 = 100_000_000;
+
+/// The hold, and the air between it and the DPR's second front end.
+#[derive(Clone, Debug)]
+pub(super) struct Beside<C: Cost> {
+    node: Node<Hold, C>,
+    /// The way of the hold's frames to the DPR.
+    air: Air,
+    /// The way of the DPR's answers to the hold.
+    answers: AnswerPath,
+    /// The instant up to which the hold has emitted everything, ns.
+    reached: u64,
+    /// The answer that the DPR's second front end sends: the instant of its first bit (ns) and its bytes so far.
+    answering: Option<(u64, Vec<u8>)>,
+    /// The numbers of the node's restarts and findings that are in the log.
+    restarts: usize,
+    findings: usize,
+    /// The instant of the next record of the payload, ns. The next field is the hold's instant at the last one.
+    payload_at: u64,
+    payload_from: u64,
+}
+
+impl<C: Cost> Beside<C> {
+    /// A hold at power-on; `seed` determines the faults of the air.
+    pub(super) fn new(node: Node<Hold, C>, seed: u64) -> Self {
+        Self {
+            node,
+            air: Air::new(seed ^ 0x41, AirFaults::default()),
+            answers: AnswerPath::new(seed ^ 0x42, AnswerFaults::default()),
+            reached: 0,
+            answering: None,
+            restarts: 0,
+            findings: 0,
+            payload_at: PAYLOAD_EVERY,
+            payload_from: 0,
+        }
+    }
+
+    /// The instant, ns, beyond which the DPR must not go before [`Beside::act`] was called.
+    pub(super) fn next_at(&self) -> u64 {
+        (self.reached + REACTION).min(self.air.next_event().unwrap_or(u64::MAX))
+    }
+
+    /// How far the hold may go ahead of the DPR, ns.
+    fn lead(&self, dpr: &Node<Dpr, C>) -> u64 {
+        let answers = dpr.board().hold_port.as_ref().is_some_and(|port| port.chip().is_transmitting());
+        // A foreign card's answer breaks off when the DPR's begins.
+        if answers || self.answering.is_some() || self.answers.next_event().is_some() {
+            REACTION
+        } else {
+            BEFORE_AN_ANSWER
+        }
+    }
+
+    /// Lets the hold go on, since the DPR has reached `at` (ns).
+    pub(super) fn act(&mut self, at: u64, dpr: &mut Node<Dpr, C>, recorder: &mut Recorder) {
+        if at >= self.reached + REACTION {
+            let to = at + self.lead(dpr);
+            loop {
+                self.emitted(dpr, recorder);
+                self.answer(self.node.now().min(at));
+                if self.node.now() >= to {
+                    break;
+                }
+                let due = self.answers.next_event().filter(|due| *due > self.node.now());
+                self.node.advance(to.min(due.unwrap_or(u64::MAX)));
+            }
+            self.reached = to;
+        }
+        let Self { air, .. } = self;
+        dpr.board_mut(|board| {
+            air.advance(at, |at, event| hear(board, at, event));
+        });
+        self.note_air(recorder);
+    }
+
+    /// Takes what the hold has emitted, and passes it to the DPR's second front end.
+    fn emitted(&mut self, dpr: &mut Node<Dpr, C>, recorder: &mut Recorder) {
+        if !self.node.board().front_end.has_air() {
+            return;
+        }
+        let Self { node, air, answers, .. } = self;
+        for (at, event) in node.board_mut(|board| board.front_end.take_air()) {
+            if let AirEvent::FieldOn | AirEvent::FieldOff = event {
+                recorder.note(at, What::Hold(HoldEvent::Field { on: event == AirEvent::FieldOn }));
+            }
+            node.board_mut(|board| answers.from_poller(at, &event, |at, event| board.front_end.hear(at, event)));
+            dpr.board_mut(|board| air.from_poller(at, event, |at, event| hear(board, at, event)));
+        }
+        self.note_air(recorder);
+    }
+
+    /// Takes what the DPR's second front end has emitted, and passes it to the hold.
+    pub(super) fn answered(&mut self, dpr: &mut Node<Dpr, C>, recorder: &mut Recorder) {
+        if !dpr.board().hold_port.as_ref().is_some_and(FrontEnd::has_air) {
+            return;
+        }
+        let emitted = dpr.board_mut(|board| board.hold_port.as_mut().map(FrontEnd::take_air));
+        for (at, event) in emitted.into_iter().flatten() {
+            match &event {
+                AirEvent::FrameStart(start) => self.answering = Some((at, start.chunk.data.clone())),
+                AirEvent::Bytes(chunk) => {
+                    if let Some((_, bytes)) = &mut self.answering {
+                        bytes.extend_from_slice(&chunk.data);
+                    }
+                }
+                AirEvent::FrameEnd { bits } => {
+                    if let Some((started, mut bytes)) = self.answering.take() {
+                        let sent = usize::try_from(bits / 8).unwrap_or(usize::MAX);
+                        bytes.truncate(sent);
+                        let whole = bytes.first().is_some_and(|len| bytes.len() == usize::from(*len) + 2);
+                        let frame = HoldFrame { started, bytes: Bytes(bytes), whole };
+                        recorder.note(at, What::Hold(HoldEvent::Answered(frame)));
+                    }
+                }
+                AirEvent::FieldOn | AirEvent::FieldOff => {}
+            }
+            let Self { node, answers, .. } = self;
+            node.board_mut(|board| answers.from_listener(at, event, |at, event| board.front_end.hear(at, event)));
+        }
+        self.note_air(recorder);
+    }
+
+    /// Passes on the answers that the air delays or repeats, and those of a foreign card, up to `to` (ns).
+    fn answer(&mut self, to: u64) {
+        if self.answers.next_event().is_some_and(|next| next <= to) {
+            let Self { node, answers, .. } = self;
+            node.board_mut(|board| answers.advance(to, |at, event| board.front_end.hear(at, event)));
+        }
+    }
+
+    /// Records what the air has carried since the last call.
+    fn note_air(&mut self, recorder: &mut Recorder) {
+        let mut note = |at, what| recorder.note(at, What::Hold(what));
+        for sent in self.air.take_sent() {
+            let frame = HoldFrame { started: sent.started_ns, bytes: Bytes(sent.bytes), whole: sent.whole };
+            note(sent.ended_ns, HoldEvent::Sent(frame));
+        }
+        for heard in self.air.take_heard() {
+            let frame = HoldFrame { started: heard.started_ns, bytes: Bytes(heard.bytes), whole: heard.whole };
+            note(heard.ended_ns, HoldEvent::Heard(frame));
+        }
+        // The DPR's answers are recorded as its chip sent them.
+        self.answers.take_sent();
+        for heard in self.answers.take_heard() {
+            let frame = HoldFrame { started: heard.started_ns, bytes: Bytes(heard.bytes), whole: heard.whole };
+            note(heard.ended_ns, HoldEvent::AnswerHeard(frame));
+        }
+    }
+
+    /// Records what happened on the hold's board and at the DPR's second front end since the last call. Returns the
+    /// instant before which the hold's events are known, ns.
+    pub(super) fn watch(&mut self, reached: u64, dpr: &mut Node<Dpr, C>, recorder: &mut Recorder) -> u64 {
+        let node = &mut self.node;
+        for reset in &node.resets()[self.restarts..] {
+            let cause = cause(reset.cause);
+            let asked = matches!(cause, Cause::PowerOn | Cause::Pin | Cause::BrownOut);
+            recorder.note(reset.at, What::Hold(HoldEvent::Reset { cause, asked }));
+        }
+        self.restarts = node.resets().len();
+        for finding in &node.findings()[self.findings..] {
+            recorder.note(finding.at, What::Hold(HoldEvent::Finding { text: finding.to_string() }));
+        }
+        self.findings = node.findings().len();
+        let (misuses, reports, locked) = node.board_mut(|board| {
+            let misuses: Vec<_> = board.payload.take_misuses().collect();
+            (misuses, board.front_end.with(Chip::take_reports), board.take_locked())
+        });
+        let reports = reports.into_iter().map(|report| (report.first_ns, report.to_string()));
+        for (at, text) in misuses.into_iter().map(|text| (reached, text)).chain(reports) {
+            recorder.note(at, What::Hold(HoldEvent::Finding { text }));
+        }
+        for (at, locked) in locked {
+            recorder.note(at, What::Hold(HoldEvent::Lock { locked }));
+        }
+        if dpr.board().hold_port.as_ref().is_some_and(|port| !port.chip().reports().is_empty()) {
+            let reports = dpr.board_mut(|board| board.hold_port.as_mut().map(|port| port.with(Chip::take_reports)));
+            for report in reports.into_iter().flatten() {
+                let text = format!("second front end: {report}");
+                recorder.note(report.first_ns, What::Misuse { board: Side::Dpr, text });
+            }
+        }
+        if self.payload_at <= reached {
+            self.payload_at += PAYLOAD_EVERY;
+            let now = self.node.now();
+            let climate = |board: &mut Hold| (board.payload.climate.air(now), board.payload.climate.take_on(now));
+            let (air, on) = self.node.board_mut(climate);
+            let took = now - std::mem::replace(&mut self.payload_from, now);
+            let [heater, cooler] = on.map(|on| (on * 10_000 / took.max(1)) as u16);
+            let (temperature, humidity) = ((air.temperature * 1e3) as i32, (air.humidity * 1e3) as u32);
+            recorder.note(reached, What::Hold(HoldEvent::Payload { heater, cooler, temperature, humidity }));
+        }
+        reached.min(self.reached)
+    }
+
+    /// The figures of the run so far.
+    pub(super) fn figures(&self, user: &HoldUser) -> report::Hold {
+        let (frames, answers) = (self.air.counters(), self.answers.counters());
+        let [base_station, flight_controller] =
+            user.fates().map(|Fates { sent, acknowledged, lost }| report::Commands { sent, acknowledged, lost });
+        report::Hold {
+            frames_sent: frames.sent,
+            frames_delivered: frames.delivered,
+            answers_sent: answers.sent,
+            answers_delivered: answers.delivered,
+            read: user.shown.0,
+            vacant: user.shown.1,
+            base_station,
+            flight_controller,
+            load: (self.node.usage().load() * 1e4).round() / 1e4,
+        }
+    }
+
+    /// Takes the log lines of the hold since the last call.
+    pub(super) fn take_log(&mut self) -> Vec<LogLine> {
+        self.node.take_log()
+    }
+}
+
+/// Passes `event` of the air to the DPR's second front end at `at` (ns).
+fn hear(board: &mut Dpr, at: u64, event: &AirEvent) {
+    if let Some(port) = &mut board.hold_port {
+        port.hear(at, event);
+    }
+}

@@ -1,0 +1,139 @@
+//! The climate in the box that the hold keeps: one heat capacity with a loss to its surroundings.
+//!
+//! `C dT/dt = P - G (T - Ta)`: C is the heat capacity of box and load, G what the walls pass, Ta the temperature of the
+//! surroundings, P the power of heater or cooler. Between two changes of P the solution is exact. The box is closed, so
+//! the vapour in it stays, and the relative humidity follows the temperature (Magnus formula over water).
+
+use crate::faults::Rng;
+
+/// The power of the heater and of the cooler (taken out of the box), W.
+const HEATER: f64 = 12.0;
+const COOLER: f64 = 8.0;
+
+/// Temperature, °C, and relative humidity, %, of the air in the box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Air {
+    /// The temperature, °C.
+    pub temperature: f64,
+    /// The relative humidity, %.
+    pub humidity: f64,
+}
+
+/// The box.
+#[derive(Clone, Debug)]
+pub struct Climate {
+    /// Heat capacity, J/K, and loss, W/K.
+    capacity: f64,
+    loss: f64,
+    /// The temperature of the surroundings, °C.
+    surroundings: f64,
+    /// The pressure of the vapour in the box, hPa.
+    vapour: f64,
+    temperature: f64,
+    /// The instant for which the temperature holds, ns.
+    at: u64,
+    heats: bool,
+    cools: bool,
+    /// How long heater and cooler have been on since the last call of [`Climate::take_on`], ns.
+    on: [u64; 2],
+}
+
+impl Climate {
+    /// A box at 0 ns, drawn from `seed`.
+    #[must_use]
+    pub fn new(seed: u64) -> Self {
+        let mut rng = Rng::new(seed);
+        let mut within = |least: f64, most: f64| least + (most - least) * rng.below(1_000_001) as f64 / 1e6;
+        let surroundings = within(-5.0, 35.0);
+        let temperature = surroundings + within(-2.0, 6.0);
+        Self {
+            capacity: within(60.0, 120.0),
+            loss: within(0.1, 0.3),
+            surroundings,
+            vapour: saturation(surroundings) * within(0.2, 0.7),
+            temperature,
+            at: 0,
+            heats: false,
+            cools: false,
+            on: [0; 2],
+        }
+    }
+
+    /// Advances the box to `at` (ns).
+    fn advance(&mut self, at: u64) {
+        let took = at.saturating_sub(self.at);
+        if took == 0 {
+            return;
+        }
+        self.at = at;
+        let power = f64::from(u8::from(self.heats)) * HEATER - f64::from(u8::from(self.cools)) * COOLER;
+        let goal = self.surroundings + power / self.loss;
+        self.temperature += (self.temperature - goal) * (-self.loss / self.capacity * took as f64 / 1e9).exp_m1();
+        self.on[0] += if self.heats { took } else { 0 };
+        self.on[1] += if self.cools { took } else { 0 };
+    }
+
+    /// Switches heater and cooler from `at` (ns) on.
+    pub fn switch(&mut self, at: u64, heats: bool, cools: bool) {
+        self.advance(at);
+        (self.heats, self.cools) = (heats, cools);
+    }
+
+    /// The air in the box at `at` (ns).
+    pub fn air(&mut self, at: u64) -> Air {
+        self.advance(at);
+        let humidity = (100.0 * self.vapour / saturation(self.temperature)).min(100.0);
+        Air { temperature: self.temperature, humidity }
+    }
+
+    /// How long heater and cooler were on, ns, from the last call to `at` (ns).
+    pub fn take_on(&mut self, at: u64) -> [u64; 2] {
+        self.advance(at);
+        std::mem::take(&mut self.on)
+    }
+}
+
+/// The pressure of saturated vapour at `celsius`, hPa (Magnus formula; WMO-No. 8, annex 4.B).
+fn saturation(celsius: f64) -> f64 {
+    6.112 * (17.62 * celsius / (243.12 + celsius)).exp()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const S: u64 = 1_000_000_000;
+
+    #[test]
+    fn the_result_does_not_depend_on_the_steps() {
+        let (mut whole, mut steps) = (Climate::new(3), Climate::new(3));
+        whole.switch(0, true, false);
+        steps.switch(0, true, false);
+        for ms in 1..60_000 {
+            steps.switch(ms * S / 1000, true, false);
+        }
+        let difference = whole.air(60 * S).temperature - steps.air(60 * S).temperature;
+        assert!(difference.abs() < 1e-9, "{difference}");
+    }
+
+    #[test]
+    fn the_heater_warms_and_dries_and_the_cooler_does_the_opposite() {
+        for seed in 0..20 {
+            let mut climate = Climate::new(seed);
+            let rest = climate.clone().air(30 * S);
+            let mut cooled = climate.clone();
+            climate.switch(0, true, false);
+            cooled.switch(0, false, true);
+            let (warm, cold) = (climate.air(30 * S), cooled.air(30 * S));
+            assert!(warm.temperature > rest.temperature + 1.0 && rest.temperature > cold.temperature + 1.0);
+            assert!(warm.humidity < rest.humidity && rest.humidity < cold.humidity);
+            assert_eq!((climate.take_on(30 * S), cooled.take_on(31 * S)), ([30 * S, 0], [0, 31 * S]));
+        }
+    }
+
+    #[test]
+    fn air_is_saturated_at_the_pressure_of_the_tables() {
+        // WMO-No. 8: 23.37 hPa at 20 °C.
+        assert!((saturation(20.0) - 23.37).abs() < 0.05, "{}", saturation(20.0));
+    }
+}

@@ -1,0 +1,70 @@
+//! What the active hold measures and acts on: the box that it keeps, and the sensors on its I2C bus, each written from
+//! its data sheet.
+//!
+//! | file | what |
+//! |---|---|
+//! | `climate` | temperature and humidity of the box, with heater and cooler |
+//! | `vibration` | rotors, shocks, gravity |
+//! | `sht4x` | the sensor of temperature and humidity |
+//! | `lis3dh` | the accelerometer |
+
+mod climate;
+mod lis3dh;
+mod sht4x;
+mod vibration;
+
+use emulator_part::{I2cAnswer, I2cEvent};
+
+use crate::faults::Rng;
+pub use climate::{Air, Climate};
+pub use lis3dh::Lis3dh;
+pub use sht4x::Sht4x;
+pub use vibration::{GRAVITY, Shock, Vibration};
+
+/// A number from a normal distribution with standard deviation 1: the sum of twelve uniform ones.
+fn normal(rng: &mut Rng) -> f64 {
+    (0..12).map(|_| rng.below(1 << 32) as f64 / f64::from(u32::MAX)).sum::<f64>() - 6.0
+}
+
+/// The payload: its box, its vibration and the sensors.
+#[derive(Clone, Debug)]
+pub struct Payload {
+    /// The climate in the box.
+    pub climate: Climate,
+    /// The vibration.
+    pub vibration: Vibration,
+    sht4x: Sht4x,
+    lis3dh: Lis3dh,
+}
+
+impl Payload {
+    /// A payload that is drawn from `seed`.
+    #[must_use]
+    pub fn new(seed: u64) -> Self {
+        let of = |stream: u64| Rng::stream(seed, stream).word();
+        Self {
+            climate: Climate::new(of(0x481)),
+            vibration: Vibration::new(of(0x482)),
+            sht4x: Sht4x::new(of(0x483)),
+            lis3dh: Lis3dh::new(of(0x484)),
+        }
+    }
+
+    /// Answers `event` of the I2C controller, which ended at `at` (ns).
+    pub fn i2c(&mut self, at: u64, event: I2cEvent) -> I2cAnswer {
+        let Self { climate, vibration, sht4x, lis3dh } = self;
+        let answers = [sht4x.act(at, event, || climate.air(at)), lis3dh.act(at, event, vibration)];
+        answers.into_iter().find(|answer| answer.acknowledged).unwrap_or(I2cAnswer::NOBODY)
+    }
+
+    /// Restarts the sensors, whose supply came on at `at` (ns).
+    pub fn power_on(&mut self, at: u64) {
+        self.sht4x.power_on(at);
+        self.lis3dh.power_on(at);
+    }
+
+    /// Takes what the controller did against the sensors' data sheets since the last call.
+    pub fn take_misuses(&mut self) -> impl Iterator<Item = String> {
+        [self.sht4x.take_misuse(), self.lis3dh.take_misuse()].into_iter().flatten()
+    }
+}

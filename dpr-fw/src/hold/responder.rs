@@ -1,0 +1,211 @@
+//! The state of the second port's tasks.
+
+use core::borrow::{Borrow, BorrowMut};
+
+use profile::hold::Answer;
+use rtic_core::Mutex;
+use st25r3916::{executor::Executor, Answerer, AnswererEvent, Input, ListenerConfig, ReadMode, Step, Transfer};
+
+use super::{
+    budget::{Budget, Turn},
+    shared, HoldTelemetry, Shared, ANSWER_US,
+};
+use crate::{
+    rf::{FrontEndPort, LEAD},
+    triple::{scrub_waiting, Memory, Rotated, Rotation},
+    ReceiveMemory,
+};
+
+/// The hardware that the second port needs beside that of a port that only receives.
+pub trait AnswerPort: FrontEndPort {
+    /// Returns the counter to which [`FrontEndPort::irq_edge_us`] belongs.
+    fn now_us(&mut self) -> u32;
+    /// Puts the answer where the driver loads it from. Called while no load runs.
+    fn put(&mut self, answer: &Answer);
+    /// Sets up the transfer of [`Answerer::transmit`], and makes the timer start it at counter value `at_us`. The
+    /// transfer that the executor starts next is this one. Returns false, and starts nothing, if the instant is over.
+    fn arm(&mut self, at_us: u32) -> bool;
+    /// Makes sure that the timer starts no transfer within 71 minutes, unless one is armed.
+    fn park(&mut self);
+    /// Masks every interrupt by which the front end calls a task.
+    fn rest(&mut self);
+    /// Ends [`AnswerPort::rest`]. An interrupt that came meanwhile calls its task now.
+    fn wake(&mut self);
+    /// Returns the number of bytes of transfers that were started since the last call.
+    fn take_carried(&mut self) -> u32;
+    /// Whether a transfer did not stop, so that its buffers may still be accessed.
+    fn is_broken(&self) -> bool;
+}
+
+/// Shares the buffers between functions of one task, without a lock.
+struct Alone<'a, T>(&'a mut T);
+
+impl<T> Mutex for Alone<'_, T> {
+    type T = T;
+
+    fn lock<R>(&mut self, with: impl FnOnce(&mut T) -> R) -> R {
+        with(self.0)
+    }
+}
+
+/// What is known of a frame beside its bytes: the number of payload bytes.
+type Length = usize;
+
+/// The state of the second port's tasks.
+#[derive(Debug)]
+pub struct Responder<P: AnswerPort> {
+    executor: Executor<Answerer, P>,
+    rotation: Rotation<P::Buffer, Length>,
+    budget: Budget,
+    /// The counter of the port at the end of the frame that is answered.
+    ended_us: u32,
+}
+
+impl<P: AnswerPort> Responder<P>
+where
+    P::Buffer: Memory + BorrowMut<ReceiveMemory>,
+{
+    /// Makes the first step of the front end's bring-up, and returns the state of the port's tasks.
+    pub fn start(port: P, rotation: Rotation<P::Buffer, Length>, now_us: u32) -> Self {
+        // A frame is read after its end: it is short, and the port's work is then fewer calls.
+        let config = ListenerConfig { read_mode: ReadMode::StoreAndForward, ..ListenerConfig::new() };
+        let mut executor = Executor::new(Answerer::new(config), port);
+        let event = executor.resume();
+        debug_assert!(event.is_none(), "{event:?}");
+        executor.port().park();
+        Self { executor, rotation, budget: Budget::new(now_us), ended_us: 0 }
+    }
+
+    /// Carries the driver on as far as possible, if the budget allows it. `now_us` reads the DPR's µs counter.
+    pub fn serve(&mut self, shared: impl Mutex<T = Shared>, now_us: impl Fn() -> u32, telemetry: &HoldTelemetry) {
+        if self.executor.port().is_broken() {
+            return;
+        }
+        match self.budget.call(now_us()) {
+            Turn::Resting => return,
+            Turn::Rest => {
+                telemetry.rests.add(1);
+                self.executor.port().rest();
+                return;
+            }
+            Turn::Wake => self.executor.port().wake(),
+            Turn::Work => {}
+        }
+        self.executor.port().park();
+        if self.drive(shared, &now_us, telemetry).is_none() {
+            telemetry.out_of_use.set(1);
+            self.executor.port().rest();
+            return;
+        }
+        telemetry.scrubbed(scrub_waiting(Alone(&mut self.rotation)));
+        let carried = self.executor.port().take_carried();
+        self.budget.carry(carried);
+    }
+
+    /// Serves every event of the driver. Returns `None` if the port broke.
+    fn drive(
+        &mut self,
+        mut shared: impl Mutex<T = Shared>,
+        now_us: &impl Fn() -> u32,
+        telemetry: &HoldTelemetry,
+    ) -> Option<()> {
+        let mut event = self.executor.poll();
+        loop {
+            if self.executor.port().is_broken() {
+                return None;
+            }
+            let Some(happened) = event else { return Some(()) };
+            event = match happened {
+                AnswererEvent::Frame { len, .. } => self.frame(len, &mut shared, now_us, telemetry),
+                AnswererEvent::Loaded => self.loaded(telemetry),
+                AnswererEvent::Answered { .. } => {
+                    telemetry.answers.add(1);
+                    self.executor.resume()
+                }
+                AnswererEvent::Unanswered(_) => {
+                    telemetry.answers_overtaken.add(1);
+                    self.executor.resume()
+                }
+                AnswererEvent::Listening => {
+                    telemetry.bring_ups.add(1);
+                    self.executor.resume()
+                }
+                AnswererEvent::Fault(_) | AnswererEvent::Dropped(_) => {
+                    telemetry.faults.add(1);
+                    self.replace_buffer(telemetry);
+                    self.executor.resume()
+                }
+                AnswererEvent::FieldOn | AnswererEvent::FieldOff => self.executor.resume(),
+            };
+        }
+    }
+
+    /// Judges a frame, and begins an answer if the frame is accepted.
+    fn frame(
+        &mut self,
+        len: usize,
+        shared: &mut impl Mutex<T = Shared>,
+        now_us: &impl Fn() -> u32,
+        telemetry: &HoldTelemetry,
+    ) -> Option<AnswererEvent> {
+        telemetry.frames.add(1);
+        let Self { executor, rotation, ended_us, .. } = self;
+        *ended_us = executor.port().irq_edge_us();
+        executor.port().exchange(|filled| {
+            let (next, rotated) = rotation.rotate(filled, len);
+            if let Rotated::Overrun(found) = rotated {
+                telemetry.overruns.add(1);
+                telemetry.scrubbed(found);
+            }
+            next
+        });
+        let Some(received) = rotation.read() else { return executor.resume() };
+        let bytes: &[u8] = bytemuck::cast_slice(Borrow::<ReceiveMemory>::borrow(received.memory()).as_slice());
+        let begin = LEAD + st25r3916::listener::PAYLOAD_OFFSET;
+        let payload = bytes.get(begin..begin + received.about()).unwrap_or(&[]);
+        let judged = shared.lock(|shared| {
+            // The counter is read under the lock, so that it is never behind what the task `port` has read before.
+            let (now_us, since_us) = (now_us(), executor.port().now_us().wrapping_sub(*ended_us));
+            shared.receive(payload, now_us.wrapping_sub(since_us), now_us)
+        });
+        rotation.done(received);
+        if judged.is_err() {
+            telemetry.rejected.add(1);
+            return executor.resume();
+        }
+        telemetry.accepted.add(1);
+        let answer = shared.lock(|shared| shared.answer(now_us()));
+        executor.port().put(&shared::intact(answer));
+        executor.go_on(|machine| match machine.answer(Answer::SIZE) {
+            Ok(step) => step,
+            Err(_) => machine.step(Input::Start),
+        })
+    }
+
+    /// Makes the timer start the answer whose first bytes are loaded, or gives the answer up if it is too late.
+    fn loaded(&mut self, telemetry: &HoldTelemetry) -> Option<AnswererEvent> {
+        let port = self.executor.port();
+        if !port.arm(self.ended_us.wrapping_add(ANSWER_US)) {
+            telemetry.answers_missed.add(1);
+            return self.executor.resume();
+        }
+        let since_us = port.now_us().wrapping_sub(self.ended_us);
+        telemetry.armed_worst_us.record_max(since_us);
+        self.executor.go_on(|_| Step::Transfer(Transfer::Short(Answerer::transmit())))
+    }
+
+    /// Puts a clean buffer in place of the one in which a frame may have begun.
+    fn replace_buffer(&mut self, telemetry: &HoldTelemetry) {
+        let Self { executor, rotation, .. } = self;
+        executor.port().exchange(|begun| {
+            let (next, found) = rotation.replace(begun);
+            telemetry.scrubbed(found);
+            next
+        });
+    }
+
+    /// Returns the port, for a test.
+    pub fn port(&mut self) -> &mut P {
+        self.executor.port()
+    }
+}
