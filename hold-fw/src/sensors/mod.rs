@@ -112,10 +112,20 @@ pub struct Sensors<B, D> {
     measured: u32,
     climate_faulty: bool,
     vibration: Vibration,
-    /// Whether the accelerometer is set up and works.
-    samples: bool,
+    accelerometer: Accelerometer,
     /// Whether the last reading found no sample.
     empty: bool,
+}
+
+/// The state of the accelerometer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Accelerometer {
+    /// It was not accessed since the start.
+    New,
+    /// It is set up and samples.
+    Works,
+    /// It has failed, and is set up anew.
+    Faulty,
 }
 
 impl<B: I2c, D: DelayNs> Sensors<B, D> {
@@ -128,7 +138,7 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
             measured: 0,
             climate_faulty: false,
             vibration: Vibration::new(),
-            samples: false,
+            accelerometer: Accelerometer::New,
             empty: false,
         }
     }
@@ -136,12 +146,13 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
     /// Does the work of `beat`, which counts from the start on and wraps.
     pub fn serve(&mut self, beat: u32, telemetry: &Telemetry) {
         match (beat % BEATS, beat % SECOND) {
-            (1 | 3, _) if self.samples => {
+            (1 | 3, _) if self.accelerometer == Accelerometer::Works => {
                 let read = self.read_samples(telemetry);
                 self.note_accelerometer(read, telemetry);
             }
             (0, 0) => {
-                let set = if self.samples { self.verify() } else { self.set_up() };
+                let works = self.accelerometer == Accelerometer::Works;
+                let set = if works { self.verify() } else { self.set_up() };
                 self.note_accelerometer(set, telemetry);
             }
             (2, 2) => {
@@ -170,16 +181,19 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
                 (Some(before), Some(now)) => Some(before.max(now)),
                 (before, now) => before.or(now),
             },
-            fault: self.climate_faulty || !self.samples,
+            fault: self.climate_faulty || self.accelerometer == Accelerometer::Faulty,
         };
     }
 
     fn note_accelerometer(&mut self, result: Result<(), Faulty>, telemetry: &Telemetry) {
-        self.samples = result.is_ok();
-        if result.is_err() {
-            telemetry.vibration_faults.add(1);
-            self.vibration.clear();
-        }
+        self.accelerometer = match result {
+            Ok(()) => Accelerometer::Works,
+            Err(Faulty) => {
+                telemetry.vibration_faults.add(1);
+                self.vibration.clear();
+                Accelerometer::Faulty
+            }
+        };
     }
 
     fn measure(&mut self) -> Result<[f32; 2], Faulty> {
@@ -190,12 +204,12 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
         POSSIBLE.contains(&celsius).then_some([celsius, percent.clamp(0.0, 100.0)]).ok_or(Faulty)
     }
 
-    fn accelerometer(&mut self) -> Lis2dh<&mut B> {
+    fn lis2dh(&mut self) -> Lis2dh<&mut B> {
         Lis2dh::new(&mut self.bus, Sa0Pad::High)
     }
 
     fn set_up(&mut self) -> Result<(), Faulty> {
-        let mut sensor = self.accelerometer();
+        let mut sensor = self.lis2dh();
         if sensor.get_device_id()? != IDENTITY {
             return Err(Faulty);
         }
@@ -215,7 +229,7 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
     }
 
     fn verify(&mut self) -> Result<(), Faulty> {
-        let mut sensor = self.accelerometer();
+        let mut sensor = self.lis2dh();
         for (register, value) in SETTINGS {
             if sensor.read_register(register)? != value {
                 return Err(Faulty);
@@ -226,7 +240,7 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
 
     fn read_samples(&mut self, telemetry: &Telemetry) -> Result<(), Faulty> {
         let mut data = [AccelerationData::default(); FIFO];
-        let mut sensor = self.accelerometer();
+        let mut sensor = self.lis2dh();
         let level = sensor.read_fifo_status()?;
         telemetry.vibration_overruns.add(u32::from(level.full));
         let count = if level.full { FIFO } else { usize::from(level.sample_count).min(FIFO) };
