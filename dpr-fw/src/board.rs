@@ -67,6 +67,9 @@ pub(crate) const FRESH_CHANNEL: usize = 1;
 pub(crate) const WAIT_COMPARE: usize = 0;
 /// The capture register of TIMER0, and of TIMER4, for the IRQ's edge.
 pub(crate) const EDGE_CAPTURE: usize = 1;
+/// The capture register of TIMER4 for the present time.
+#[cfg(feature = "hold")]
+pub(crate) use firmware_common::nrf52840::NOW_CAPTURE;
 /// The compare register of TIMER4 for the start of the answer.
 #[cfg(feature = "hold")]
 pub(crate) const HOLD_ANSWER_COMPARE: usize = 2;

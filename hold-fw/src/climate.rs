@@ -99,7 +99,7 @@ impl Climate {
         let may = |output: f32| {
             let hottest = if temperature > *WORKING.end() { 0.0 } else { *OUTPUTS.end() };
             let coldest = if temperature < *WORKING.start() { 0.0 } else { *OUTPUTS.start() };
-            output.clamp(coldest, hottest)
+            bound(output, coldest, hottest)
         };
         let integral = may(self.integral + INTEGRAL * error * STEP_S);
         let wanted = proportional + integral;
@@ -107,11 +107,17 @@ impl Climate {
         if may(wanted) == wanted || (wanted > 0.0) == (integral < self.integral) {
             self.integral = integral;
         }
-        let slewed = may(proportional + self.integral).clamp(self.output - SLEW, self.output + SLEW);
+        let slewed = bound(may(proportional + self.integral), self.output - SLEW, self.output + SLEW);
         // The limits count for more than the slew: an output that is no longer allowed ends at once.
         self.output = may(slewed);
         self.output
     }
+}
+
+/// Returns the number between `low` and `high` that is nearest to `value`. (`f32::clamp` panics with a text that has
+/// numbers in it, and the code that prints them would be a third of the firmware.)
+fn bound(value: f32, low: f32, high: f32) -> f32 {
+    value.max(low).min(high)
 }
 
 /// The duty of heater and cooler, each 0 to 1. At most one of them is not 0.
@@ -125,7 +131,7 @@ impl Duty {
     /// Returns the duties for an output of the control.
     #[must_use]
     pub fn of(output: f32) -> Self {
-        Self { heater: output.clamp(0.0, 1.0), cooler: (-output).clamp(0.0, 1.0) }
+        Self { heater: bound(output, 0.0, 1.0), cooler: bound(-output, 0.0, 1.0) }
     }
 
     /// Returns how many of `top` counts heater and cooler are on.

@@ -20,16 +20,16 @@ use crate::telemetry::Telemetry;
 pub const RATE: Rate = Rate { flash_words: 16, code_words: 0, ram_words: 4 };
 
 /// The sizes (`memory.x`), bytes: the program's flash, and the RAM for stack and statics.
-const FLASH_BYTES: u32 = 96 * 1024;
+const FLASH_BYTES: u32 = 64 * 1024;
 const RAM_BYTES: u32 = 32 * 1024;
 
-/// The longest time until a flipped bit in flash is found, µs: two passes over all 96 KiB of flash.
+/// The longest time until a flipped bit in flash is found, µs: two passes over all 64 KiB of flash.
 pub const FLASH_DETECT_US: u32 = RATE.flash_detect_us(FLASH_BYTES);
 
 /// The longest time until a bit of RAM in use that gets stuck is found, µs: one pass over that RAM.
 pub const RAM_DETECT_US: u32 = RATE.ram_pass_us(RAM_BYTES);
 
-const _: () = assert!(FLASH_DETECT_US <= 7_700_000 && RAM_DETECT_US <= 5_200_000);
+const _: () = assert!(FLASH_DETECT_US <= 5_200_000 && RAM_DETECT_US <= 5_200_000);
 
 /// The consequence of what a slice found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

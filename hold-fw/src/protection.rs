@@ -3,7 +3,7 @@
 //! | addresses | what | access at the start | access of tasks |
 //! |---|---|---|---|
 //! | 0x0000_0000, 256 B | vector table, and so the null page | – | – |
-//! | 0x0000_0100 to 96 KiB | flash: the program and its budget | read, execute | read, execute |
+//! | 0x0000_0100 to 64 KiB | flash: the program and its budget | read, execute | read, execute |
 //! | 0x2000_0000, 256 KiB | RAM: stack, statics, and what is left free | read, write | read, write |
 //! | 0x4000_0000, 0x5000_0000 | peripherals | all | those of `board.rs` that tasks use |
 //!
@@ -16,9 +16,8 @@ use firmware_common::mpu::{Access, Allowed, Memory, Region, Table};
 
 const KIB: u32 = 1024;
 
-/// The flash: 96 KiB of the region's 128 KiB are open, as in `memory.x`.
-const FLASH: Region = Region::new("flash", 0, 128 * KIB, Memory::Flash, Allowed::ReadExecute)
-    .only([true, true, true, true, true, true, false, false]);
+/// The flash, as in `memory.x`.
+const FLASH: Region = Region::new("flash", 0, 64 * KIB, Memory::Flash, Allowed::ReadExecute);
 
 /// The address at which the null page ends.
 pub const NULL_PAGE_END: u32 = 256;
@@ -71,11 +70,11 @@ mod tests {
     #[test]
     fn the_program_is_not_writable_and_ram_is_never_executed() {
         for access in [Read, Write, Execute] {
-            for shut in [0, 255, 96 * KIB, 0x1FFF_FFFF, 0x2004_0000] {
+            for shut in [0, 255, 64 * KIB, 0x1FFF_FFFF, 0x2004_0000] {
                 assert!(!TASKS.allows(shut, access), "{access:?} {shut:#x}");
             }
         }
-        for address in [256, 96 * KIB - 1] {
+        for address in [256, 64 * KIB - 1] {
             assert!(TASKS.allows(address, Read) && TASKS.allows(address, Execute) && !TASKS.allows(address, Write));
         }
         for address in [0x2000_0000, 0x2003_FFFF] {
@@ -101,7 +100,7 @@ mod tests {
 
     #[test]
     fn while_it_starts_memory_is_protected_as_later() {
-        for address in [0, 0x100, 96 * KIB, 0x1000_0000, 0x2000_0000, 0x2003_FFFF, 0x2004_0000] {
+        for address in [0, 0x100, 64 * KIB, 0x1000_0000, 0x2000_0000, 0x2003_FFFF, 0x2004_0000] {
             for access in [Read, Write, Execute] {
                 assert_eq!(START.allows(address, access), TASKS.allows(address, access), "{access:?} {address:#x}");
             }

@@ -21,8 +21,7 @@ use super::{
     take_event,
     time::SHORTEST_US,
 };
-use crate::board::{HOLD_ANSWER_COMPARE, WAIT_COMPARE};
-use firmware_common::nrf52840::NOW_CAPTURE;
+use crate::board::{HOLD_ANSWER_COMPARE, NOW_CAPTURE, WAIT_COMPARE};
 
 /// The hold's front end.
 pub(crate) struct Hold;

@@ -89,10 +89,10 @@ pub fn watch_supply(power: &pac::POWER) -> bool {
 /// The prescaler of timers that count microseconds: 16 MHz / 2^4.
 pub const COUNTER_PRESCALER: u8 = 4;
 
-/// The capture register of TIMER0 for the present time, which belongs to [`now_us`].
+/// The capture register of a timer for the present time; that of TIMER0 belongs to [`now_us`].
 pub const NOW_CAPTURE: usize = 3;
 
-/// Starts a timer, which counts µs in 32 bits from zero and never stops: TIMER0 for [`now_us`].
+/// Starts a timer, which counts µs in 32 bits from zero and never stops.
 pub fn start_counter(timer: &impl Instance) {
     let timer = timer.as_timer0();
     timer.bitmode.write(|w| w.bitmode()._32bit());
@@ -104,7 +104,7 @@ pub fn start_counter(timer: &impl Instance) {
     timer.tasks_start.write(|w| unsafe { w.bits(1) });
 }
 
-/// Returns the µs counter's value; any task may call this. It wraps after 71 minutes.
+/// Returns the value of TIMER0, the µs counter; any task may call this. It wraps after 71 minutes.
 #[must_use]
 pub fn now_us() -> u32 {
     // SAFETY: the pointer to the peripheral is valid for ever, and only this function uses this capture register. If
