@@ -33,6 +33,7 @@
 //! | TIMER3 | time since a transaction was served, µs. Compare 0: end of the pause | `ssi_pause` |
 //! | SWI0, SWI1, SWI2 | calls from other tasks | `commit`, `scrub`, `port` |
 //! | SPIM2 | second front end | `hold_spi` |
+//! | GPIOTE channel 3 | chip select of the second front end | – |
 //! | GPIOTE channel 2, EGU3 channel 0 | rising edge of the second front end's IRQ, without GPIOTE's interrupt | `hold_irq` |
 //! | TIMER4 | µs counter; compare 0: a wait of the driver, 2: start of the answer; capture 1: IRQ edge, 3: now | `hold_timer` |
 //! | WDT | watchdog | – |
@@ -46,9 +47,12 @@
 //! | 4 | GPIOTE IN\[2\] | EGU3 TRIGGER\[0\] |
 //! | 5 | GPIOTE IN\[2\] | TIMER4 CAPTURE\[1\] |
 //! | 6 | TIMER4 COMPARE\[2\] | SPIM2 START |
+//! | 7 | SPIM2 END | GPIOTE SET\[3\] |
 //!
 //! The second front end, SPIM2, EGU3 and TIMER4, and what belongs to them here, are used with the feature `hold` only.
 
+#[cfg(feature = "hold")]
+use crate::hw::HoldSelect;
 use dpr_fw::task::{Task, TASKS};
 use nrf52840_hal::{
     gpio::{p0, p1, Disconnected, Floating, Input, Level, Output, Pin, PullDown, PullUp, PushPull},
@@ -70,6 +74,9 @@ pub(crate) const EDGE_CAPTURE: usize = 1;
 /// The capture register of TIMER4 for the present time.
 #[cfg(feature = "hold")]
 pub(crate) use firmware_common::nrf52840::NOW_CAPTURE;
+/// The GPIOTE channel of the second front end's chip select.
+#[cfg(feature = "hold")]
+pub(crate) const HOLD_SELECT_CHANNEL: usize = 3;
 /// The compare register of TIMER4 for the start of the answer.
 #[cfg(feature = "hold")]
 pub(crate) const HOLD_ANSWER_COMPARE: usize = 2;
@@ -81,8 +88,8 @@ pub(crate) const PULSE_COMPARE: usize = 2;
 pub(crate) const PAUSE_COMPARE: usize = 0;
 
 /// The pins of a front end.
-pub(crate) struct RfPins {
-    pub(crate) select: Pin<Output<PushPull>>,
+pub(crate) struct RfPins<S = Pin<Output<PushPull>>> {
+    pub(crate) select: S,
     pub(crate) mosi: Pin<Output<PushPull>>,
     pub(crate) miso: Pin<Input<Floating>>,
     pub(crate) clock: Pin<Output<PushPull>>,
@@ -169,19 +176,21 @@ pub(crate) fn connect(
     (gpiote, ppi)
 }
 
-/// Configures the GPIOTE channel and the PPI channels of the second front end as the tables say.
+/// Configures both GPIOTE channels and the PPI channels of the second front end as the tables say. Returns its pins.
 #[cfg(feature = "hold")]
 pub(crate) fn connect_hold(
     gpiote: &Gpiote,
     mut ppi: ppi::Parts,
-    irq: &Pin<Input<PullDown>>,
+    pins: RfPins,
     timer: &pac::TIMER4,
     spim: &pac::SPIM2,
     egu: &pac::EGU3,
-) {
+) -> RfPins<HoldSelect> {
     use nrf52840_hal::timer::Instance as _;
 
-    gpiote.channel2().input_pin(irq).lo_to_hi();
+    let RfPins { select, mosi, miso, clock, irq } = pins;
+    gpiote.channel2().input_pin(&irq).lo_to_hi();
+    gpiote.channel3().output_pin(select).task_out_polarity(TaskOutPolarity::Set).init_high();
     ppi.ppi4.set_event_endpoint(gpiote.channel2().event());
     ppi.ppi4.set_task_endpoint(&egu.tasks_trigger[0]);
     ppi.ppi4.enable();
@@ -191,4 +200,8 @@ pub(crate) fn connect_hold(
     ppi.ppi6.set_event_endpoint(&timer.as_timer0().events_compare[HOLD_ANSWER_COMPARE]);
     ppi.ppi6.set_task_endpoint(&spim.tasks_start);
     ppi.ppi6.enable();
+    ppi.ppi7.set_event_endpoint(&spim.events_end);
+    ppi.ppi7.set_task_endpoint(gpiote.channel3().task_set());
+    ppi.ppi7.enable();
+    RfPins { select: HoldSelect, mosi, miso, clock, irq }
 }

@@ -448,8 +448,6 @@ mod app {
             port.hand_on(hold);
             hold.show(hw::now_us(), &mut spare.hold)
         });
-        #[cfg(not(feature = "hold"))]
-        let hold = profile::PortStatusBits::new();
         let diagnostics = Diagnostics {
             too_many: TELEMETRY.ssi_budgets_spent.get().wrapping_add(TELEMETRY.ssi_objects_dropped.get()),
             integrity_faults: TELEMETRY.image_faults.get(),
@@ -457,6 +455,7 @@ mod app {
             stuck_bits: TELEMETRY.scrub_faults.get(),
             buffers_out_of_use: TELEMETRY.buffers_out_of_use.get(),
             last_stop: last_stop::code(),
+            #[cfg(feature = "hold")]
             hold,
         };
         if let Some(passed) = INTEGRITY.serve_self_test(port.self_test_requested()) {

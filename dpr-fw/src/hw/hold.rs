@@ -4,14 +4,18 @@
 //! a task of HORUS's, and once EGU3's interrupt is masked it calls none.
 //!
 //! An answer starts at a fixed instant: the transmit command is set up in SPIM2 with the chip selected, and a compare of
-//! TIMER4 starts the transfer through PPI. That PPI channel is always enabled, so the compare register holds a past
+//! TIMER4 starts the transfer through PPI. The chip carries out a command when chip select rises; the transfer's end
+//! lets it rise, also through PPI. So no task comes between. That PPI channel is always enabled, so the compare register holds a past
 //! instant except while an answer is armed ([`AnswerPort::park`]).
+
+use core::convert::Infallible;
 
 use dpr_fw::{
     hold::{AnswerMemory, AnswerPort, Responder, Shared},
     rf::LEAD,
     task::Task,
 };
+use embedded_hal::digital::{ErrorType, OutputPin};
 use nrf52840_hal::pac;
 use profile::hold::Answer;
 use st25r3916::{command, Answerer};
@@ -21,7 +25,7 @@ use super::{
     take_event,
     time::SHORTEST_US,
 };
-use crate::board::{HOLD_ANSWER_COMPARE, NOW_CAPTURE, WAIT_COMPARE};
+use crate::board::{HOLD_ANSWER_COMPARE, HOLD_SELECT_CHANNEL, NOW_CAPTURE, WAIT_COMPARE};
 
 /// The hold's front end.
 pub(crate) struct Hold;
@@ -36,6 +40,7 @@ pub(crate) type HoldShared = Shared;
 impl Wiring for Hold {
     type Spim = pac::SPIM2;
     type Timer = pac::TIMER4;
+    type Select = HoldSelect;
     type Sends = Answers;
     const TIMER_TASK: Task = Task::hold_timer;
 
@@ -46,6 +51,31 @@ impl Wiring for Hold {
         // SAFETY: 1 is a valid value of a task register.
         timer.tasks_capture[NOW_CAPTURE].write(|w| unsafe { w.bits(1) });
         timer.cc[NOW_CAPTURE].read().bits()
+    }
+}
+
+/// Chip select of the hold's front end, which GPIOTE drives. It also rises by itself at the end of a transfer.
+pub(crate) struct HoldSelect;
+
+impl ErrorType for HoldSelect {
+    type Error = Infallible;
+}
+
+impl OutputPin for HoldSelect {
+    fn set_low(&mut self) -> Result<(), Infallible> {
+        // SAFETY: the pointer to the peripheral is valid for ever, and the task register acts only on this channel.
+        let gpiote = unsafe { &*pac::GPIOTE::ptr() };
+        // SAFETY: 1 is a valid value of a task register.
+        gpiote.tasks_clr[HOLD_SELECT_CHANNEL].write(|w| unsafe { w.bits(1) });
+        Ok(())
+    }
+
+    fn set_high(&mut self) -> Result<(), Infallible> {
+        // SAFETY: the pointer to the peripheral is valid for ever, and the task register acts only on this channel.
+        let gpiote = unsafe { &*pac::GPIOTE::ptr() };
+        // SAFETY: 1 is a valid value of a task register.
+        gpiote.tasks_set[HOLD_SELECT_CHANNEL].write(|w| unsafe { w.bits(1) });
+        Ok(())
     }
 }
 

@@ -76,6 +76,8 @@ use profile::ResetReason;
 use st25r3916::Short;
 
 pub(crate) use firmware_common::nrf52840::now_us;
+#[cfg(feature = "hold")]
+pub(crate) use hold::HoldSelect;
 pub(crate) use hold::{HoldEdge, HoldResponder, HoldShared};
 pub(crate) use integrity::ShownImage;
 pub(crate) use rf::{RfEdge, RfPort};
@@ -219,10 +221,10 @@ pub(crate) fn init(
     #[cfg(feature = "hold")]
     let hold = {
         let HoldDma { spi_tx, spi_rx, answer, receive } = memory.hold;
-        board::connect_hold(&gpiote, _ppi, &hold_pins.irq, &p.TIMER4, &p.SPIM2, &p.EGU3);
+        let pins = board::connect_hold(&gpiote, _ppi, hold_pins, &p.TIMER4, &p.SPIM2, &p.EGU3);
         nrf52840::start_counter(&p.TIMER4);
         let answers = hold::Answers::new(answer);
-        let port = hold::HoldPort::new(p.SPIM2, p.TIMER4, answers, hold_pins, spi_tx, spi_rx, receive);
+        let port = hold::HoldPort::new(p.SPIM2, p.TIMER4, answers, pins, spi_tx, spi_rx, receive);
         (port, HoldEdge::new(p.EGU3))
     };
     let ssi = SsiPort::new(p.SPIS1, (p.TIMER2, p.TIMER3), ssi_pins, memory.ssi_rx);

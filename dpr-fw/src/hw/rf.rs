@@ -2,7 +2,10 @@
 //!
 //! HORUS's front end and that of the hold have one [`Port`] each, which differ in their [`Wiring`].
 
-use core::sync::atomic::{compiler_fence, Ordering};
+use core::{
+    convert::Infallible,
+    sync::atomic::{compiler_fence, Ordering},
+};
 
 use dpr_fw::{
     rf::{self, LEAD},
@@ -11,6 +14,7 @@ use dpr_fw::{
 };
 use embedded_hal::digital::{InputPin, OutputPin};
 use nrf52840_hal::{
+    gpio::{Output, Pin, PushPull},
     gpiote::Gpiote,
     pac, spim,
     timer::{self, Instance as _},
@@ -48,6 +52,8 @@ pub(crate) trait Wiring {
     type Spim: spim::Instance;
     /// The timer of the driver's waits and of the IRQ's edge, which counts µs.
     type Timer: timer::Instance;
+    /// Chip select.
+    type Select: OutputPin<Error = Infallible>;
     /// What the front end sends.
     type Sends: Sends;
     /// The task that the timer calls.
@@ -79,6 +85,7 @@ pub(crate) struct Horus;
 impl Wiring for Horus {
     type Spim = pac::SPIM0;
     type Timer = pac::TIMER0;
+    type Select = Pin<Output<PushPull>>;
     type Sends = ();
     const TIMER_TASK: Task = Task::rf_timer;
 
@@ -125,7 +132,7 @@ pub(crate) struct Port<W: Wiring> {
     pub(super) spim: W::Spim,
     pub(super) timer: W::Timer,
     pub(super) sends: W::Sends,
-    pins: RfPins,
+    pins: RfPins<W::Select>,
     tx: &'static mut [u8; Short::MAX],
     rx: &'static mut [u8; Short::MAX],
     receive: Option<Filling<ReceiveBuffer>>,
@@ -143,7 +150,7 @@ impl<W: Wiring> Port<W> {
         spim: W::Spim,
         timer: W::Timer,
         sends: W::Sends,
-        pins: RfPins,
+        pins: RfPins<W::Select>,
         tx: &'static mut [u8; Short::MAX],
         rx: &'static mut [u8; Short::MAX],
         receive: Filling<ReceiveBuffer>,

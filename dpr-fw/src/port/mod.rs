@@ -74,6 +74,7 @@ pub struct Diagnostics {
     /// The code of the reason for which the DPR was last in its safe state; 0 if it was not.
     pub last_stop: u32,
     /// The hold's bits of Port-Status.
+    #[cfg(feature = "hold")]
     pub hold: PortStatusBits,
 }
 
@@ -294,6 +295,7 @@ impl WritePort {
             .with_self_test_passed(self.self_test.passed == Some(true))
             .with_self_test_failed(self.self_test.passed == Some(false))
             .with_buffers_out_of_use(diagnostics.buffers_out_of_use > 0);
+        #[cfg(feature = "hold")]
         let status = PortStatusBits::from_bits(status.bits() | diagnostics.hold.bits());
         let (last_command_timestamp, last_command) =
             self.last_command.map_or((0, 0), |(timestamp, command)| (timestamp, command.word()));

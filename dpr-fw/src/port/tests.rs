@@ -307,6 +307,7 @@ fn clear_counters_clears_what_the_port_counts_and_nothing_else() {
         stuck_bits: 5,
         buffers_out_of_use: 1,
         last_stop: 0xDEAD_BEEF,
+        #[cfg(feature = "hold")]
         hold: PortStatusBits::new(),
     };
     bench.write(uplink(BASE, 7).as_bytes());
@@ -372,6 +373,7 @@ fn counters_of_faults_and_violations_stay_at_their_end() {
         stuck_bits: u32::MAX,
         buffers_out_of_use: 65_537,
         last_stop: 0,
+        #[cfg(feature = "hold")]
         hold: PortStatusBits::new(),
     };
     let values = bench.values();
