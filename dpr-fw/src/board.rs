@@ -68,8 +68,9 @@ pub(crate) const FRESH_CHANNEL: usize = 1;
 pub(crate) const WAIT_COMPARE: usize = 0;
 /// The capture register of TIMER0, and of TIMER4, for the IRQ's edge.
 pub(crate) const EDGE_CAPTURE: usize = 1;
-/// The capture register of TIMER0, and of TIMER4, for the present time.
-pub(crate) const NOW_CAPTURE: usize = 3;
+/// The capture register of TIMER4 for the present time.
+#[cfg(feature = "hold")]
+pub(crate) use firmware_common::nrf52840::NOW_CAPTURE;
 /// The GPIOTE channel of the second front end's chip select.
 #[cfg(feature = "hold")]
 pub(crate) const HOLD_SELECT_CHANNEL: usize = 3;

@@ -127,10 +127,6 @@ impl<'a, P: FrontEndPort> Link<'a, P> {
     /// Serves an interrupt: a transfer has ended, the IRQ pin has risen, or the timer has run out. Returns whether an
     /// answer has come.
     pub fn poll(&mut self) -> bool {
-        if self.turn != Turn::Executor {
-            // No wait is under way. The end of one that is over would call the timer's task again and again.
-            self.executor.port().elapsed();
-        }
         if self.turn != Turn::Slot {
             let event = self.executor.poll();
             self.serve(event);

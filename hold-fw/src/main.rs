@@ -231,7 +231,10 @@ mod app {
     /// Runs when a wait of the front end's driver is over.
     #[task(binds = TIMER0, priority = 3, shared = [link])]
     fn rf_timer(mut cx: rf_timer::Context) {
-        cx.shared.link.lock(serve);
+        cx.shared.link.lock(|link| {
+            link.port().clear_timer();
+            serve(link);
+        });
         CHECK_IN.check_in(Task::rf_timer);
     }
 

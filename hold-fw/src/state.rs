@@ -18,7 +18,7 @@ use crate::{
 /// temperatures are those of [`WORKING`].
 const MOST_HUMIDITY: f32 = 90.0;
 const MOST_VIBRATION: f32 = 20.0;
-const MOST_SHOCK: f32 = 100.0;
+const MOST_SHOCK: f32 = 60.0;
 /// The supply, V, that is within the hold's limits: above the threshold at which it stops, and up to what the part
 /// bears (PS v1.7, 5.3.1).
 const SUPPLY: core::ops::RangeInclusive<f32> = 2.9..=3.6;
@@ -140,11 +140,5 @@ impl Hold {
         };
         let outputs = Outputs { output, locked: self.kept.locked };
         (HoldStatus::seal(Writer::<ActiveLoad>::claim(), &values), outputs)
-    }
-
-    /// Whether the hold is locked, for the lock's output before the first cycle.
-    #[must_use]
-    pub const fn is_locked(&self) -> bool {
-        self.kept.locked
     }
 }

@@ -74,6 +74,7 @@ use nrf52840_hal::{
 use profile::ResetReason;
 use st25r3916::Short;
 
+pub(crate) use firmware_common::nrf52840::now_us;
 #[cfg(feature = "hold")]
 pub(crate) use hold::HoldSelect;
 pub(crate) use hold::{HoldEdge, HoldResponder, HoldShared};
@@ -209,7 +210,7 @@ pub(crate) fn init(
     let hold = {
         let HoldDma { spi_tx, spi_rx, answer, receive } = memory.hold;
         let pins = board::connect_hold(&gpiote, _ppi, hold_pins, &p.TIMER4, &p.SPIM2, &p.EGU3);
-        time::start(&p.TIMER4);
+        nrf52840::start_counter(&p.TIMER4);
         let answers = hold::Answers::new(answer);
         let port = hold::HoldPort::new(p.SPIM2, p.TIMER4, answers, pins, spi_tx, spi_rx, receive);
         (port, HoldEdge::new(p.EGU3))

@@ -144,9 +144,10 @@ impl Bus {
             return Err(Error::Stuck);
         }
         compiler_fence(Ordering::SeqCst);
-        let whole = self.twim.txd.amount.read().bits() as usize == send.len()
-            && self.twim.rxd.amount.read().bits() as usize == receive.len();
-        if self.twim.errorsrc.read().bits() != 0 || !whole {
+        // A direction that was not used still has the amount of an earlier transfer.
+        let sent = send.is_empty() || self.twim.txd.amount.read().bits() as usize == send.len();
+        let received = receive.is_empty() || self.twim.rxd.amount.read().bits() as usize == receive.len();
+        if self.twim.errorsrc.read().bits() != 0 || !sent || !received {
             return Err(Error::NoAcknowledge);
         }
         receive.copy_from_slice(&self.memory.receive[..receive.len()]);

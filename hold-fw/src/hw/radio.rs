@@ -71,12 +71,16 @@ impl RfEdge {
 pub(crate) struct Memory {
     /// The bytes to send: a short transfer, or the command of a load with the bytes of the frame behind it.
     send: [u8; LEAD + HoldObject::SIZE],
-    /// The bytes received: those of a short transfer, or the byte under the command with the answer behind it.
-    receive: [u8; LEAD + BUFFER],
+    /// The bytes that a short transfer brings. They must not overwrite an answer, of which the driver reports only after
+    /// it has masked the receiver again.
+    short: [u8; Short::MAX],
+    /// The byte under the command of a read, and the answer behind it.
+    answer: [u8; LEAD + BUFFER],
 }
 
 impl Memory {
-    pub(crate) const EMPTY: Self = Self { send: [0; LEAD + HoldObject::SIZE], receive: [0; LEAD + BUFFER] };
+    pub(crate) const EMPTY: Self =
+        Self { send: [0; LEAD + HoldObject::SIZE], short: [0; Short::MAX], answer: [0; LEAD + BUFFER] };
 }
 
 /// What the transfer that runs, or has ended last, has to bring.
@@ -129,17 +133,29 @@ impl RfPort {
         }
     }
 
-    /// Sets SPIM0 up to send `send` bytes and to receive `receive` bytes of its memory.
-    fn set_up(&mut self, send: usize, receive: usize) {
+    /// Clears the interrupt of a wait that is over. The executor asks for the time and not for this event, and not at
+    /// all while it waits for its owner.
+    pub(crate) fn clear_timer(&mut self) {
+        take_event!(self.timer.events_compare[WAIT_COMPARE]);
+    }
+
+    /// Sets SPIM0 up to send `send` bytes of its memory, and to receive what `transfer` has to bring.
+    fn set_up(&mut self, send: usize, transfer: Transfer) {
+        self.transfer = transfer;
         let send = send.min(self.memory.send.len()) as u16;
-        let receive = receive.min(self.memory.receive.len()) as u16;
+        let (into, receive): (&mut [u8], _) = match transfer {
+            Transfer::Nothing => (&mut [], 0),
+            Transfer::Short(len) => (&mut self.memory.short, len),
+            Transfer::Read(len) => (&mut self.memory.answer, LEAD + len),
+        };
+        let (into, receive) = (into.as_mut_ptr() as u32, receive.min(into.len()) as u16);
         // SAFETY: (all four) `self` owns the memory for ever, the counts are at most its lengths, and nobody else
         // accesses it until the transfer has ended or was stopped.
         self.spim.txd.ptr.write(|w| unsafe { w.ptr().bits(self.memory.send.as_ptr() as u32) });
         // SAFETY: as above.
         self.spim.txd.maxcnt.write(|w| unsafe { w.maxcnt().bits(send) });
         // SAFETY: as above.
-        self.spim.rxd.ptr.write(|w| unsafe { w.ptr().bits(self.memory.receive.as_mut_ptr() as u32) });
+        self.spim.rxd.ptr.write(|w| unsafe { w.ptr().bits(into) });
         // SAFETY: as above.
         self.spim.rxd.maxcnt.write(|w| unsafe { w.maxcnt().bits(receive) });
         self.spim.events_end.reset();
@@ -147,8 +163,8 @@ impl RfPort {
         compiler_fence(Ordering::SeqCst);
     }
 
-    fn start(&mut self, send: usize, receive: usize) {
-        self.set_up(send, receive);
+    fn start(&mut self, send: usize, transfer: Transfer) {
+        self.set_up(send, transfer);
         let Ok(()) = self.pins.select.set_low();
         // SAFETY: 1 is a valid value of a task register.
         self.spim.tasks_start.write(|w| unsafe { w.bits(1) });
@@ -164,16 +180,14 @@ impl Port for RfPort {
     fn start_short(&mut self, short: &Short) {
         let bytes = short.bytes();
         self.memory.send[..bytes.len()].copy_from_slice(bytes);
-        self.transfer = Transfer::Short(bytes.len());
-        self.start(bytes.len(), bytes.len());
+        self.start(bytes.len(), Transfer::Short(bytes.len()));
     }
 
     fn start_load(&mut self, offset: usize, len: usize) -> bool {
         let Some(bytes) = self.frame.get(offset..offset + len) else { return false };
         self.memory.send[0] = command::FIFO_LOAD;
         self.memory.send[LEAD..LEAD + len].copy_from_slice(bytes);
-        self.transfer = Transfer::Nothing;
-        self.start(LEAD + len, 0);
+        self.start(LEAD + len, Transfer::Nothing);
         true
     }
 
@@ -183,10 +197,9 @@ impl Port for RfPort {
             return false;
         }
         // An answer that came before can never be taken for this one.
-        self.memory.receive.fill(0);
+        self.memory.answer.fill(0);
         self.memory.send[0] = command::FIFO_READ;
-        self.transfer = Transfer::Read(len);
-        self.start(LEAD, LEAD + len);
+        self.start(LEAD, Transfer::Read(len));
         true
     }
 
@@ -200,12 +213,12 @@ impl Port for RfPort {
 
     fn response(&self) -> Result<&[u8], Failed> {
         let received = usize::from(self.spim.rxd.amount.read().amount().bits());
-        let (from, len) = match self.transfer {
-            Transfer::Nothing => return Ok(&[]),
-            Transfer::Short(len) => (0, len),
-            Transfer::Read(len) => (LEAD, len),
+        let bytes = match self.transfer {
+            Transfer::Nothing => Some(&[][..]),
+            Transfer::Short(len) => self.memory.short.get(..len).filter(|_| received == len),
+            Transfer::Read(len) => self.memory.answer.get(LEAD..LEAD + len).filter(|_| received == LEAD + len),
         };
-        self.memory.receive.get(from..from + len).filter(|_| received == from + len).ok_or(Failed)
+        bytes.ok_or(Failed)
     }
 
     fn abort(&mut self) {
@@ -238,7 +251,6 @@ impl Port for RfPort {
     }
 
     fn elapsed(&mut self) -> bool {
-        take_event!(self.timer.events_compare[WAIT_COMPARE]);
         now_us().wrapping_sub(self.timer_from) >= self.timer_us
     }
 }
@@ -251,8 +263,7 @@ impl FrontEndPort for RfPort {
     fn arm(&mut self, ticket: Ticket) {
         let command = Exchange::transmit();
         self.memory.send[..command.bytes().len()].copy_from_slice(command.bytes());
-        self.transfer = Transfer::Nothing;
-        self.set_up(command.bytes().len(), 0);
+        self.set_up(command.bytes().len(), Transfer::Nothing);
         ARMED.store(ticket.word(), Ordering::Release);
     }
 
@@ -262,6 +273,6 @@ impl FrontEndPort for RfPort {
 
     fn answer(&self, len: usize) -> &[u8] {
         let from = LEAD + PAYLOAD_OFFSET;
-        self.memory.receive.get(from..from + len).unwrap_or(&[])
+        self.memory.answer.get(from..from + len).unwrap_or(&[])
     }
 }

@@ -2,6 +2,7 @@
 
 mod world;
 
+use firmware_common::counter::Counter;
 use hold_fw::{
     kept::{Keeper, Memory, WORDS},
     sensors::Readings,
@@ -49,7 +50,7 @@ fn each_cycle_sends_one_frame_and_gets_one_answer() {
         assert_eq!(heard, (1..=30).map(timestamp).collect::<Vec<_>>());
         assert_eq!(world.answers.len(), 30);
         let counts = [&telemetry.frames_sent, &telemetry.answers, &telemetry.silences, &telemetry.frames_skipped];
-        assert_eq!(counts.map(|counter| counter.get()), [30, 30, 0, 0]);
+        assert_eq!(counts.map(Counter::get), [30, 30, 0, 0]);
         assert_eq!((telemetry.rf_faults.get(), world.link.take_fault()), (0, None));
         assert_eq!(world.link.port().chip.reports(), &[]);
     }
@@ -85,7 +86,7 @@ fn a_bad_way_back_costs_no_frame() {
     assert!(sent.len() >= 299, "{}", sent.len());
     assert!(world.answers.len() > 50, "{}", world.answers.len());
     let ended = [&telemetry.answers, &telemetry.silences, &telemetry.answers_dropped, &telemetry.rf_faults];
-    assert_eq!(ended.map(|counter| counter.get()).iter().sum::<u32>(), 300);
+    assert_eq!(ended.map(Counter::get).iter().sum::<u32>(), 300);
 }
 
 #[test]
