@@ -84,6 +84,11 @@ impl FrontEnd {
         &self.chip
     }
 
+    /// Switches the chip's supply on or off at `at` (ns).
+    pub fn supply(&mut self, at: u64, on: bool) {
+        self.with(|chip| if on { chip.power_on(at) } else { chip.power_off(at) });
+    }
+
     /// Begins `fault` at `now` (ns).
     pub fn begin_fault(&mut self, now: u64, fault: FrontEndFault) {
         let carrier = self.chip.field_on();
@@ -167,11 +172,17 @@ impl FrontEnd {
         note(&mut self.crossings, at, Crossing::Select(selected));
     }
 
+    /// Whether the part clocks `frame` on the wire of this front end.
+    #[must_use]
+    pub fn is_clocked_by(&self, frame: &SpiFrame) -> bool {
+        frame.sck.contains(&Some(self.wires.sck))
+    }
+
     /// Clocks an SPI frame of the part from `begins` to `ends` (ns). Returns the bits that MISO carried, or `None`
     /// where the chip does not drive MISO or drives another pin than the one that the part reads.
     pub fn spi(&mut self, begins: u64, ends: u64, frame: &SpiFrame) -> Option<u32> {
-        let Wires { sck, mosi, miso, .. } = self.wires;
-        if !self.chip.is_selected() || !frame.sck.contains(&Some(sck)) {
+        let Wires { mosi, miso, .. } = self.wires;
+        if !self.chip.is_selected() || !self.is_clocked_by(frame) {
             return self.faults.miso(None);
         }
         let mode = match frame.mode {
