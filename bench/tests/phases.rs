@@ -3,7 +3,7 @@
 //!
 //! Each phase around a publication has two patterns: a whole image whose transaction ends at the phase, with 96 bytes
 //! right after it; and 96 bytes that begin at the phase after a long silence. The boards' crystals are wrong by 200 ppm
-//! in opposite directions, on which the phases do not depend.
+//! in opposite directions, and each phase is counted from its own frame.
 
 use crate::boards;
 

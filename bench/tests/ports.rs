@@ -108,8 +108,8 @@ fn rates() -> impl Iterator<Item = Conduct> {
     edges.into_iter().chain([0, 1, 8, 96, Image::<3>::LEN].into_iter().flat_map(each))
 }
 
-/// A silent flight controller begins to select in every phase relative to a frame's end, with all transactions that one
-/// image grants. At any rate they may delay the frame by at most `share_ns`.
+/// Runs a flight controller that was silent and then makes as many transactions as the DPR serves for one image. They
+/// begin at every offset to the end of a frame, and may delay that frame's image by at most `share_ns`.
 fn begins_in_every_phase<C: Cost>(share_ns: u64) {
     let Some((setup, bench)) = warm::<C>() else { return };
     let silent = |until| Faults::none().with(EPISODE.start + MS, until, Fault::FlightController(Conduct::Silent));

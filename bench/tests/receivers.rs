@@ -360,8 +360,9 @@ fn a_thousand_failures_of_buses() {
 /// then sets the rate from 38 400 baud and configures the receiver (decision 16).
 const CONFIGURED: u64 = 2_500 * MS;
 
-/// The longest time from the end of a stuck MISO to a valid position, ns, if no stored message is left. The first
-/// message (within 200 ms) only proves that the receiver is empty (decision 16), and the next comes 200 ms later.
+/// The longest time, ns, from the end of a stuck MISO to a valid position, if the receiver's output buffer holds no
+/// older message. The first message, within 200 ms, only proves that the buffer is empty (decision 16). The next comes 200 ms
+/// later.
 const PROVED: u64 = 450 * MS;
 
 /// The bytes that come when MISO is no longer stuck have waited in the receiver for more than a second.

@@ -22,7 +22,8 @@
 //! | [`task`] | the tasks that have to check in, so that the watchdog may be fed | every task |
 //! | [`telemetry`] | the counters that a debugger, or the bench, reads from RAM | every task |
 //!
-//! The cost of a cycle does not depend on the data: every object is verified, and copied under a mask either way.
+//! The cost of a cycle does not depend on the data: every object is verified, and is copied under a
+//! mask that clears an object that is not accepted.
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 

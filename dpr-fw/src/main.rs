@@ -99,6 +99,7 @@ mod app {
     /// The least time, µs, between two requests of the scrub task that all tasks check in.
     const SIGNS_OF_LIFE_US: u32 = 9_000;
 
+    /// The state that the tasks `commit` and `deadline` share; both have one priority.
     pub struct Committing {
         intake: Intake<RECEIVERS>,
         filling: Option<Filling<ImageBuffer>>,

@@ -5,7 +5,7 @@ use crate::triple::Scrubbed;
 firmware_common::counters! {
     /// The static `DPR_TELEMETRY`: 32-bit counters in this order, all zero at start. Totals wrap.
     pub struct Telemetry {
-        /// Frames of a length that the profile has.
+        /// Received frames whose length is that of a frame of this profile.
         frames_received,
         /// Frames whose deadline passed.
         frames_missed,

@@ -152,7 +152,7 @@ pub(crate) struct DdcPort {
     pub(crate) sda: AlternatePin,
     /// The DMA stream of the bytes that come in. The processor itself writes the bytes that go out.
     pub(crate) stream: Stream,
-    /// The timer for the levels of a bus recovery.
+    /// Times the levels of SCL while a stuck I2C bus is recovered.
     pub(crate) timer: Timer,
     pub(crate) event_vector: Interrupt,
     pub(crate) error_vector: Interrupt,

@@ -92,7 +92,8 @@ impl<const N: usize> Cycle<N> {
         self.voter.excluded()
     }
 
-    /// Takes the levels of the inputs of HORUS's state. To be called once in a cycle, before the vote.
+    /// Stores the levels of the pins that report relay, motor cut and emergency measure. To be called once in a cycle,
+    /// before the vote.
     pub fn sample(&mut self, levels: [Levels; INPUTS]) {
         self.inputs.sample(levels);
     }

@@ -5,7 +5,8 @@
 //!
 //! # States
 //!
-//! [`Answerer::state`] returns the state. Names are those of [`AnswererState`], words in capitals are events.
+//! [`Answerer::state`] returns the state. Names are those of [`AnswererState`]. Words in capitals
+//! are events that [`Answerer::step`] returns; `Start`, `Done` and calls with brackets are what the owner gives.
 //!
 //! ```text
 //!  ┌─► Listening: LISTENING, DROPPED, FIELDON, FIELDOFF and FAULT as of the listener

@@ -2,9 +2,10 @@
 //!
 //! # The list
 //!
-//! 1. Power ([`Part::Power`]): set default; IO; identity; overheat protection (ST25R3916 only); interrupts read away;
-//!    oscillator on, I_osc; RC calibration (ST25R3916B only), I_dct; `reg_s` set and cleared; supply measured, I_dct,
-//!    its result; IO for that supply; regulators adjusted, I_dct.
+//! 1. Power ([`Part::Power`]): send set default; write the IO configuration; read the identity; write the overheat
+//!    protection (ST25R3916 only); clear the interrupts by reading them; switch the oscillator on and wait for I_osc;
+//!    calibrate RC and wait for I_dct (ST25R3916B only); set and clear `reg_s`; measure the supply, wait for I_dct and
+//!    read the result; write the IO configuration for that supply; adjust the regulators and wait for I_dct.
 //! 2. Write ([`Part::Write`]): the role's [`Setting`]s, in order.
 //! 3. Read back ([`Part::ReadBack`]): IO, regulator control and the same [`Setting`]s; each must read as written. While
 //!    the chip runs they are read back again, one after each frame ([`BringUp::read_next`]).

@@ -4,7 +4,8 @@
 //!
 //! # States
 //!
-//! [`Exchange::state`] returns the state. Names are those of [`ExchangeState`], words in capitals are events.
+//! [`Exchange::state`] returns the state. Names are those of [`ExchangeState`]. Words in capitals
+//! are events that [`Exchange::step`] returns; `Start`, `Done` and calls with brackets are what the owner gives.
 //!
 //! ```text
 //!  ┌─► Polling: READY, prepare(), PREPARED, LOADED and FAULT as of the poller
@@ -456,14 +457,14 @@ impl Default for Exchange {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bring_up::NO_RESPONSE_STEPS;
+    use crate::bring_up::NO_RESPONSE_ExchangeS;
 
     #[test]
     fn the_no_response_timer_covers_window_preamble_and_sync() {
         // 3 ms are 40 680 carrier periods. With preamble, sync (2 048) and one step of jitter, they are 669 steps of
         // 64.
-        assert_eq!(NO_RESPONSE_STEPS, 669);
-        let after_us = u32::from(NO_RESPONSE_STEPS) * 64 * 100 / 1_356;
+        assert_eq!(NO_RESPONSE_ExchangeS, 669);
+        let after_us = u32::from(NO_RESPONSE_ExchangeS) * 64 * 100 / 1_356;
         assert!(after_us < OPENS_US + AWAIT_US, "I_nre comes before the driver's own limit");
     }
 

@@ -81,7 +81,7 @@
 //!     }
 //! }
 //!
-//! /// The listener's side.
+//! /// The side that listens and answers, which the link from HORUS to the DPR does not use.
 //! fn port(answerer: &mut Answerer, event: AnswererEvent) -> Option<Step<AnswererEvent>> {
 //!     match event {
 //!         AnswererEvent::Frame { .. } => answerer.answer(128).ok(), // buffer[1..1 + len] is the frame

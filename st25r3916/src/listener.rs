@@ -99,8 +99,9 @@ use crate::{FRAME_US, Variant};
 pub const BODY: usize = 30;
 /// The number of bytes, the CRC-16 included, that are still to come when the third read of [`ReadMode::WhileFilling`]
 /// begins. They arrive within 113 µs, and the third read, at most 28 bytes, takes 38 µs at 8 MHz with its status. The
-/// rest of the 113 µs covers a late executor and one byte's time, 19 µs, because LEN gives the end in whole bytes. If
-/// the third read is still under way at the frame's end, the delivery is late.
+/// rest of the 113 µs covers a caller that starts the read late, and one byte's time, 19 µs, because the frame's length
+/// byte gives its end only to a whole byte. If the third read is still under way at the frame's end, the delivery is
+/// late.
 pub const TAIL: usize = 6;
 /// The number of bytes that must have arrived before the first read of [`ReadMode::WhileFilling`] begins.
 const HEAD: u16 = 16;

@@ -712,7 +712,8 @@ fn a_transaction_must_be_served_while_an_image_is_readable() {
     };
     let (log, _) = nothing();
     assert!(is_unserved(&log) && !is_unserved(&Plan::new(3, 40).log()));
-    // FRESH rises again for an image that is already readable, shortly before the transaction or during it.
+    // FRESH announces an image that is already readable a second time, `apart` before a transaction. The judge must say
+    // that the transaction was not served only if the DPR had longer than its bound.
     for (apart, unserved) in [(bounds::SSI_READY, false), (bounds::SSI_READY + 1, true)] {
         for within in [false, true] {
             let (mut log, selected) = nothing();

@@ -302,7 +302,7 @@ impl Wires {
         seen.into_iter().chain(glitch)
     }
 
-    /// Changes the client's `report` to the report that the flight controller uses.
+    /// Returns the report that the flight controller acts on: the client's `report`, changed by the present faults.
     pub fn report(&mut self, report: Report) -> Report {
         let has = |fault| self.faults.contains(&fault);
         let age_us = if has(WireFault::ClientYoung) { 0 } else { report.age_us };

@@ -9,7 +9,7 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | stalling a core that accesses flash from code in RAM | it reads the new data; a second operation is a finding |
+//! | stalling code in RAM that reads flash during an operation | it reads the new data; a second write is reported |
 //! | the limits of two writes to a word, and of erase cycles | no firmware here comes near |
 //! | the counts of ICACHECNF | IHIT and IMISS read 0, and that is a finding |
 //! | ACL | use of its registers is a finding |

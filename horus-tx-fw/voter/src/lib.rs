@@ -427,7 +427,7 @@ impl hold::Mark for Spot {
     }
 }
 
-/// Returns the median of the members' places, north and east each by itself.
+/// Returns the median position of the receivers that agree: the median north and the median east, separately.
 fn spot<const N: usize>(inputs: &[Input; N], brought: &[Brought; N], places: &[[[f32; 2]; N]; N], members: u8) -> Spot {
     // The metres count from the first member's place, since its row has all members.
     let place: Place = first(members, &inputs.each_ref().map(|input| input.fix.place));

@@ -5,11 +5,11 @@
 //!
 //! # One cause, one violation
 //!
-//! - A change of bytes on the way to the base station is [`Violation::BaseChanged`] alone: the profile is not reported
-//!   as missing.
-//! - A profile whose shown objects are of several cycles is [`Violation::BaseMixed`] alone. If the flight controller
-//!   forwarded the profile so, the transaction was torn, and another rule reports it.
-//! - In a profile that mixes cycles, an object that is not shown does not count as hidden.
+//! - If bytes change on the way to the base station, only [`Violation::BaseChanged`] is reported, and not also a
+//!   missing profile.
+//! - If the base station shows objects of several cycles as one profile, only [`Violation::BaseMixed`] is reported. If
+//!   the flight controller already read that mixture, another rule reports its transaction.
+//! - In a profile that mixes cycles, an object that the base station does not show is not reported as missing.
 
 use std::collections::VecDeque;
 
