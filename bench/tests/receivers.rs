@@ -361,8 +361,8 @@ fn a_thousand_failures_of_buses() {
 const CONFIGURED: u64 = 2_500 * MS;
 
 /// The longest time, ns, from the end of a stuck MISO to a valid position, if the receiver's output buffer holds no
-/// older message. The first message, within 200 ms, only proves that the buffer is empty (decision 16). The next comes 200 ms
-/// later.
+/// older message. The first message, within 200 ms, only proves that the buffer is empty (decision 16). The next comes
+/// 200 ms later.
 const PROVED: u64 = 450 * MS;
 
 /// The bytes that come when MISO is no longer stuck have waited in the receiver for more than a second.
