@@ -3,7 +3,7 @@
 //!
 //! | task | when it is called | has to be done within |
 //! |---|---|---|
-//! | `slot` | a beat; the slot, in which the frame is fired | 1 µs |
+//! | `slot` | a beat; the slot, in which the frame is fired | 5 µs |
 //! | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a wait is over | 0.1 ms |
 //! | `cycle` | the tick | 0.3 ms |
 //! | `answer` | an answer has come | 10 ms |
