@@ -18,8 +18,8 @@
 //! 0.2 ms after the frame at the earliest. The frame's head is loaded before the slot. The next exchange comes after
 //! 90 ms. A beat lasts 25 ms, and after 100 ms the watchdog resets the part.
 //!
-//! Only `sensors` waits for anything, namely for the bus, with a bound, and below all other tasks: nothing on the bus can
-//! delay the cycle. Only `idle` writes to the log, and no task masks interrupts for the log
+//! Only `sensors` waits for anything, namely for the bus, with a bound, and below all other tasks: nothing on the bus
+//! can delay the cycle. Only `idle` writes to the log, and no task masks interrupts for the log
 //! ([`firmware_common::log_section`]).
 #![cfg_attr(target_os = "none", no_std, no_main)]
 #![deny(unsafe_code)]

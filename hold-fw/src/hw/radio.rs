@@ -82,8 +82,8 @@ impl RfEdge {
 pub(crate) struct Memory {
     /// The bytes to send: a short transfer, or the command of a load with the bytes of the frame behind it.
     send: [u8; LEAD + HoldObject::SIZE],
-    /// The bytes that a short transfer brings. They must not overwrite an answer, of which the driver reports only after
-    /// it has masked the receiver again.
+    /// The bytes that a short transfer brings. They must not overwrite an answer: the driver masks the receiver before
+    /// it reports one.
     short: [u8; Short::MAX],
     /// The byte under the command of a read, and the answer behind it.
     answer: [u8; LEAD + BUFFER],
