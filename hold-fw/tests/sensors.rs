@@ -168,7 +168,7 @@ fn both_sensors_are_set_up_and_their_values_are_known() {
 }
 
 #[test]
-fn an_absent_accelerometer_is_a_fault_and_is_set_up_when_it_comes() {
+fn an_absent_accelerometer_is_a_fault_until_it_comes() {
     let mut world = World::working();
     world.board.borrow_mut().accelerometer_absent = true;
     let readings = world.beats(2);
@@ -182,7 +182,7 @@ fn an_absent_accelerometer_is_a_fault_and_is_set_up_when_it_comes() {
 }
 
 #[test]
-fn a_sensor_that_was_reset_or_changed_is_noticed_and_set_up_anew() {
+fn an_accelerometer_that_was_reset_or_changed_is_set_up_anew() {
     for register in [0x20, 0x23, 0x24, 0x2E] {
         let mut world = World::working();
         let fresh = Board::new().registers[register];

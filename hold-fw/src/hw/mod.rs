@@ -17,8 +17,8 @@
 //!
 //! # Anomalies
 //!
-//! Those of nRF52840 revisions 1 to 3 that `dpr-fw/src/hw/mod.rs` lists for peripherals that this firmware uses as well,
-//! and these:
+//! The anomalies that concern this firmware are those that `dpr-fw/src/hw/mod.rs` lists for peripherals that are used
+//! here as well, and these:
 //!
 //! | no. | what | measure |
 //! |---|---|---|

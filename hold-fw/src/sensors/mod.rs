@@ -5,10 +5,11 @@
 //! | sensor | driver | why this one |
 //! |---|---|---|
 //! | SHT4x (Sensirion), 0x44 | `sht4x` | embedded-hal 1, checks the CRC, kept up; its rival `sht4x-ng` refers to it |
-//! | LIS3DH or LIS2DH12 (ST), 0x19 | `lis2dh` | embedded-hal 1, depends on nothing else, reads FIFO and its level |
+//! | LIS3DH or LIS2DH12 (ST), 0x19 | `lis2dh` | embedded-hal 1, FIFO with its level, every register, no dependency |
 //!
-//! Of the other drivers for these accelerometers, `lis3dh` and `lis2dh12` have no read of a FIFO. Both chips have the
-//! same registers as far as they are used here.
+//! Both accelerometers have the same registers as far as they are used here. The driver `lis2dh12` keeps the registers
+//! to itself, so that no setting could be read back, and `lis3dh` reads no more than one sample of the FIFO in a call;
+//! both bring a crate with a trait that nothing here needs.
 //!
 //! # Schedule
 //!
