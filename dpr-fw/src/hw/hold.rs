@@ -3,10 +3,10 @@
 //! The IRQ's edge calls the task `hold_irq` by GPIOTE without an interrupt, PPI and EGU3. So the front end cannot call
 //! a task of HORUS's, and once EGU3's interrupt is masked it calls none.
 //!
-//! An answer starts at a fixed instant: the transmit command is set up in SPIM2 with the chip selected, and a compare of
-//! TIMER4 starts the transfer through PPI. The chip carries out a command when chip select rises; the transfer's end
-//! lets it rise, also through PPI. So no task comes between. That PPI channel is always enabled, so the compare register holds a past
-//! instant except while an answer is armed ([`AnswerPort::park`]).
+//! An answer starts at a fixed instant: the transmit command is set up in SPIM2 with the chip selected, and a compare
+//! of TIMER4 starts the transfer through PPI. The chip carries out a command when chip select rises; the transfer's end
+//! lets it rise, also through PPI. So no task comes between. The tasks cannot reach the PPI, whose channels are always
+//! enabled; so the compare register holds a past instant except while an answer is armed ([`AnswerPort::park`]).
 
 use core::convert::Infallible;
 

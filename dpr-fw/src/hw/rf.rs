@@ -184,7 +184,7 @@ impl<W: Wiring> Port<W> {
         }
     }
 
-    /// Sets the SPIM up to send `send` bytes from `from` and to receive `receive` bytes at `into`, and selects the chip.
+    /// Sets the SPIM up to send `send` bytes from `from` and receive `receive` bytes at `into`, and selects the chip.
     ///
     /// # Safety
     ///
