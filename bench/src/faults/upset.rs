@@ -93,7 +93,8 @@ impl Upset {
             | Kind::Buffers
             | Kind::Inputs
             | Kind::Hang
-            | Kind::Chips => None,
+            | Kind::Chips
+            | Kind::Hold => None,
         }
     }
 

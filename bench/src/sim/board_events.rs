@@ -154,6 +154,7 @@ impl BoardEvents {
                     | Fault::FlightController(_)
                     | Fault::Wire(_)
                     | Fault::DeadTask(..)
+                    | Fault::Hold(_)
                     | Fault::Base(_) => {}
                 }
             }
