@@ -8,6 +8,7 @@
 //! The local exclusive monitor marks all of memory (TRM 3.6.2: the granule is the whole address space). A STREX
 //! therefore succeeds at any address if no exception, CLREX or STREX came since the LDREX.
 
+use super::Flow;
 use crate::op::{Format, Index};
 use crate::{Bus, Core, Cost, Fault, Purpose, Width};
 
@@ -24,7 +25,10 @@ impl<C: Cost> Core<C> {
         let width = Self::width(format);
         let value = match privilege {
             None => self.load(bus, address, width, purpose)?,
-            Some(privileged) => self.load_as(bus, address, width, purpose, privileged)?,
+            Some(privileged) => {
+                self.catch_up();
+                self.load_as(bus, address, width, purpose, privileged)?
+            }
         };
         Ok(match format {
             Format::SignedByte => value as i8 as u32,
@@ -48,18 +52,21 @@ impl<C: Cost> Core<C> {
         };
         match privilege {
             None => self.store(bus, address, Self::width(format), value, Purpose::Data),
-            Some(privileged) => self.store_as(bus, address, Self::width(format), value, Purpose::Data, privileged),
+            Some(privileged) => {
+                self.catch_up();
+                self.store_as(bus, address, Self::width(format), value, Purpose::Data, privileged)
+            }
         }
     }
 
-    /// Puts a loaded value into register `t`, which may be the program counter. Returns the address of the next
-    /// instruction.
-    pub(super) fn loaded<B: Bus>(&mut self, bus: &mut B, t: u8, value: u32, next: u32) -> u32 {
+    /// Puts a loaded value into register `t`, which may be the program counter.
+    #[inline(always)]
+    pub(super) fn loaded<B: Bus>(&mut self, bus: &mut B, t: u8, value: u32) -> Flow {
         if t == 15 {
-            return self.branch_exchange(bus, value);
+            return Flow::To(self.branch_exchange(bus, value));
         }
         self.set(t, value);
-        next
+        Flow::On
     }
 
     /// The address of an access of two words, and the value that the instruction writes back to the base.
@@ -187,7 +194,7 @@ impl<C: Cost> Core<C> {
     fn interrupt_multiple(&mut self, register: usize, left: u32) -> u32 {
         self.ici = register as u8;
         self.attention = true;
-        self.limit = 0;
+        self.end_burst();
         // The run loop counts the instruction and adds its full cost both now and when it is completed, so one count
         // and one cost are taken back here.
         self.cycle -= u64::from(left);
@@ -203,7 +210,10 @@ impl<C: Cost> Core<C> {
         let before = list.count_ones() - rest.count_ones();
         // The cycles of registers that were moved before are not counted again, but the one cycle for the start of the
         // instruction is.
-        self.cycle -= u64::from(before).min(self.cycle);
+        self.catch_up();
+        let again = u64::from(before).min(self.cycle);
+        self.cycle -= again;
+        self.origin = self.origin.wrapping_sub(2 * again);
         (rest, before)
     }
 
