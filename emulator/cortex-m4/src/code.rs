@@ -50,6 +50,12 @@ impl Page {
         pc >> BITS == self.number
     }
 
+    /// The first address behind the page.
+    #[inline(always)]
+    pub(crate) fn end(&self) -> u32 {
+        (self.number << BITS).wrapping_add(1 << BITS)
+    }
+
     #[inline(always)]
     pub(crate) fn op(&self, pc: u32) -> &Op {
         &self.ops[(pc >> 1) as usize % SLOTS]
@@ -77,8 +83,6 @@ pub(crate) struct Code {
     breakpoints: Vec<u32>,
     /// The addresses at which the FPB and the DWT have breakpoints, sorted.
     hardware: Vec<u32>,
-    /// The value of [`Bus::rewritten`] when the pages were last checked.
-    rewritten: u64,
     /// The number of times that each page was decoded anew because a byte in it was written.
     rewrites: BTreeMap<u32, u32>,
 }
@@ -102,15 +106,10 @@ impl Code {
         &self.pages[place]
     }
 
-    #[inline(always)]
-    pub(crate) fn rewritten(&self) -> u64 {
-        self.rewritten
-    }
-
+    /// Drops the pages in which a byte was written.
     #[cold]
     #[inline(never)]
     pub(crate) fn forget_rewritten<B: Bus>(&mut self, bus: &B) {
-        self.rewritten = bus.rewritten();
         let Self { pages, rewrites, .. } = self;
         pages.retain(|page| {
             let current = page.is_current(bus);

@@ -4,6 +4,7 @@ use std::marker::PhantomData;
 
 use crate::Cost;
 use crate::code::Code;
+use crate::flags::Flags;
 use crate::system::System;
 use crate::watch::Watch;
 use crate::watchpoint::Watchpoints;
@@ -65,10 +66,7 @@ pub struct Core<C: Cost> {
     /// The stack pointer that is not in use: PSP while r13 is MSP, and MSP while r13 is PSP.
     pub(crate) other_sp: u32,
 
-    pub(crate) flag_n: bool,
-    pub(crate) flag_z: bool,
-    pub(crate) flag_c: bool,
-    pub(crate) flag_v: bool,
+    pub(crate) flags: Flags,
     pub(crate) flag_q: bool,
     /// The flags APSR.GE, in bits 0 to 3.
     pub(crate) ge: u8,
@@ -111,9 +109,18 @@ pub struct Core<C: Cost> {
     pub(crate) short_read: u32,
     pub(crate) short_write: u32,
     pub(crate) code: Code,
-    /// The cycle up to which the core executes instructions without checking for other events. 0 makes the core check
-    /// before the next instruction.
+    /// The limit of `cycle` below which the core executes instructions without a break. [`Core::end_burst`] makes the
+    /// run loop check for other events.
     pub(crate) limit: u64,
+    /// On the fast clock: the address from which on a burst does not go straight on, since the limit or the end of the
+    /// page is there.
+    pub(crate) stop: u32,
+    /// On the fast clock: twice the cycle at which the present instruction began, minus its address. It is the same for
+    /// all instructions between two branches.
+    pub(crate) origin: u64,
+    /// The value of [`Bus::rewritten`](crate::Bus::rewritten) when the decoded pages were last checked.
+    pub(crate) rewritten: u64,
+    /// The cycle at which the next event is due.
     pub(crate) due: u64,
     /// The remaining cycles of the last instruction, if an event in its middle cut it short.
     pub(crate) cut: u64,
@@ -122,7 +129,7 @@ pub struct Core<C: Cost> {
     /// The cycle at which lazy preservation last saved the floating-point state.
     pub(crate) preserved_fp: u64,
     /// N, Z, C and V before an instruction in an IT block that must not change them.
-    pub(crate) kept_flags: (bool, bool, bool, bool),
+    pub(crate) kept_flags: Flags,
     /// The address of the last word of code that was fetched, for the wait states. An odd value means none.
     pub(crate) fetched: u32,
     /// The cycle before which the core executes nothing, since the bus stalls it.
@@ -176,10 +183,7 @@ impl<C: Cost> Core<C> {
         Self {
             r: [0; 16],
             other_sp: 0,
-            flag_n: false,
-            flag_z: false,
-            flag_c: false,
-            flag_v: false,
+            flags: Flags::new(0),
             flag_q: false,
             ge: 0,
             it: 0,
@@ -207,11 +211,14 @@ impl<C: Cost> Core<C> {
             short_write: 0,
             code: Code::default(),
             limit: 0,
+            stop: 0,
+            origin: 0,
+            rewritten: 0,
             due: u64::MAX,
             cut: 0,
             owed: 0,
             preserved_fp: 0,
-            kept_flags: (false, false, false, false),
+            kept_flags: Flags::new(0),
             fetched: 1,
             stalled_until: 0,
             paused: None,

@@ -88,6 +88,7 @@ mod describe;
 mod exception;
 mod execute;
 mod fault;
+mod flags;
 mod fp;
 mod memory;
 mod op;

@@ -73,6 +73,7 @@ impl<C: Cost> Core<C> {
         {
             return Ok(value);
         }
+        self.catch_up();
         let privileged = self.is_privileged();
         self.load_as(bus, address, width, purpose, privileged)
     }
@@ -92,6 +93,7 @@ impl<C: Cost> Core<C> {
         {
             return Ok(());
         }
+        self.catch_up();
         let privileged = self.is_privileged();
         self.store_as(bus, address, width, value, purpose, privileged)
     }
@@ -258,11 +260,12 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    /// Makes the run loop check for events if the part announced a change during an access.
+    /// Ends a burst of the run loop after an access in which the part announced a change, or which wrote into a watched
+    /// page of code.
     #[inline(always)]
     fn notice<B: Bus>(&mut self, bus: &mut B) {
-        if bus.signals().is_announced() {
-            self.limit = 0;
+        if bus.signals().is_announced() || bus.rewritten() != self.rewritten {
+            self.end_burst();
         }
     }
 
@@ -291,7 +294,7 @@ impl<C: Cost> Core<C> {
         if own {
             let access = self.access(address, width, purpose, privileged);
             let value = self.system_read(bus, &access)?;
-            self.limit = 0;
+            self.end_burst();
             return Ok(value);
         }
         if let Some((byte, bit)) = bit_band(address)
@@ -332,7 +335,7 @@ impl<C: Cost> Core<C> {
         if own {
             let access = self.access(address, width, purpose, privileged);
             self.system_write(bus, &access, value)?;
-            self.limit = 0;
+            self.end_burst();
             return Ok(());
         }
         if let Some((byte, bit)) = bit_band(address)

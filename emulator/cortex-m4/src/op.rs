@@ -272,6 +272,17 @@ pub(crate) enum Do {
     Stm { n: u8, list: u16, write_back: bool, down: bool },
     // Branches.
     B { target: u32 },
+    BEq { target: u32 },
+    BNe { target: u32 },
+    BCs { target: u32 },
+    BCc { target: u32 },
+    BHi { target: u32 },
+    BLs { target: u32 },
+    BGe { target: u32 },
+    BLt { target: u32 },
+    BGt { target: u32 },
+    BLe { target: u32 },
+    /// A branch on N or V alone.
     BCond { condition: u8, target: u32 },
     Bl { target: u32 },
     Bx { m: u8 },

@@ -11,14 +11,12 @@
 //! states, the cycles of its earlier accesses are added.
 
 use crate::code::{BITS as PAGE_BITS, Code, Kind, Page};
+use crate::execute::Flow;
 use crate::op::{Block, Do, Op};
 use crate::{Access, Bound, Bus, Core, Cost, Exit, Fault, Purpose, Width, decode};
 
-/// The ways in which a burst goes on: through a constant page, through a watched page until it is written, or for one
-/// instruction.
-const ON: u8 = 0;
-const WHILE_UNWRITTEN: u8 = 1;
-const ONCE: u8 = 2;
+/// The number of cycles after which the fast clock has counted through a whole page.
+const PAGE_CYCLES: u64 = 1 << (PAGE_BITS - 1);
 
 /// How far the run loop continues.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -184,24 +182,22 @@ impl<C: Cost> Core<C> {
     fn execute_until_limit<B: Bus>(&mut self, bus: &mut B, code: &mut Code, single: bool) {
         let careful = single || self.passed.is_some() || self.refused_call.is_some();
         let careful = careful || self.ici != 0;
+        self.note_short_way();
         loop {
             let pc = self.r[15];
-            self.note_short_way();
-            if code.rewritten() != bus.rewritten() {
+            if self.rewritten != bus.rewritten() {
                 code.forget_rewritten(bus);
+                self.rewritten = bus.rewritten();
             }
             let place = code.page(bus, pc);
             let page = code.at(place);
             let kind = page.kind();
-            let plain = !careful && !never_executable(pc) && self.mpu_opens_page(pc, PAGE_BITS);
-            if plain && kind == Kind::Constant {
-                self.burst::<B, ON>(bus, page, page.op(pc));
-            } else if plain && kind == Kind::Watched {
-                self.burst::<B, WHILE_UNWRITTEN>(bus, page, page.op(pc));
+            if !careful && kind != Kind::Compared && !never_executable(pc) && self.mpu_opens_page(pc, PAGE_BITS) {
+                self.burst(bus, page);
             } else {
                 let op = *page.op(pc);
                 let op = self.careful_op(bus, code, pc, op, kind != Kind::Compared);
-                self.burst::<B, ONCE>(bus, code.at(place), &op);
+                self.single(bus, &op);
                 if careful {
                     return;
                 }
@@ -230,56 +226,190 @@ impl<C: Cost> Core<C> {
         if refused && matches!(op.what, Do::HostCall) { Op { what: Do::Bkpt, ..op } } else { op }
     }
 
-    /// Executes `first`. Unless `GOES` is [`ONCE`], also executes the following instructions on `page` while the cycle
-    /// is below the limit. With [`WHILE_UNWRITTEN`] it stops when a watched page is written.
+    /// Executes the instructions of `page` from r15 on while they are in the page and the cycle is below the limit.
+    #[inline(always)]
+    fn burst<B: Bus>(&mut self, bus: &mut B, page: &Page) {
+        if C::BOUND.is_some() {
+            self.timed_burst(bus, page);
+        } else {
+            self.fast_burst(bus, page);
+        }
+    }
+
+    /// A burst on a clock with bounds, which adds the cycles of each instruction.
     #[inline(never)]
-    fn burst<B: Bus, const GOES: u8>(&mut self, bus: &mut B, page: &Page, first: &Op) {
-        let mut op = first;
+    fn timed_burst<B: Bus>(&mut self, bus: &mut B, page: &Page) {
         let mut pc = self.r[15];
-        let rewritten = bus.rewritten();
         loop {
-            if GOES != ONCE && self.it != 0 {
-                // IT blocks are handled one instruction at a time, so that the fast burst need not test for them.
-                self.burst::<B, ONCE>(bus, page, op);
+            let op = page.op(pc);
+            if self.it != 0 {
+                // The tests that IT blocks need are in another function, so that this one has none.
+                self.single(bus, op);
                 pc = self.r[15];
             } else {
-                let it = if GOES == ONCE { self.it } else { 0 };
-                // At a breakpoint no instruction is fetched, and time stands still until the breakpoint is passed.
-                if C::BOUND.is_some() && !matches!(op.what, Do::Breakpoint) {
-                    self.fetch_waits(bus, pc, u32::from(op.size));
-                }
+                self.count_fetch(bus, op, pc);
                 let began = self.cycle;
-                if it == 0 || self.begins_in_block(bus, op) {
-                    match self.execute(bus, op, pc) {
-                        Ok(next) => {
-                            if it != 0 && op.block == Block::KeepsFlags {
-                                (self.flag_n, self.flag_z, self.flag_c, self.flag_v) = self.kept_flags;
-                            }
-                            self.r[15] = next;
-                            pc = next;
-                            // The count never comes near 2^64, so it needs no overflow check.
-                            self.cycle = self.cycle.wrapping_add(cost::<C>(op));
-                            self.retired = self.retired.wrapping_add(1);
-                            if C::BOUND == Some(Bound::Best) && self.cycle > self.due {
-                                self.cut_short(op, began);
-                            }
-                        }
-                        Err(fault) => {
-                            self.fail(bus, op, it, fault);
-                            return;
-                        }
+                let next = pc.wrapping_add(u32::from(op.size));
+                pc = match self.execute(bus, op, next) {
+                    Ok(Flow::On | Flow::Block) => next,
+                    Ok(Flow::To(target)) => target,
+                    Err(fault) => {
+                        self.fail(bus, op, 0, fault);
+                        return;
                     }
-                } else {
+                };
+                self.complete(op, pc, began);
+            }
+            if self.cycle >= self.limit || !page.holds(pc) {
+                return;
+            }
+        }
+    }
+
+    /// A burst on the fast clock. Since an instruction costs as many cycles as it has halfwords, the address tells the
+    /// cycle ([`Core::catch_up`]), and a comparison of the address with `stop` tells whether the limit or the end of
+    /// the page is reached. Only a branch changes the relation.
+    #[inline(never)]
+    fn fast_burst<B: Bus>(&mut self, bus: &mut B, page: &Page) {
+        if self.it != 0 && !self.finish_block(bus, page) {
+            return;
+        }
+        let mut pc = self.r[15];
+        self.count_from(pc, self.cycle);
+        self.stop = page.end();
+        self.stop_before_limit(page, pc, self.cycle);
+        loop {
+            let op = page.op(pc);
+            pc = pc.wrapping_add(u32::from(op.size));
+            match self.execute(bus, op, pc) {
+                Ok(Flow::On) => {}
+                Ok(Flow::To(target)) => {
+                    let cycle = self.cycle_at(pc);
+                    self.count_from(target, cycle);
+                    self.stop_before_limit(page, target, cycle);
+                    if !page.holds(target) {
+                        self.stop = 0;
+                    }
+                    pc = target;
+                }
+                Ok(Flow::Block) => {
+                    self.r[15] = pc;
+                    self.retired = self.retired.wrapping_add(1);
+                    self.catch_up();
+                    if !self.finish_block(bus, page) {
+                        return;
+                    }
                     pc = self.r[15];
+                    self.count_from(pc, self.cycle);
+                    self.stop_before_limit(page, pc, self.cycle);
+                    continue;
+                }
+                Err(fault) => {
+                    self.catch_up();
+                    self.fail(bus, op, 0, fault);
+                    return;
                 }
             }
-            if GOES == ONCE || self.cycle >= self.limit || !page.holds(pc) {
+            self.r[15] = pc;
+            // The counts never come near 2^64, so an overflow check at each instruction would be wasted.
+            self.retired = self.retired.wrapping_add(1);
+            if pc >= self.stop {
+                self.catch_up();
                 return;
             }
-            if GOES == WHILE_UNWRITTEN && bus.rewritten() != rewritten {
-                return;
+        }
+    }
+
+    /// On the fast clock, notes that the instruction at `pc` begins at `cycle`.
+    #[inline(always)]
+    pub(crate) fn count_from(&mut self, pc: u32, cycle: u64) {
+        self.origin = (cycle << 1).wrapping_sub(u64::from(pc));
+    }
+
+    /// On the fast clock, the cycle at which the instruction at `pc` begins if no branch comes before it.
+    #[inline(always)]
+    fn cycle_at(&self, pc: u32) -> u64 {
+        self.origin.wrapping_add(u64::from(pc)) >> 1
+    }
+
+    /// On the fast clock, sets the cycle to that at which the instruction at r15 begins. Within a burst the cycle is
+    /// not kept, so whoever needs it there calls this function first. It does nothing on the other clocks.
+    #[inline(always)]
+    pub(crate) fn catch_up(&mut self) {
+        if C::BOUND.is_none() {
+            self.cycle = self.cycle_at(self.r[15]);
+        }
+    }
+
+    /// Sets `stop` to the address at which straight execution from `pc` at `cycle` on reaches the limit, if that may be
+    /// within the page.
+    #[inline(always)]
+    fn stop_before_limit(&mut self, page: &Page, pc: u32, cycle: u64) {
+        if self.limit < cycle.wrapping_add(PAGE_CYCLES) {
+            let left = self.limit.saturating_sub(cycle) as u32;
+            self.stop = page.end().min(pc.wrapping_add(2 * left));
+        }
+    }
+
+    /// Makes the burst end after this instruction.
+    #[inline(always)]
+    pub(crate) fn end_burst(&mut self) {
+        self.limit = 0;
+        self.stop = 0;
+    }
+
+    /// Executes the rest of an IT block. Returns whether the burst goes on behind it.
+    #[inline(never)]
+    fn finish_block<B: Bus>(&mut self, bus: &mut B, page: &Page) -> bool {
+        while self.it != 0 && self.cycle < self.limit && page.holds(self.r[15]) {
+            self.single(bus, page.op(self.r[15]));
+        }
+        self.cycle < self.limit && page.holds(self.r[15])
+    }
+
+    /// Executes `op`, which is at r15, inside or outside an IT block.
+    #[inline(never)]
+    fn single<B: Bus>(&mut self, bus: &mut B, op: &Op) {
+        let (it, pc) = (self.it, self.r[15]);
+        self.count_fetch(bus, op, pc);
+        if it != 0 && !self.begins_in_block(bus, op) {
+            return;
+        }
+        let began = self.cycle;
+        self.count_from(pc, began);
+        let next = pc.wrapping_add(u32::from(op.size));
+        match self.execute(bus, op, next) {
+            Ok(flow) => {
+                if it != 0 && op.block == Block::KeepsFlags {
+                    self.flags = self.kept_flags;
+                }
+                if C::BOUND.is_none() {
+                    self.cycle = self.cycle_at(pc);
+                }
+                let to = if let Flow::To(target) = flow { target } else { next };
+                self.complete(op, to, began);
             }
-            op = page.op(pc);
+            Err(fault) => self.fail(bus, op, it, fault),
+        }
+    }
+
+    /// Counts an executed instruction that began at the cycle `began`, and goes on at `next`.
+    #[inline(always)]
+    fn complete(&mut self, op: &Op, next: u32, began: u64) {
+        self.r[15] = next;
+        self.cycle = self.cycle.wrapping_add(cost::<C>(op));
+        self.retired = self.retired.wrapping_add(1);
+        if C::BOUND == Some(Bound::Best) && self.cycle > self.due {
+            self.cut_short(op, began);
+        }
+    }
+
+    /// Adds the wait states of fetching `op`. At a breakpoint no instruction is fetched yet: time stands still until
+    /// the instruction at the breakpoint is executed.
+    #[inline(always)]
+    fn count_fetch<B: Bus>(&mut self, bus: &mut B, op: &Op, pc: u32) {
+        if C::BOUND.is_some() && !matches!(op.what, Do::Breakpoint) {
+            self.fetch_waits(bus, pc, u32::from(op.size));
         }
     }
 
@@ -289,7 +419,7 @@ impl<C: Cost> Core<C> {
     fn fail<B: Bus>(&mut self, bus: &mut B, op: &Op, it: u8, fault: Fault) {
         self.it = it;
         self.cycle += cost::<C>(op);
-        self.limit = 0;
+        self.end_burst();
         self.attention = true;
         self.take_fault(bus, fault);
     }
@@ -324,7 +454,7 @@ impl<C: Cost> Core<C> {
             return false;
         }
         self.it = after(it);
-        self.kept_flags = (self.flag_n, self.flag_z, self.flag_c, self.flag_v);
+        self.kept_flags = self.flags;
         if self.passes(it >> 4) {
             return true;
         }
@@ -360,7 +490,7 @@ impl<C: Cost> Core<C> {
     #[cold]
     pub(crate) fn pause(&mut self, exit: Exit) {
         self.paused = Some(exit);
-        self.limit = 0;
+        self.end_burst();
     }
 }
 

@@ -2,6 +2,7 @@
 //!
 //! An access that the privilege does not allow reads zero or writes nothing (B5.2.2, B5.2.3).
 
+use crate::flags::Flags;
 use crate::{Core, Cost};
 
 /// CONTROL.nPRIV: thread mode is unprivileged.
@@ -25,19 +26,11 @@ impl<C: Cost> Core<C> {
     }
 
     fn apsr(&self) -> u32 {
-        u32::from(self.flag_n) << 31
-            | u32::from(self.flag_z) << 30
-            | u32::from(self.flag_c) << 29
-            | u32::from(self.flag_v) << 28
-            | u32::from(self.flag_q) << 27
-            | u32::from(self.ge) << 16
+        self.flags.nzcv() << 28 | u32::from(self.flag_q) << 27 | u32::from(self.ge) << 16
     }
 
     fn set_flags(&mut self, value: u32) {
-        self.flag_n = value >> 31 & 1 != 0;
-        self.flag_z = value >> 30 & 1 != 0;
-        self.flag_c = value >> 29 & 1 != 0;
-        self.flag_v = value >> 28 & 1 != 0;
+        self.flags = Flags::new(value >> 28);
         self.flag_q = value >> 27 & 1 != 0;
     }
 

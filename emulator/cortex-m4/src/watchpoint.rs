@@ -76,7 +76,7 @@ impl<C: Cost> Core<C> {
             self.watchpoints.seen = Some(Watched { watchpoint, address, write });
             self.watchpoints.limit = self.limit;
             self.paused = Some(Exit::Watchpoint);
-            self.limit = 0;
+            self.end_burst();
         }
     }
 

@@ -57,7 +57,21 @@ fn op(what: Do, size: u8, block: Block) -> Op {
 /// How the operation `what` behaves in an IT block. 16-bit data processing is handled by `narrow::block`.
 fn block(what: Do) -> Block {
     match what {
-        Do::BCond { .. } | Do::Cbz { .. } | Do::Cbnz { .. } | Do::It { .. } | Do::Cps { .. } => Block::Never,
+        Do::BEq { .. }
+        | Do::BNe { .. }
+        | Do::BCs { .. }
+        | Do::BCc { .. }
+        | Do::BHi { .. }
+        | Do::BLs { .. }
+        | Do::BGe { .. }
+        | Do::BLt { .. }
+        | Do::BGt { .. }
+        | Do::BLe { .. }
+        | Do::BCond { .. }
+        | Do::Cbz { .. }
+        | Do::Cbnz { .. }
+        | Do::It { .. }
+        | Do::Cps { .. } => Block::Never,
         Do::B { .. }
         | Do::Bl { .. }
         | Do::Bx { .. }
@@ -71,6 +85,23 @@ fn block(what: Do) -> Block {
         | Do::LoadLiteral { t: 15, .. } => Block::Last,
         Do::Ldm { list, .. } if list & 0x8000 != 0 => Block::Last,
         _ => Block::Same,
+    }
+}
+
+/// A branch on a condition (ARM ARM A7.3) other than the one that always passes.
+fn branch_if(condition: u8, target: u32) -> Do {
+    match condition {
+        0 => Do::BEq { target },
+        1 => Do::BNe { target },
+        2 => Do::BCs { target },
+        3 => Do::BCc { target },
+        8 => Do::BHi { target },
+        9 => Do::BLs { target },
+        10 => Do::BGe { target },
+        11 => Do::BLt { target },
+        12 => Do::BGt { target },
+        13 => Do::BLe { target },
+        _ => Do::BCond { condition, target },
     }
 }
 

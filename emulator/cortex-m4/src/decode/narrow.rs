@@ -241,6 +241,6 @@ fn conditional_branch(address: u32, h: u16) -> Do {
     match field(h, 8, 4) {
         14 => Do::Fault(Fault::Undefined),
         15 => Do::Svc,
-        condition => Do::BCond { condition, target: address.wrapping_add(4).wrapping_add(signed(h, 8) << 1) },
+        condition => super::branch_if(condition, address.wrapping_add(4).wrapping_add(signed(h, 8) << 1)),
     }
 }

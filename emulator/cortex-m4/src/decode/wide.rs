@@ -256,7 +256,7 @@ fn branch_and_control(address: u32, first: u16, second: u16) -> Do {
     if opcode & 0x38 != 0x38 {
         let offset = s << 20 | j2 << 19 | j1 << 18 | u32::from(first & 0x3F) << 12 | low;
         let target = pc.wrapping_add(((offset << 11) as i32 >> 11) as u32);
-        return Do::BCond { condition: field(first, 6, 4), target };
+        return super::branch_if(field(first, 6, 4), target);
     }
     let (n, d) = (field(first, 0, 4), field(second, 8, 4));
     match opcode {

@@ -70,6 +70,7 @@ impl<C: Cost> Core<C> {
     fn preserve_fp<B: Bus>(&mut self, bus: &mut B) -> Result<(), Fault> {
         let fpccr = self.system.scb.fpccr;
         let privileged = fpccr & FPCCR_USER == 0;
+        self.catch_up();
         self.preserved_fp = self.cycle;
         self.cycle += C::LAZY_STACKING;
         if let Err(fault) = self.push_fp(bus, self.system.scb.fpcar, privileged) {

@@ -1,6 +1,7 @@
 //! Reset and power-on (ARM ARM B1.5.5).
 
 use super::*;
+use crate::flags::Flags;
 
 impl<C: Cost> Core<C> {
     /// Carries out a system reset (ARM ARM B1.5.5): registers, stack pointer and program counter get their reset
@@ -49,7 +50,7 @@ impl<C: Cost> Core<C> {
         self.r[..13].fill(0);
         self.other_sp = 0;
         self.s = [0; 32];
-        (self.flag_n, self.flag_z, self.flag_c, self.flag_v, self.flag_q) = (false, false, false, false, false);
+        (self.flags, self.flag_q) = (Flags::new(0), false);
         self.ge = 0;
         self.reset(bus);
     }

@@ -37,11 +37,7 @@ pub(super) const fn passes() -> [u16; 16] {
 impl<C: Cost> Core<C> {
     #[inline(always)]
     pub(crate) fn passes(&self, condition: u8) -> bool {
-        let flags = u8::from(self.flag_n) << 3
-            | u8::from(self.flag_z) << 2
-            | u8::from(self.flag_c) << 1
-            | u8::from(self.flag_v);
-        PASSES[usize::from(condition & 15)] >> flags & 1 != 0
+        PASSES[usize::from(condition & 15)] >> self.flags.nzcv() & 1 != 0
     }
 
     /// Branches as BXWritePC and LoadWritePC do: bit 0 of the target becomes EPSR.T. In handler mode the target may be
@@ -49,13 +45,17 @@ impl<C: Cost> Core<C> {
     pub(crate) fn branch_exchange<B: Bus>(&mut self, bus: &mut B, target: u32) -> u32 {
         self.refill();
         if target >= 0xF000_0000 && self.ipsr != 0 {
-            self.limit = 0;
+            let pc = self.r[15];
+            self.end_burst();
+            self.catch_up();
             self.exception_return(bus, target);
+            // The return may have taken cycles.
+            self.count_from(pc, self.cycle);
             return self.r[15];
         }
         if target & 1 == 0 {
             self.thumb = false;
-            self.limit = 0;
+            self.end_burst();
         }
         target & !1
     }
@@ -70,8 +70,8 @@ impl<C: Cost> Core<C> {
     }
 
     #[inline(always)]
-    pub(super) fn branch(&mut self, target: u32) -> u32 {
+    pub(super) fn branch(&mut self, target: u32) -> Flow {
         self.refill();
-        target
+        Flow::To(target)
     }
 }

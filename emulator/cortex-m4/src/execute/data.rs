@@ -1,12 +1,13 @@
 //! Data processing, multiplication and saturation with the flags that they set (ARM ARM A5.3.1, A7.7).
 
+use super::arithmetic::add_with_carry;
 use super::*;
 use crate::op::{Alu, Long, Saturating};
 
 impl<C: Cost> Core<C> {
     /// Executes one of the operations of ARM ARM A5.3.1. `carry` is the carry out of the operand's shift.
     pub(super) fn alu(&mut self, alu: Alu, s: bool, d: u8, a: u32, b: u32, carry: bool) {
-        let logical = |value| (value, carry, self.flag_v);
+        let logical = |value| (value, carry, self.flags.v());
         let (value, c, v) = match alu {
             Alu::And | Alu::Tst => logical(a & b),
             Alu::Bic => logical(a & !b),
@@ -16,15 +17,15 @@ impl<C: Cost> Core<C> {
             Alu::Mov => logical(b),
             Alu::Mvn => logical(!b),
             Alu::Add | Alu::Cmn => add_with_carry(a, b, false),
-            Alu::Adc => add_with_carry(a, b, self.flag_c),
-            Alu::Sbc => add_with_carry(a, !b, self.flag_c),
+            Alu::Adc => add_with_carry(a, b, self.flags.c),
+            Alu::Sbc => add_with_carry(a, !b, self.flags.c),
             Alu::Sub | Alu::Cmp => add_with_carry(a, !b, true),
             Alu::Rsb => add_with_carry(!a, b, true),
         };
         if s {
-            self.set_nz(value);
-            self.flag_c = c;
-            self.flag_v = v;
+            self.flags.set_nz(value);
+            self.flags.c = c;
+            self.flags.set_v(v);
         }
         if !matches!(alu, Alu::Tst | Alu::Teq | Alu::Cmn | Alu::Cmp) {
             self.set(d, value);

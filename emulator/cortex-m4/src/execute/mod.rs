@@ -18,7 +18,18 @@ mod transfer;
 
 use crate::op::{Carry, Do, Format, Index, Op, Shift};
 use crate::{Bus, Core, Cost, Exit, Fault, Purpose, Width};
-use arithmetic::{add_with_carry, dual, extend, half, parallel, shift, signed_saturate, unary, unsigned_saturate};
+use arithmetic::{dual, extend, half, parallel, shift, signed_saturate, unary, unsigned_saturate};
+
+/// The way on from an executed instruction.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Flow {
+    /// The instruction behind it is next.
+    On,
+    /// The instruction behind it is next, and an IT block begins there.
+    Block,
+    /// The instruction at this address is next.
+    To(u32),
+}
 
 impl<C: Cost> Core<C> {
     #[inline(always)]
@@ -41,57 +52,46 @@ impl<C: Cost> Core<C> {
     #[inline(always)]
     fn put_nz(&mut self, d: u8, value: u32) {
         self.put(d, value);
-        self.set_nz(value);
+        self.flags.set_nz(value);
     }
 
     #[inline(always)]
-    fn set_nz(&mut self, value: u32) {
-        self.flag_n = value >> 31 != 0;
-        self.flag_z = value == 0;
+    fn branch_if(&mut self, taken: bool, target: u32) -> Flow {
+        if taken { self.branch(target) } else { Flow::On }
     }
 
+    /// Executes the instruction `op` at r15. `next` is the address behind it.
     #[inline(always)]
-    fn add_flags(&mut self, a: u32, b: u32, carry: bool) -> u32 {
-        let (sum, c, v) = add_with_carry(a, b, carry);
-        self.set_nz(sum);
-        self.flag_c = c;
-        self.flag_v = v;
-        sum
-    }
-
-    /// Executes the instruction `op` at `pc`, which is also in r15, and returns the address of the next one.
-    #[inline(always)]
-    pub(crate) fn execute<B: Bus>(&mut self, bus: &mut B, op: &Op, pc: u32) -> Result<u32, Fault> {
-        let next = pc.wrapping_add(u32::from(op.size));
+    pub(crate) fn execute<B: Bus>(&mut self, bus: &mut B, op: &Op, next: u32) -> Result<Flow, Fault> {
         match op.what {
             Do::MovImm { d, imm } => self.put(d, imm),
             Do::MovsImm { d, imm } => self.put_nz(d, imm),
             Do::MovReg { d, m } => self.put(d, self.get(m)),
             Do::AddImm { d, n, imm } => self.put(d, self.get(n).wrapping_add(imm)),
             Do::AddsImm { d, n, imm } => {
-                let value = self.add_flags(self.get(n), imm, false);
+                let value = self.flags.add(self.get(n), imm);
                 self.put(d, value);
             }
             Do::SubImm { d, n, imm } => self.put(d, self.get(n).wrapping_sub(imm)),
             Do::SubsImm { d, n, imm } => {
-                let value = self.add_flags(self.get(n), !imm, true);
+                let value = self.flags.subtract(self.get(n), imm);
                 self.put(d, value);
             }
             Do::CmpImm { n, imm } => {
-                self.add_flags(self.get(n), !imm, true);
+                self.flags.subtract(self.get(n), imm);
             }
             Do::AddReg { d, n, m } => self.put(d, self.get(n).wrapping_add(self.get(m))),
             Do::AddsReg { d, n, m } => {
-                let value = self.add_flags(self.get(n), self.get(m), false);
+                let value = self.flags.add(self.get(n), self.get(m));
                 self.put(d, value);
             }
             Do::SubReg { d, n, m } => self.put(d, self.get(n).wrapping_sub(self.get(m))),
             Do::SubsReg { d, n, m } => {
-                let value = self.add_flags(self.get(n), !self.get(m), true);
+                let value = self.flags.subtract(self.get(n), self.get(m));
                 self.put(d, value);
             }
             Do::CmpReg { n, m } => {
-                self.add_flags(self.get(n), !self.get(m), true);
+                self.flags.subtract(self.get(n), self.get(m));
             }
             Do::AndReg { d, n, m } => self.put(d, self.get(n) & self.get(m)),
             Do::AndsReg { d, n, m } => self.put_nz(d, self.get(n) & self.get(m)),
@@ -105,39 +105,39 @@ impl<C: Cost> Core<C> {
             }
             Do::LslImm { d, m, amount } => self.put(d, self.get(m) << (amount & 31)),
             Do::LslsImm { d, m, amount } => {
-                let (value, carry) = shift(self.get(m), Shift::Lsl, u32::from(amount), self.flag_c);
-                self.flag_c = carry;
+                let (value, carry) = shift(self.get(m), Shift::Lsl, u32::from(amount), self.flags.c);
+                self.flags.c = carry;
                 self.put_nz(d, value);
             }
             Do::LsrImm { d, m, amount } => self.put(d, self.get(m) >> (amount & 31)),
             Do::LsrsImm { d, m, amount } => {
-                let (value, carry) = shift(self.get(m), Shift::Lsr, u32::from(amount), self.flag_c);
-                self.flag_c = carry;
+                let (value, carry) = shift(self.get(m), Shift::Lsr, u32::from(amount), self.flags.c);
+                self.flags.c = carry;
                 self.put_nz(d, value);
             }
             Do::AluImm { alu, s, d, n, carry, imm } => {
                 let carry = match carry {
-                    Carry::Same => self.flag_c,
+                    Carry::Same => self.flags.c,
                     Carry::Clear => false,
                     Carry::Set => true,
                 };
                 self.alu(alu, s, d, self.get(n), imm, carry);
             }
             Do::AluShift { alu, s, d, n, m, shift: kind, amount } => {
-                let (value, carry) = shift(self.get(m), kind, u32::from(amount), self.flag_c);
+                let (value, carry) = shift(self.get(m), kind, u32::from(amount), self.flags.c);
                 self.alu(alu, s, d, self.get(n), value, carry);
             }
             Do::ShiftReg { shift: kind, s, d, n, m } => {
-                let (value, carry) = shift(self.get(n), kind, self.get(m) & 0xFF, self.flag_c);
+                let (value, carry) = shift(self.get(n), kind, self.get(m) & 0xFF, self.flags.c);
                 self.put(d, value);
                 if s {
-                    self.flag_c = carry;
-                    self.set_nz(value);
+                    self.flags.c = carry;
+                    self.flags.set_nz(value);
                 }
             }
             Do::MovToPc { m } => return Ok(self.branch(self.get(m) & !1)),
             Do::AddToPc { m } => {
-                let target = pc.wrapping_add(4).wrapping_add(self.get(m)) & !1;
+                let target = self.r[15].wrapping_add(4).wrapping_add(self.get(m)) & !1;
                 return Ok(self.branch(target));
             }
             Do::Movt { d, imm } => self.put(d, self.get(d) & 0xFFFF | u32::from(imm) << 16),
@@ -298,7 +298,7 @@ impl<C: Cost> Core<C> {
             }
             Do::LoadLiteral { format, t, address } => {
                 let value = self.load_format(bus, format, address, Purpose::Literal, None)?;
-                return Ok(self.loaded(bus, t, value, next));
+                return Ok(self.loaded(bus, t, value));
             }
             Do::Load { format, index, t, n, imm } => {
                 let base = self.get(n);
@@ -309,12 +309,12 @@ impl<C: Cost> Core<C> {
                 if matches!(index, Index::Pre | Index::Post) {
                     self.set(n, offset);
                 }
-                return Ok(self.loaded(bus, t, value, next));
+                return Ok(self.loaded(bus, t, value));
             }
             Do::LoadReg { format, t, n, m, amount } => {
                 let address = self.get(n).wrapping_add(self.get(m) << (amount & 31));
                 let value = self.load_format(bus, format, address, Purpose::Data, None)?;
-                return Ok(self.loaded(bus, t, value, next));
+                return Ok(self.loaded(bus, t, value));
             }
             Do::Store { format, index, t, n, imm } => {
                 let base = self.get(n);
@@ -336,23 +336,33 @@ impl<C: Cost> Core<C> {
             Do::Strex { format, d, t, n, imm } => self.store_exclusive(bus, format, d, t, n, imm)?,
             Do::Clrex => self.exclusive = None,
             Do::Ldm { n, list, write_back, down } => {
-                return self.load_multiple(bus, n, list, write_back, down, next);
+                let to = self.load_multiple(bus, n, list, write_back, down, next)?;
+                return Ok(if to == next { Flow::On } else { Flow::To(to) });
             }
-            Do::Stm { n, list, write_back, down } => return self.store_multiple(bus, n, list, write_back, down, next),
+            Do::Stm { n, list, write_back, down } => {
+                let to = self.store_multiple(bus, n, list, write_back, down, next)?;
+                return Ok(if to == next { Flow::On } else { Flow::To(to) });
+            }
             Do::B { target } => return Ok(self.branch(target)),
-            Do::BCond { condition, target } => {
-                if self.passes(condition) {
-                    return Ok(self.branch(target));
-                }
-            }
+            Do::BEq { target } => return Ok(self.branch_if(self.flags.z(), target)),
+            Do::BNe { target } => return Ok(self.branch_if(!self.flags.z(), target)),
+            Do::BCs { target } => return Ok(self.branch_if(self.flags.c, target)),
+            Do::BCc { target } => return Ok(self.branch_if(!self.flags.c, target)),
+            Do::BHi { target } => return Ok(self.branch_if(self.flags.c && !self.flags.z(), target)),
+            Do::BLs { target } => return Ok(self.branch_if(!self.flags.c || self.flags.z(), target)),
+            Do::BGe { target } => return Ok(self.branch_if(!self.flags.less(), target)),
+            Do::BLt { target } => return Ok(self.branch_if(self.flags.less(), target)),
+            Do::BGt { target } => return Ok(self.branch_if(!self.flags.less() && !self.flags.z(), target)),
+            Do::BLe { target } => return Ok(self.branch_if(self.flags.less() || self.flags.z(), target)),
+            Do::BCond { condition, target } => return Ok(self.branch_if(self.passes(condition), target)),
             Do::Bl { target } => {
                 self.r[14] = next | 1;
                 return Ok(self.branch(target));
             }
             Do::Bx { m } => {
-                // In BX PC, the program counter reads as the address of the instruction plus 4.
-                let target = if m == 15 { pc.wrapping_add(4) & !1 } else { self.get(m) };
-                return Ok(self.branch_exchange(bus, target));
+                // BX PC uses the address of the instruction plus 4.
+                let target = if m == 15 { self.r[15].wrapping_add(4) & !1 } else { self.get(m) };
+                return Ok(Flow::To(self.branch_exchange(bus, target)));
             }
             Do::Blx { m } => {
                 let target = self.get(m);
@@ -360,9 +370,9 @@ impl<C: Cost> Core<C> {
                 self.refill();
                 if target & 1 == 0 {
                     self.thumb = false;
-                    self.limit = 0;
+                    self.end_burst();
                 }
-                return Ok(target & !1);
+                return Ok(Flow::To(target & !1));
             }
             Do::Cbz { n, target } => {
                 if self.get(n) == 0 {
@@ -375,7 +385,7 @@ impl<C: Cost> Core<C> {
                 }
             }
             Do::TableBranch { n, m, half } => {
-                let base = if n == 15 { pc.wrapping_add(4) } else { self.get(n) };
+                let base = if n == 15 { self.r[15].wrapping_add(4) } else { self.get(n) };
                 let index = self.get(m);
                 let (address, width) = if half {
                     (base.wrapping_add(index << 1), Width::Half)
@@ -383,9 +393,12 @@ impl<C: Cost> Core<C> {
                     (base.wrapping_add(index), Width::Byte)
                 };
                 let entry = self.load(bus, address, width, Purpose::Data)?;
-                return Ok(self.branch(pc.wrapping_add(4).wrapping_add(entry << 1)));
+                return Ok(self.branch(self.r[15].wrapping_add(4).wrapping_add(entry << 1)));
             }
-            Do::It { state } => self.it = state,
+            Do::It { state } => {
+                self.it = state;
+                return Ok(Flow::Block);
+            }
             Do::Nop | Do::Barrier => {}
             Do::Wfe => {
                 if self.event {
@@ -394,31 +407,33 @@ impl<C: Cost> Core<C> {
                     self.waiting = Some(true);
                 }
                 self.attention = true;
-                self.limit = 0;
+                self.end_burst();
             }
             Do::Wfi => {
                 self.waiting = Some(false);
                 self.attention = true;
-                self.limit = 0;
+                self.end_burst();
             }
             Do::Sev => {
                 self.event = true;
-                self.limit = 0;
+                self.end_burst();
             }
             Do::Svc => {
+                self.catch_up();
                 self.r[15] = next;
-                self.limit = 0;
+                self.end_burst();
                 self.supervisor_call(bus);
-                return Ok(self.r[15]);
+                return Ok(Flow::To(self.r[15]));
             }
             Do::Bkpt => {
-                self.limit = 0;
+                self.catch_up();
+                self.end_burst();
                 self.breakpoint(bus);
-                return Ok(self.r[15]);
+                return Ok(Flow::To(self.r[15]));
             }
             Do::Msr { n, mask, sysm } => {
                 self.msr(sysm, mask, self.get(n));
-                self.limit = 0;
+                self.end_burst();
             }
             Do::Mrs { d, sysm } => {
                 let value = self.mrs(sysm);
@@ -427,7 +442,7 @@ impl<C: Cost> Core<C> {
             Do::Cps { disable, primask, faultmask } => {
                 self.cps(disable, primask, faultmask);
                 if self.attention {
-                    self.limit = 0;
+                    self.end_burst();
                 }
             }
             Do::Fp(op) => self.execute_fp(bus, op)?,
@@ -437,7 +452,7 @@ impl<C: Cost> Core<C> {
             // The run loop decodes an instruction before it executes it.
             Do::Unknown => return Err(Fault::BusInstruction),
         }
-        Ok(next)
+        Ok(Flow::On)
     }
 
     pub(crate) const fn width(format: Format) -> Width {

@@ -8,6 +8,7 @@
 //! The local exclusive monitor covers the whole address space (TRM 3.6.2). A STREX succeeds at any address unless an
 //! exception, a CLREX or a STREX came after the LDREX.
 
+use super::Flow;
 use crate::op::{Format, Index};
 use crate::{Bus, Core, Cost, Fault, Purpose, Width};
 
@@ -24,7 +25,10 @@ impl<C: Cost> Core<C> {
         let width = Self::width(format);
         let value = match privilege {
             None => self.load(bus, address, width, purpose)?,
-            Some(privileged) => self.load_as(bus, address, width, purpose, privileged)?,
+            Some(privileged) => {
+                self.catch_up();
+                self.load_as(bus, address, width, purpose, privileged)?
+            }
         };
         Ok(match format {
             Format::SignedByte => value as i8 as u32,
@@ -48,17 +52,21 @@ impl<C: Cost> Core<C> {
         };
         match privilege {
             None => self.store(bus, address, Self::width(format), value, Purpose::Data),
-            Some(privileged) => self.store_as(bus, address, Self::width(format), value, Purpose::Data, privileged),
+            Some(privileged) => {
+                self.catch_up();
+                self.store_as(bus, address, Self::width(format), value, Purpose::Data, privileged)
+            }
         }
     }
 
-    /// Puts a loaded value into register `t`, which may be the program counter. Returns the next instruction's address.
-    pub(super) fn loaded<B: Bus>(&mut self, bus: &mut B, t: u8, value: u32, next: u32) -> u32 {
+    /// Puts a loaded value into register `t`, which may be the program counter.
+    #[inline(always)]
+    pub(super) fn loaded<B: Bus>(&mut self, bus: &mut B, t: u8, value: u32) -> Flow {
         if t == 15 {
-            return self.branch_exchange(bus, value);
+            return Flow::To(self.branch_exchange(bus, value));
         }
         self.set(t, value);
-        next
+        Flow::On
     }
 
     /// The address of a two-word access, and the value to write back to the base.
@@ -186,9 +194,9 @@ impl<C: Cost> Core<C> {
     fn interrupt_multiple(&mut self, register: usize, left: u32) -> u32 {
         self.ici = register as u8;
         self.attention = true;
-        self.limit = 0;
-        // The run loop counts the instruction and its full cost once now and once at its completion. One of the two is
-        // taken back here.
+        self.end_burst();
+        // The run loop counts the instruction and adds its full cost both now and when it is completed, so one count
+        // and one cost are taken back here.
         self.cycle -= u64::from(left);
         self.retired -= 1;
         self.r[15]
@@ -201,7 +209,10 @@ impl<C: Cost> Core<C> {
         let before = list.count_ones() - rest.count_ones();
         // The cycles of registers that were moved before are not counted again. The one cycle for the start of the
         // instruction is.
-        self.cycle -= u64::from(before).min(self.cycle);
+        self.catch_up();
+        let again = u64::from(before).min(self.cycle);
+        self.cycle -= again;
+        self.origin = self.origin.wrapping_sub(2 * again);
         (rest, before)
     }
 

@@ -8,6 +8,7 @@
 //! | FPSCR: which bits exist, comparison flags to the APSR | A2.5.3 |
 
 use super::{FPSCR_BITS, FpOp, arith};
+use crate::flags::Flags;
 use crate::{Bus, Core, Cost, Fault, Purpose, Width};
 
 const SIGN: u32 = arith::SIGN;
@@ -119,10 +120,7 @@ impl<C: Cost> Core<C> {
                 self.r[usize::from(t2 & 15)] = self.s(m + 1);
             }
             FpOp::Vmrs { t: 15 } => {
-                self.flag_n = self.fpscr >> 31 & 1 != 0;
-                self.flag_z = self.fpscr >> 30 & 1 != 0;
-                self.flag_c = self.fpscr >> 29 & 1 != 0;
-                self.flag_v = self.fpscr >> 28 & 1 != 0;
+                self.flags = Flags::new(self.fpscr >> 28);
             }
             FpOp::Vmrs { t } => self.r[usize::from(t & 15)] = self.fpscr,
             FpOp::Vmsr { t } => self.fpscr = self.r[usize::from(t & 15)] & FPSCR_BITS,

@@ -389,7 +389,7 @@ impl<C: Cost> Core<C> {
             if self.system.dwt.watch(address, write, width.bytes(), value) {
                 self.debug_event(DFSR_DWTTRAP);
             }
-            self.limit = 0;
+            self.end_burst();
         }
         self.watch_for_caller(address, write, width);
     }

@@ -211,7 +211,7 @@ fn fpscr_keeps_only_its_existing_bits_and_passes_flags_to_apsr() {
     assert_eq!(core.r[3], 0xF7C0_009F);
     core.fpscr = 0xA000_0000;
     execute(&mut core, &mut ram, 0xEEF1_FA10).unwrap(); // VMRS APSR_nzcv, fpscr
-    assert_eq!((core.flag_n, core.flag_z, core.flag_c, core.flag_v), (true, false, true, false));
+    assert_eq!(core.flags.nzcv(), 0b1010);
     assert_eq!(core.r[15], 0);
 }
 
