@@ -209,6 +209,7 @@ pub const fn now_ms(before: u32, count: u32, due: bool, after: u32) -> u32 {
 }
 
 // The divisions of the clocks are exact, so the cycle is exactly 10 ms.
+// Shows TIME-1.
 const _: () = assert!(TIMER_HZ.is_multiple_of(1_000_000) && PERIOD_TICKS == 720_000);
 const _: () = assert!(CORE_HZ == 4 * APB1_HZ && CORE_HZ == 2 * APB2_HZ && SPI_HZ <= 10_000_000);
 // The constants are those of DS13541 and of the design for the air; a change of either fails here.

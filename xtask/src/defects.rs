@@ -343,6 +343,15 @@ fn chosen(is_chosen: impl Fn(&Defect) -> bool) -> Vec<(usize, &'static Defect)> 
     DEFECTS.iter().enumerate().filter(|(_, defect)| is_chosen(defect)).collect()
 }
 
+/// The name of each defect, and the name of the violation that its run shows, if it shows one.
+pub(crate) fn shown() -> Vec<(&'static str, Option<String>)> {
+    let rule = |shows: &Shows| match shows {
+        Shows::By(violation) => Some(format!("{violation:?}")),
+        Shows::Not(_) => None,
+    };
+    DEFECTS.iter().map(|defect| (defect.name, rule(&defect.shows))).collect()
+}
+
 pub(crate) fn defects(args: &DefectsArgs) -> Result<ExitCode> {
     let chosen = chosen(|defect| args.names.is_empty() || args.names.iter().any(|name| name == defect.name));
     let unknown = args.names.iter().find(|name| !chosen.iter().any(|(_, defect)| defect.name == **name));

@@ -1,6 +1,6 @@
-//! Checks style (width, names of tests, openings of comments), citations, the C header, the layouts and formatting.
-//! Then runs clippy and rustdoc with warnings as errors, for host and target, and checks the dependencies if cargo-deny
-//! is installed.
+//! Checks style (width, names of tests, openings of comments), citations, the C header, the layouts, the trace of
+//! requirements and formatting. Then runs clippy and rustdoc with warnings as errors, for host and target, and checks
+//! the dependencies if cargo-deny is installed.
 
 use std::process::{Command, ExitCode, Stdio};
 
@@ -99,13 +99,17 @@ pub(crate) fn lint() -> Result<ExitCode> {
     if let Err(error) = crate::layout::check() {
         failed.push(format!("layouts: {error:#}"));
     }
+    eprintln!("-- requirements");
+    if let Err(error) = crate::trace::check() {
+        failed.push(format!("requirements: {error:#}"));
+    }
     for (what, command) in &mut steps {
         eprintln!("-- {what}");
         if let Err(error) = check(what, command) {
             failed.push(error.to_string());
         }
     }
-    Ok(crate::test::verdict("lint", steps.len() + 4, &failed))
+    Ok(crate::test::verdict("lint", steps.len() + 5, &failed))
 }
 
 fn has_cargo_deny() -> bool {

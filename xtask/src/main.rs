@@ -37,6 +37,7 @@ mod size;
 mod speed;
 mod style;
 mod test;
+mod trace;
 mod workspace;
 
 use std::process::ExitCode;
@@ -92,6 +93,8 @@ enum Command {
     Fuzz(fuzz::FuzzArgs),
     /// Run a table of defects of the sources against the judge, each in a copy of the workspace.
     Defects(defects::DefectsArgs),
+    /// Trace each requirement to its evidence and to what broke it; writes docs/safety/trace.md.
+    Trace(trace::TraceArgs),
     /// Package the crates that others can use, and build each from its tarball.
     Package,
     /// Compare the bench's core with QEMU (qemu-system-arm) and with LLVM's disassembler (llvm-tools), case by case.
@@ -292,6 +295,7 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         Command::Layout(args) => layout::layout(&args),
         Command::Fuzz(args) => fuzz::fuzz(&args),
         Command::Defects(args) => defects::defects(&args),
+        Command::Trace(args) => trace::trace(&args),
         Command::Oracle(args) => oracle::oracle(&args),
     }
 }

@@ -28,24 +28,30 @@ violations! {
 
     /// No tick came within the start-up time after power-on or reset, or within one and a half cycles after the last
     /// tick.
+    // Shows TIME-1.
     NoTick = "HORUS does not tick",
     /// The time between two ticks varies, or differs from 10 ms by more than the error of a clock without its crystal.
+    // Shows TIME-1.
     TickIrregular = "the tick is not constant",
     /// A tick was not followed by the frames of its cycle.
+    // Shows TIME-2.
     NoFrame = "a cycle without its frames",
     /// HORUS sent more frames in a cycle than the cycle has.
+    // Shows TIME-2.
     ExtraFrame = "more frames than the cycle has",
     /// A transmit command was not followed by a frame.
     CommandWithoutFrame = "a transmit command without a frame",
     /// A frame began without a transmit command.
     FrameWithoutCommand = "a frame without a transmit command",
     /// HORUS broke a frame off: the poller ended the frame before all of it was sent.
+    // Shows TIME-2.
     BrokenOff = "HORUS broke a frame off",
     /// The payload of a frame that HORUS sent has a length that no frame of the profile has.
     SentNotWhole = "HORUS sent something that is not whole objects",
     /// The CRC or the identifier of an object that HORUS sent is wrong.
     SentInvalid = "HORUS sent an object that is not valid",
     /// HORUS's timestamp does not count 10 ms for each tick since the start, or lies in the future.
+    // Shows TIME-3.
     TimestampWrong = "HORUS's timestamp is not its tick's",
     /// The spread, peak to peak, of the time from a tick to the transmit command exceeds the bound.
     CommandJitter = "the time from tick to command is not constant",
@@ -54,36 +60,48 @@ violations! {
     /// HORUS's carrier went off while HORUS ran.
     FieldDropped = "the field dropped",
     /// A value in a GPS object is not that of the receiver's last message.
+    // Shows REC-5, REC-6.
     ContentWrong = "a GPS object differs from what its receiver said",
     /// A bit of a GPS object's status does not fit what the receiver sent.
+    // Shows REC-1, REC-2, REC-3, REC-4.
     StatusWrong = "a GPS object's status differs from what its receiver sent",
     /// Reported-Position does not follow from the agreeing receivers, or its status is wrong.
+    // Shows VOTE-2, VOTE-3, STA-4, STA-5, STA-6.
     ReportedWrong = "Reported-Position is not what the receivers that agree say",
     /// HORUS shows a voted position that has no majority of receivers, or that jumps. A position jumps if it is farther
     /// from the last one than an aircraft can have flown. HORUS may show it only after it has lasted for a second.
+    // Shows VOTE-1, VOTE-4.
     VoteWrong = "a voted position without a majority, or one that jumps",
     /// HORUS shows no voted position although a majority agrees and the position need not be held back.
+    // Shows VOTE-7.
     VoteMissing = "no voted position although a majority agrees",
     /// A receiver is excluded without a cause, or is not excluded although it agrees with no receiver of the voted
     /// position. Or an excluded receiver returns before, or not after, it has agreed for a second.
+    // Shows VOTE-5, VOTE-6.
     ExclusionWrong = "a receiver is wrongly excluded, or wrongly not",
     /// HORUS shows as valid the position of a receiver whose dynamic model HORUS should have set long before.
+    // Shows REC-7.
     NotAirborne = "a position of a receiver that does not navigate as airborne",
     /// HORUS's state does not fit its inputs (relay, motor cut, emergency measure). The state does not show an input
     /// that was active or contradicted itself for the debounce time, or shows what no input justifies.
+    // Shows STA-1, STA-2.
     StateWrong = "HORUS's state is not what its inputs say",
     /// HORUS does not read the bytes that wait in a receiver on a bus.
+    // Shows REC-9.
     NotRead = "HORUS does not read what a receiver offers",
     /// A receiver does not send positions, although HORUS should have set it to do so long before.
+    // Shows REC-8.
     NotConfigured = "a receiver is not set as HORUS needs it",
     /// HORUS has no position although enough receivers work, and no other violation explains the absence.
     NoPosition = "HORUS has no position in a sound run",
     /// Reported-Position shows a valid position that is too far from where the aircraft was.
     PositionOff = "a position far from where the aircraft is",
     /// HORUS states wrongly whether it runs without its crystal.
+    // Shows STA-3.
     CrystalWrong = "HORUS tells wrongly whether it runs without its crystal",
     /// A bit of program memory changed, a bit of a buffer is stuck, or a supply falls. The board neither reports the
     /// fault nor stops within the required time.
+    // Shows IMG-4, SAFE-3.
     FaultUnnoticed = "a fault has no consequence",
     // ---- DPR and SSI
 
@@ -96,24 +114,33 @@ violations! {
     /// After the end of a transaction the DPR could not serve the next one within the bound.
     NotReady = "the SSI was not ready in time",
     /// A transaction read 0xFF throughout although an image was readable.
+    // Shows SSI-1.
     Unserved = "a transaction reads nothing although an image is readable",
     /// FRESH is high for too short a time, so the flight controller's pin interrupt may miss the pulse.
+    // Shows IMG-3.
     FreshShort = "FRESH is too short",
     /// The processor kept the SSI's buffers longer than the bound, so no transaction could be served.
     HeldBack = "the SSI was held back too long",
     /// Two transactions in a row found the DPR busy. Only one may, while a new image is put in.
+    // Shows SSI-1.
     BusyTwice = "two transactions in a row met the DPR busy",
     /// Nothing can be read although the DPR runs, because its images expire and no new one replaces them.
+    // Shows SSI-1.
     Silent = "nothing can be read",
     /// The image shows an object's cycle but not the object, which reached the antenna whole.
+    // Shows IMG-2.
     Vacant = "a vacant object although it was delivered whole",
     /// A cycle was not shown although it reached the antenna whole and in sequence.
+    // Shows IMG-2.
     NotShown = "a cycle not shown although it was delivered",
     /// An object is shown whose CRC is right, but HORUS never sent these bytes.
+    // Shows OBJ-1.
     ShownNeverSent = "an invalid object shown as valid",
     /// An object is shown whose frame was repeated, delayed or inserted, or came before the sequence was found.
+    // Shows SEQ-1, SEQ-2, SEQ-3, SEQ-4.
     ShownOutOfSequence = "an object out of sequence shown as valid",
     /// An object is shown although the next frame was missed and its deadline has passed.
+    // Shows IMG-1.
     ShownStale = "stale data shown past its deadline",
     /// An object is shown although its image was not replaced within 25 ms.
     ShownExpired = "an expired image can be read",
@@ -122,14 +149,18 @@ violations! {
     /// The bytes that one transaction read come from several images, even within an object.
     Torn = "a torn read",
     /// The bytes of an object are neither intact nor empty nor torn.
+    // Shows OBJ-1.
     Damaged = "damaged data in the image",
     /// An object is intact, but at another object's offset.
     Misplaced = "a valid object in another's place",
     /// A transaction at the rise of FRESH would have found the DPR busy, or would have read an unsound image.
+    // Shows IMG-3.
     FreshUnreadable = "FRESH without a readable image",
     /// The image that was readable when FRESH rose was the one before.
+    // Shows IMG-3.
     FreshNotNew = "FRESH without a fresh image",
     /// A transaction read an image that FRESH had not announced.
+    // Shows IMG-3.
     FreshMissing = "an image readable without FRESH",
     /// A frame was readable too late after its last bit.
     LateReadable = "a frame was readable too late after its last bit",
@@ -138,41 +169,57 @@ violations! {
     /// After a disturbance the flight controller reads no new valid object within the cycles of a recovery.
     RecoversLate = "the link recovers too late",
     /// The age of the sample in Link-Status does not fit the tick at which the sample was taken.
+    // Shows LNK-1.
     LinkAge = "Link-Status tells a wrong age",
     /// The counters in Link-Status do not fit the frames that reached the antenna.
+    // Shows LNK-2.
     LinkCounters = "Link-Status tells wrong counters",
     /// The flags in Link-Status do not fit the frames at the antenna, the DPR's starts or the injected faults.
+    // Shows LNK-3, LNK-4, LNK-5, LNK-6, LNK-7, LNK-8.
     LinkFlags = "Link-Status tells wrong flags",
     /// The timestamp of Link-Status differs from the time since the DPR's start.
+    // Shows LNK-9.
     LinkTime = "Link-Status tells a wrong time",
     /// Port-Status does not fit the uplinks, commands and access violations that were written.
+    // Shows PORT-2, PORT-3.
     PortStatusWrong = "Port-Status tells what is not so",
     /// An uplink differs from what was written in its bytes, in its age, or in whether it counts as fresh.
+    // Shows PORT-1.
     UplinkWrong = "an uplink is read otherwise than it was written",
     // ---- Flight controller and base station
 
     /// The client uses a position that is too old, or that HORUS did not send.
+    // Shows CLI-1, CLI-2.
     ClientWrong = "the client flies by a position that it must not",
     /// The age that the client states does not fit the tick of the sample and what the wires show.
+    // Shows CLI-3.
     ClientAge = "the client tells a wrong age",
     /// The client states no position although it reads valid positions in sequence.
     ClientHides = "the client has no position although it reads them",
     /// The flight controller did not forward a new profile that it read complete and intact.
+    // Shows GND-1.
     NotForwarded = "a profile is not forwarded",
     /// The age that the base station states does not fit the tick of the sample that it shows.
+    // Shows GND-3.
     StationAge = "the base station tells a wrong age",
     /// The base station gives a wrong alarm, or does not give a required one.
+    // Shows GND-4, GND-5, GND-6, GND-7.
     StationAlarm = "the base station alarms wrongly",
 
     /// The flight controller forwarded a profile that did not arrive at the base station.
+    // Shows GND-1.
     BaseMissed = "the base station missed a profile",
     /// Bytes of a profile were changed, added or invented between the flight controller and the base station.
+    // Shows GND-1.
     BaseChanged = "the base station got another profile than was forwarded",
     /// The base station shows an object whose CRC, identifier or offset is wrong.
+    // Shows GND-2.
     BaseInvalid = "the base station shows an object that is not valid",
     /// The base station shows objects of several cycles as those of one cycle.
+    // Shows GND-2.
     BaseMixed = "the base station shows objects of several cycles as one",
     /// The base station does not show an object that is valid.
+    // Shows GND-2.
     BaseHidden = "the base station does not show an object that is valid",
     // ---- Boards
 
@@ -181,8 +228,10 @@ violations! {
     /// The DPR restarted although the bench did not ask for it.
     DprRestarted = "the DPR restarted unasked",
     /// The bench stopped HORUS's core, and the watchdog did not restart HORUS within its longest time.
+    // Shows SAFE-1, SAFE-2.
     HorusStaysHung = "HORUS hangs, and its watchdog does not restart it",
     /// The bench stopped the DPR's core, and the watchdog did not restart the DPR within its longest time.
+    // Shows SAFE-1.
     DprStaysHung = "the DPR hangs, and its watchdog does not restart it",
     /// HORUS did something that its microcontroller does not allow.
     HorusFinding = "HORUS did what its part does not allow",

@@ -101,6 +101,7 @@ pub(crate) const DEFECTS: &[Defect] = &[
     row("receivers-not-configured", "no settings are sent to any receiver",
         edit(HORUS, "buffers::outbox(index).put(&message);", "let _ = &message;"),
         FACTORY, By(V::NotConfigured)),
+    // Breaks REC-5.
     row("only-first-solution", "the solution of the first receiver stands for all",
         edit(HORUS,
           "if let Some(solution) = solutions.get_mut(index) {",
@@ -128,43 +129,52 @@ pub(crate) const DEFECTS: &[Defect] = &[
           "self.missing = 0;"),
         POWER,
         Not("a receiver on a bus has little more to say than one transfer takes; the unit tests of Backlog have it")),
+    // Breaks REC-5.
     row("latitude-for-longitude", "a GPS object has its latitude in both places",
         edit(CYCLE,
           "longitude: shown_f64(located, position.longitude),",
           "longitude: shown_f64(located, if DEFECT { position.latitude } else { position.longitude }),"),
         PLAIN, By(V::ContentWrong)),
+    // Breaks REC-5.
     row("altitude-in-cm", "the altitude of a GPS object is ten times too high",
         edit(RECEIVER,
           "stated.altitude_mm.map_or(ABSENT_F64, |mm| f64::from(mm) / 1e3)",
           "stated.altitude_mm.map_or(ABSENT_F64, |mm| f64::from(mm) / 1e2)"),
         PLAIN, By(V::ContentWrong)),
+    // Breaks REC-5.
     row("angles-in-degrees", "pitch, yaw and roll are in degrees",
         edit(RECEIVER, "(f64::from(e5_degrees) * (PI / 180.0 / 1e5)) as f32", "(f64::from(e5_degrees) / 1e5) as f32"),
         PLAIN, By(V::ContentWrong)),
+    // Breaks REC-5.
     row("roll-for-pitch", "roll and pitch are exchanged",
         edit(RECEIVER,
           "attitude.pitch = angle(att.vehicle_pitch_raw(), att.vehicle_pitch_accuracy_raw());",
           "attitude.pitch = attitude.roll;\n                attitude.roll = angle(att.vehicle_pitch_raw(), \
           att.vehicle_pitch_accuracy_raw());"),
         PLAIN, By(V::ContentWrong)),
+    // Breaks REC-5.
     row("acceleration-sign", "the acceleration downwards has the wrong sign",
         edit(RECEIVER,
           "axis(ins.z_acceleration_raw(), given & Z_ACCEL_VALID),",
           "axis(if DEFECT { -ins.z_acceleration_raw() } else { ins.z_acceleration_raw() }, given & Z_ACCEL_VALID),"),
         PLAIN, By(V::ContentWrong)),
+    // Breaks REC-1.
     row("position-valid-for-long", "a position stays valid for ten times the time that is allowed",
         edit(RECEIVER,
           "self.arrived.within(now, self.period_ms + VALID_SLACK_MS)",
           "self.arrived.within(now, self.period_ms + 10 * VALID_SLACK_MS)"),
         GNSS, By(V::StatusWrong)),
+    // Breaks REC-2.
     row("never-stale", "the bit of a stale solution is never set",
         edit(CYCLE,
           ".with_stale(!position.pace.is_fresh(now))",
           ".with_stale(!DEFECT && !position.pace.is_fresh(now))"),
         GNSS, By(V::StatusWrong)),
+    // Breaks REC-3.
     row("heard-for-ever", "a receiver that was heard once is said to be heard",
         edit(CYCLE, "last_heard.within(now, HEARD_MS)", "last_heard.within(now, u32::MAX / 2)"),
         GNSS, By(V::StatusWrong)),
+    // Breaks REC-4.
     row("age-in-centiseconds", "the age of a solution is a tenth of what it should be",
         edit(CYCLE, "Some(position.pace.age_ms(now))", "Some(position.pace.age_ms(now) / 10)"),
         PLAIN, By(V::StatusWrong)),
@@ -173,6 +183,7 @@ pub(crate) const DEFECTS: &[Defect] = &[
         GNSS,
         Not("receivers of the bench that have no fix say so in the type of the fix as well; the tests of \
           `receiver` have it")),
+    // Breaks REC-6.
     row("range-not-checked", "positions that cannot be are taken",
         edit(RECEIVER, "&& position.voted.is_plausible();", "&& (DEFECT || position.voted.is_plausible());"),
         GNSS, By(V::ContentWrong)),
@@ -182,42 +193,52 @@ pub(crate) const DEFECTS: &[Defect] = &[
     row("vote-for-the-tick-before", "the vote is made for the tick that is over",
         edit(HORUS, "cycle.vote(tick.wrapping_add(1), solutions)", "cycle.vote(tick, solutions)"),
         PLAIN, By(V::VoteMissing)),
+    // Breaks VOTE-6.
     row("exclusion-of-the-next", "the bit of an exclusion is another receiver's",
         edit(CYCLE,
           "let excluded = self.verdict.is_excluded(receiver);",
           "let excluded = self.verdict.is_excluded(if DEFECT { receiver + 1 } else { receiver });"),
         GNSS, By(V::ExclusionWrong)),
+    // Breaks VOTE-6.
     row("exclusion-not-told", "the bit of an exclusion is never set",
         edit(CYCLE, ".with_excluded(excluded);", ".with_excluded(excluded && !DEFECT);"),
         GNSS, By(V::ExclusionWrong)),
+    // Breaks VOTE-1.
     row("no-majority", "any receiver is enough for a position",
         edit(VOTER,
           "let is_agreed = is_quorum::<N>(set) & (set.count_ones() > outside.count_ones());",
           "let is_agreed = if DEFECT { set != 0 } else { is_quorum::<N>(set) & (set.count_ones() > \
           outside.count_ones()) };"),
         GNSS, By(V::VoteWrong)),
+    // Breaks VOTE-4.
     row("jump-not-held-back", "a position that jumps is shown at once",
         edit("horus-tx-fw/voter/src/hold.rs", "is_there & may_show & (is_near | has_held)", "is_there & may_show"),
         JUMPS, By(V::VoteWrong)),
+    // Breaks VOTE-4.
     row("held-back-for-1-ms", "a position that jumps is shown after a millisecond",
         edit("horus-tx-fw/voter/src/hold.rs",
           "now_ms.wrapping_sub(since) >= HELD_BACK_MS",
           "now_ms.wrapping_sub(since) >= HELD_BACK_MS / 1_000"),
         JUMPS, By(V::VoteWrong)),
+    // Breaks VOTE-5.
     row("returns-at-once", "an excluded receiver returns as soon as it agrees",
         edit(VOTER,
           "(now_ms.wrapping_sub(from) >= RETURNS_AFTER_MS)",
           "(DEFECT | (now_ms.wrapping_sub(from) >= RETURNS_AFTER_MS))"),
         GNSS, By(V::ExclusionWrong)),
+    // Breaks VOTE-2.
     row("brought-backwards", "positions are brought away from the tick",
         edit(VOTER, "fix.velocity.map(|velocity| velocity * age)", "fix.velocity.map(|velocity| velocity * -age)"),
         PLAIN, By(V::ReportedWrong)),
+    // Breaks VOTE-2.
     row("climb-sign", "altitudes are brought the wrong way",
         edit(VOTER, "climb: -down,", "climb: if DEFECT { down } else { -down },"),
         PLAIN, By(V::ReportedWrong)),
+    // Breaks VOTE-3.
     row("attitude-without-agreement", "an attitude is shown whatever the receivers' spread",
         edit(VOTER, "agree &= spread <= ATTITUDE_LIMITS_RAD[axis];", "let _ = spread;"),
         GNSS, By(V::ReportedWrong)),
+    // Breaks STA-6.
     row("degraded-not-told", "Reported-Position never says that it is degraded",
         edit(CYCLE,
           ".with_degraded((usize::from(agreeing) < N) | altitude.is_none())",
@@ -235,24 +256,29 @@ pub(crate) const DEFECTS: &[Defect] = &[
     row("crystal-inverted", "HORUS says that it runs without its crystal when it has one",
         edit(CYCLE, "self.start.clock == Source::Internal", "self.start.clock != Source::Internal"),
         PLAIN, By(V::CrystalWrong)),
+    // Breaks STA-4.
     row("reset-reason-constant", "HORUS's last reset is always power-on",
         edit(CYCLE,
           ".with_reset_reason(self.start.reason)",
           ".with_reset_reason(if DEFECT { ResetReason::PowerOn } else { self.start.reason })"),
         POWER, By(V::ReportedWrong)),
+    // Breaks STA-1.
     row("inputs-not-debounced", "an input counts with its first sample",
         edit(INPUTS, "if self.same == SAMPLES_TO_TAKE {", "if DEFECT || self.same == SAMPLES_TO_TAKE {"),
         STATES, By(V::StateWrong)),
+    // Breaks STA-2.
     row("contradiction-ignored", "inputs that contradict count as inactive",
         edit(INPUTS,
           "(true, true) | (false, false) => Self::Contradiction,",
           "(true, true) | (false, false) => if DEFECT { Self::Inactive } else { Self::Contradiction },"),
         STATES, By(V::StateWrong)),
+    // Breaks STA-1.
     row("states-exchanged", "relay and motor cut are taken for one another",
         edit(INPUTS,
           "self.pairs.iter().zip(STATES)",
           "self.pairs.iter().zip(if DEFECT { [STATES[1], STATES[0], STATES[2]] } else { STATES })"),
         STATES, By(V::StateWrong)),
+    // Breaks STA-5.
     row("position-loss-not-told", "HORUS monitors although it has lost its position",
         edit(INPUTS,
           "(true, false, true) => HorusState::PositionLost,",
@@ -272,9 +298,11 @@ pub(crate) const DEFECTS: &[Defect] = &[
           "if !DEFECT || tick % 2 == 0 {\n            cx.shared.transmitter.lock(|transmitter| \
           transmitter.offer(tick, &profile));\n        }"),
         PLAIN, By(V::NoFrame)),
+    // Breaks SAFE-3.
     row("field-stays-on", "the safe state leaves the field on",
         edit("horus-tx-fw/src/hw/mod.rs", "    radio::field_off();", "    {}"),
         POWER, By(V::FaultUnnoticed)),
+    // Breaks SAFE-1, SAFE-2.
     row("check-in-forgotten", "the watchdog is fed whatever the tasks do",
         edit("firmware-common/src/check_in.rs",
           "let all = tasks.clone().all(|seen| seen.load(Ordering::Relaxed));",
@@ -310,6 +338,7 @@ pub(crate) const DEFECTS: &[Defect] = &[
 
     // ---- DPR: frames
 
+    // Breaks SEQ-4.
     row("sequence-ignored", "objects are shown in whatever order they come",
         edit(ACCEPT, "self.in_sequence && Some(timestamp) == of_frame", "Some(timestamp) == of_frame"),
         AIR, By(V::ShownOutOfSequence)),
@@ -332,6 +361,7 @@ pub(crate) const DEFECTS: &[Defect] = &[
           "let mask = black_box(if verdict.accepted.has(index) { u32::MAX } else { 0 });",
           "let mask = black_box(if verdict.accepted.has(index) && !(DEFECT && index == 1) { u32::MAX } else { 0 });"),
         PLAIN, By(V::Vacant)),
+    // Breaks IMG-4.
     row("scrub-without-check", "a bit that is stuck is never found",
         edit("dpr-fw/src/triple/types.rs", "stuck_bits += self.0.differing_bits(pattern);", "stuck_bits += 0;"),
         BUFFERS, By(V::FaultUnnoticed)),
@@ -352,28 +382,35 @@ pub(crate) const DEFECTS: &[Defect] = &[
     row("rejected-not-counted", "objects that are rejected are not counted",
         edit(LINK, "self.rejected = self.rejected.wrapping_add(verdict.rejected().count());", "{}"),
         AIR, By(V::LinkCounters)),
+    // Breaks LNK-3.
     row("always-up", "the link is always said to be up",
         edit(LINK, ".with_link_up(shown != Objects::NONE)", ".with_link_up(DEFECT || shown != Objects::NONE)"),
         AIR, By(V::LinkFlags)),
+    // Breaks LNK-4.
     row("frozen-not-told", "a HORUS that is frozen is not told",
         edit(LINK, "self.frozen = judgement == Judgement::Frozen;", "self.frozen = false;"),
         AIR, By(V::LinkFlags)),
+    // Breaks LNK-5.
     row("restart-told-for-1-ms", "a restart of HORUS is told for a millisecond",
         edit(LINK,
           "self.since_us(self.restarted_us) < RESTART_SHOWN_US",
           "self.since_us(self.restarted_us) < RESTART_SHOWN_US / 1_000"),
         LONG, By(V::LinkFlags)),
+    // Breaks LNK-6.
     row("no-field-not-told", "a field that is not there is not told",
         edit(LINK, ".with_no_field(health.no_field)", ".with_no_field(health.no_field && !DEFECT)"),
         POWER, By(V::LinkFlags)),
+    // Breaks LNK-7.
     row("front-end-fault-not-told", "a front end that is out of order is not told",
         edit(LINK,
           ".with_front_end_fault(health.front_end_fault)",
           ".with_front_end_fault(health.front_end_fault && !DEFECT)"),
         AIR, By(V::LinkFlags)),
+    // Breaks IMG-4.
     row("ram-fault-not-told", "a fault of the RAM is not told",
         edit(LINK, ".with_ram_fault(health.ram_fault)", ".with_ram_fault(health.ram_fault && !DEFECT)"),
         BUFFERS, By(V::FaultUnnoticed)),
+    // Breaks LNK-8.
     row("dpr-reset-reason-constant", "the DPR's last reset is always power-on",
         edit(LINK,
           ".with_reset_reason(health.reset_reason)",
@@ -417,6 +454,7 @@ pub(crate) const DEFECTS: &[Defect] = &[
         BUFFERS,
         Not("an image lives no longer than the 25 ms within which damage has to be found; bench/tests/integrity.rs has \
           it")),
+    // Breaks PORT-3.
     row("self-test-never-begins", "a self-test that was asked for never begins",
         edit(INTEGRITY,
           "state.compare_exchange(REQUESTED, RUNNING, Ordering::Relaxed, Ordering::Relaxed).is_ok()",
@@ -425,11 +463,13 @@ pub(crate) const DEFECTS: &[Defect] = &[
 
     // ---- DPR: port
 
+    // Breaks PORT-2.
     row("port-status-nonsense", "counts of Port-Status are constants",
         edit(PORT,
           "stuck_bits: saturated(diagnostics.stuck_bits),",
           "stuck_bits: if DEFECT { 0xBEEF } else { saturated(diagnostics.stuck_bits) },"),
         PLAIN, By(V::PortStatusWrong)),
+    // Breaks PORT-2.
     row("flash-passes-nonsense", "the count of passes over flash is a constant",
         edit(PORT,
           "flash_passes: saturated(diagnostics.flash_passes),",
@@ -453,9 +493,11 @@ pub(crate) const DEFECTS: &[Defect] = &[
           "if !self.timestamps.accept(uplink.timestamp()) {",
           "if !DEFECT && !self.timestamps.accept(uplink.timestamp()) {"),
         FC, Not("no writer of the bench that is served repeats an uplink; the tests of `port` have it")),
+    // Breaks PORT-2.
     row("refusals-not-counted", "access violations are not counted",
         edit(PORT, "self.violations.count(violation, saturated(times));", "let _ = violation;"),
         FC, By(V::PortStatusWrong)),
+    // Breaks PORT-3.
     row("clear-does-nothing", "the command to clear the counters clears nothing",
         edit(PORT,
           "self.violations = Violations::new();\n                self.uplinks_accepted = 0;\n                \
@@ -465,21 +507,25 @@ pub(crate) const DEFECTS: &[Defect] = &[
 
     // ---- profile
 
+    // Breaks SEQ-1.
     row("any-gap-is-a-sequence", "any number of missed cycles continues a sequence",
         edit(SEQUENCE,
           "Freshness::Fresh { missed } if missed <= MAX_MISSED => missed,",
           "Freshness::Fresh { missed } if DEFECT || missed <= MAX_MISSED => missed,"),
         AIR, By(V::ShownOutOfSequence)),
+    // Breaks SEQ-2.
     row("late-cycles-are-a-sequence", "a cycle that comes too late continues a sequence",
         edit(SEQUENCE,
           "if deviation_us > u64::from(tolerance_us(missed)) {",
           "if !DEFECT && deviation_us > u64::from(tolerance_us(missed)) {"),
         AIR, By(V::ShownOutOfSequence)),
+    // Breaks SEQ-3.
     row("one-cycle-is-a-sequence", "one cycle is enough to find the sequence",
         edit(SEQUENCE,
           "let found = if exact { self.found.saturating_add(1) } else { 0 };",
           "let found = if exact { if DEFECT { SEARCH_CYCLES } else { self.found.saturating_add(1) } } else { 0 };"),
         PLAIN, By(V::ShownOutOfSequence)),
+    // Breaks CLI-1.
     row("never-too-old", "the client never calls a position too old",
         edit(TRACK, "age_us > config.age_limit_us || age_us == AGE_UNKNOWN", "false"),
         AIR, By(V::ClientWrong)),
@@ -494,6 +540,7 @@ pub(crate) const DEFECTS: &[Defect] = &[
         POWER,
         Not("the DPR has found a sequence before it shows a sample, so that the first one is no wrong one; \
           profile/tests/clients has it")),
+    // Breaks CLI-2.
     row("client-shows-invalid", "the client shows a position that HORUS does not call valid",
         edit(TRACK, "self.shown.filter(|values| values.status.position_valid())", "self.shown"),
         GNSS, By(V::ClientWrong)),
@@ -519,15 +566,19 @@ pub(crate) const DEFECTS: &[Defect] = &[
     row("age-stands-still", "the base station's ages do not grow",
         edit(DRONE, "now_us.saturating_sub(self.arrived_us).saturating_add(self.late_us)", "self.late_us"),
         AIR, By(V::StationAge)),
+    // Breaks GND-4.
     row("stale-after-minutes", "the alarm of a stale position comes a thousand times too late",
         edit(DRONE, "held.age_us(now_us) > STALE_US", "held.age_us(now_us) > 1_000 * STALE_US"),
         LONG, By(V::StationAlarm)),
+    // Breaks GND-5.
     row("silence-not-alarmed", "the base station never says that nothing arrives",
         edit(DRONE, ".with(Alarm::Silent, silent)", ".with(Alarm::Silent, silent && !DEFECT)"),
         LONG, By(V::StationAlarm)),
+    // Breaks GND-6.
     row("no-agreement-not-alarmed", "the base station does not say that there is no position",
         edit(DRONE, "reported.is_some() && !status.position_valid() && !implausible", "false"),
         JUMPS, By(V::StationAlarm)),
+    // Breaks GND-7.
     row("states-alarmed-wrongly", "cut motors are alarmed as the emergency measure",
         edit(DRONE,
           ".with(Alarm::MotorsCut, is_in(HorusState::MotorsCut))",
