@@ -1,12 +1,13 @@
-//! The layout of all objects for programs: a description in JSON, a Kaitai Struct file, and the Python package's
-//! module.
+//! The layout of all objects: a description in JSON, a Kaitai Struct file, the Python package's module, and the tables of
+//! docs/design.md.
 //!
-//! All three come from the table of the C header: `header::objects` measures the fields, and `header::status` names
+//! All come from the table of the C header: `header::objects` measures the fields, and `header::status` names
 //! bits and codes. So a new field or bit in Rust is in all of them. The JSON Schema,
 //! `python/horus_profile/layout.schema.json`, is written by hand.
 
 mod json;
 mod kaitai;
+mod page;
 mod python;
 
 use std::path::PathBuf;
@@ -27,12 +28,16 @@ pub(crate) fn check() -> Result<()> {
     files()?.iter().try_for_each(|(path, text)| check_one("layout", path, text))
 }
 
-fn files() -> Result<[(PathBuf, String); 3]> {
-    let folder = crate::workspace::root().join("python/horus_profile");
+fn files() -> Result<[(PathBuf, String); 4]> {
+    let root = crate::workspace::root();
+    let folder = root.join("python/horus_profile");
+    let page = root.join(page::PATH);
+    let text = std::fs::read_to_string(&page).with_context(|| format!("could not read {}", page.display()))?;
     Ok([
         (folder.join("layout.json"), json::description()?),
         (folder.join("profile.ksy"), kaitai::description()?),
         (folder.join("objects.py"), python::module()?),
+        (page, page::refreshed(&text)?),
     ])
 }
 
