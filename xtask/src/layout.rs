@@ -1,5 +1,5 @@
-//! The layout of all objects: a description in JSON, a Kaitai Struct file, the Python package's module, and the tables of
-//! docs/design.md.
+//! The layout of all objects: a description in JSON, a Kaitai Struct file, the Python package's module, a dissector for
+//! Wireshark, and the tables of docs/design.md.
 //!
 //! All come from the table of the C header: `header::objects` measures the fields, and `header::status` names
 //! bits and codes. So a new field or bit in Rust is in all of them. The JSON Schema,
@@ -9,6 +9,7 @@ mod json;
 mod kaitai;
 mod page;
 mod python;
+mod wireshark;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -28,7 +29,7 @@ pub(crate) fn check() -> Result<()> {
     files()?.iter().try_for_each(|(path, text)| check_one("layout", path, text))
 }
 
-fn files() -> Result<[(PathBuf, String); 4]> {
+fn files() -> Result<[(PathBuf, String); 5]> {
     let root = crate::workspace::root();
     let folder = root.join("python/horus_profile");
     let page = root.join(page::PATH);
@@ -37,6 +38,7 @@ fn files() -> Result<[(PathBuf, String); 4]> {
         (folder.join("layout.json"), json::description()?),
         (folder.join("profile.ksy"), kaitai::description()?),
         (folder.join("objects.py"), python::module()?),
+        (root.join(wireshark::PATH), wireshark::dissector()?),
         (page, page::refreshed(&text)?),
     ])
 }
@@ -131,7 +133,10 @@ mod tests {
         };
         let text = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{text}");
-        assert!(text.contains("test_every_tape_gives_the_recorded_output"), "{text}");
+        for test in ["every_tape_gives_the_recorded_output", "each_object_of_the_tapes_is_shown", "a_fresh_environment"]
+        {
+            assert!(text.contains(test), "{text}");
+        }
         text.lines().filter(|line| line.contains("not run")).for_each(|line| eprintln!("{line}"));
     }
 }
