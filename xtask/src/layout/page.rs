@@ -35,13 +35,12 @@ fn tables() -> Result<Vec<(String, String)>> {
         ("identifiers".to_owned(), identifiers_table(&objects)?),
         ("map".to_owned(), map()?),
     ];
-    for name in ["link_status", "port_status", "uplink", "command", "request", "hold_status"] {
-        tables.push((name.to_owned(), fields(&[object(name)?])));
-    }
+    let others = objects.iter().filter(|object| !["reported", "gps"].contains(&object.name));
+    tables.extend(others.map(|object| (object.name.to_owned(), fields(&[object]))));
     let words = status::words()?;
-    let word = |title: &str| words.iter().find(|word| word.title == title).with_context(|| format!("no {title}"));
-    for titles in [&["Reported-Position", "GPS1 to GPS5"][..], &["Link-Status"], &["Port-Status"], &["Hold-Status"]] {
-        let words = titles.iter().map(|title| word(title)).collect::<Result<Vec<_>>>()?;
+    let [reported, gps, others @ ..] = &words[..] else { anyhow::bail!("too few status words") };
+    for words in [vec![reported, gps]].into_iter().chain(others.iter().map(|word| vec![word])) {
+        let titles: Vec<_> = words.iter().map(|word| word.title).collect();
         tables.push((format!("status of {}", titles.join(", ")), bits(&words)));
     }
     for codes in status::codes() {
@@ -73,6 +72,7 @@ fn named<'a>(number: &str, rows: impl IntoIterator<Item = (String, &'a str, &'a 
 
 /// Returns units as this page writes them; the comments of the C header are in ASCII.
 fn symbols(text: &str) -> String {
+    let text = text.replace("over all before", "over all bytes before");
     text.replace("m/s2", "m/s²").replace("100 us", "100 µs").replace("degrees Celsius", "°C")
 }
 
@@ -224,4 +224,34 @@ fn map() -> Result<String> {
         let _ = writeln!(text, "| {offset} | {object} | {}{bytes} |", place.bytes.len());
     }
     Ok(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn places() -> String {
+        tables().unwrap().iter().map(|(name, _)| format!("<!-- table: {name} -->\noutdated\n<!-- end -->\n")).collect()
+    }
+
+    #[test]
+    fn tables_are_replaced_and_the_text_around_them_stays() {
+        let page = format!("before\n{}after\n", places());
+        let written = refreshed(&page).unwrap();
+        assert!(written.starts_with("before\n<!-- table:") && written.ends_with("<!-- end -->\nafter\n"), "{written}");
+        assert!(!written.contains("outdated"));
+        assert!(written.contains("| 96 + 60 n | Port-Status | 64 |"), "{written}");
+        assert!(written.contains("| 0x4801 to 0x4805 | GPS1 to GPS5 | HORUS |"), "{written}");
+        assert_eq!(refreshed(&written).unwrap(), written);
+    }
+
+    #[test]
+    fn a_page_that_lacks_a_table_or_has_another_is_refused() {
+        let without = places().replacen("<!-- table: map -->\n", "", 1);
+        let error = refreshed(&without).unwrap_err().to_string();
+        assert!(error.contains("places for the"), "{error}");
+        let renamed = places().replacen("table: map ", "table: maps ", 1);
+        let error = refreshed(&renamed).unwrap_err().to_string();
+        assert_eq!(error, "docs/design.md has no place for the table `map`");
+    }
 }
