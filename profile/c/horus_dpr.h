@@ -326,10 +326,10 @@ typedef struct {
     uint8_t temperature[4];    /*  8: binary32, degrees Celsius */
     uint8_t humidity[4];       /* 12: binary32, relative, % */
     uint8_t set_point[4];      /* 16: binary32, degrees Celsius */
-    uint8_t vibration[12];     /* 20: 3 x binary32, m/s2 */
-    uint8_t greatest_shock[4]; /* 32: binary32, m/s2 */
+    uint8_t vibration[12];     /* 20: 3 x binary32, m/s2, RMS over the last second */
+    uint8_t greatest_shock[4]; /* 32: binary32, m/s2, since the start or since it was cleared */
     uint8_t supply[4];         /* 36: binary32, V */
-    uint8_t output[4];         /* 40: binary32, -1 to 1 */
+    uint8_t output[4];         /* 40: binary32, -1 (cooling) to 1 (heating) */
     uint8_t acknowledged[8];   /* 44: u16 number, u16 outcome: base station's, own */
     uint8_t seconds[4];        /* 52: u32, s since the hold's start */
     uint8_t reserved[4];       /* 56: zero */

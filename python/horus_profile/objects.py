@@ -733,10 +733,10 @@ class HoldStatus(Object):
     temperature: float  #: degrees Celsius
     humidity: float  #: relative, %
     set_point: float  #: degrees Celsius
-    vibration: Tuple[float, float, float]  #: m/s2
-    greatest_shock: float  #: m/s2
+    vibration: Tuple[float, float, float]  #: m/s2, RMS over the last second
+    greatest_shock: float  #: m/s2, since the start or since it was cleared
     supply: float  #: V
-    output: float  #: -1 to 1
+    output: float  #: -1 (cooling) to 1 (heating)
     acknowledged: Tuple[int, int, int, int]  #: u16 number, u16 outcome: base station's, own
     seconds: int  #: s since the hold's start
     reserved: bytes  #: zero

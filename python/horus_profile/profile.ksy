@@ -391,16 +391,16 @@ types:
         type: f4
         repeat: expr
         repeat-expr: 3
-        doc: "m/s2"
+        doc: "m/s2, RMS over the last second"
       - id: greatest_shock
         type: f4
-        doc: "m/s2"
+        doc: "m/s2, since the start or since it was cleared"
       - id: supply
         type: f4
         doc: "V"
       - id: output
         type: f4
-        doc: "-1 to 1"
+        doc: "-1 (cooling) to 1 (heating)"
       - id: acknowledged
         type: acknowledgement
         repeat: expr

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any, Iterator, List, Optional, Tuple, Type
 
 from ._base import Object
-from .objects import MAPS, Identifier
+from .objects import MAPS_WITH_HOLD, Identifier
 
 #: The message's number in MAVLink's common dialect.
 MESSAGE_ID = 385
@@ -27,7 +27,7 @@ _SIGNED = 0x01
 #: The objects that a base station knows, in the order of the map.
 PLACES: Tuple[Tuple[Type[Object], Identifier], ...] = tuple(
     (place.kind, Identifier(place.identifier))
-    for place in MAPS[max(MAPS)].places
+    for place in MAPS_WITH_HOLD[max(MAPS_WITH_HOLD)].places
     if place.identifier != Identifier.UPLINK_FLIGHT_CONTROLLER
 )
 

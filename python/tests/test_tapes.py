@@ -99,6 +99,8 @@ def report(r):
 class Player:
     def __init__(self, tape):
         self.tape, self.at, self.text = tape, 0, ""
+        #: Of each transaction: the map's layout, the first byte that was read, and the answer.
+        self.answers = []
         self.renew(Config(3))
 
     def renew(self, config):
@@ -133,6 +135,7 @@ class Player:
             text = f"begin {len(mosi)} {mosi[:72].hex()}\n"
             fresh = None if fresh_us == NO_FRESH else fresh_us
             text += report(self.client.end(self.take(count), began_us, fresh))
+            self.answers.append((self.client._layout, self.client._shown[0], self.client._miso))
             return text + (self.hold(began_us) if self.client.config.hold else "")
         if kind == 4:
             return view(self.client)
@@ -164,6 +167,26 @@ class Player:
 
     def write(self, name, data):
         return f"{name} {said(lambda: self.client.write(data))} {data.hex()}\n"
+
+
+def answers():
+    """The layout, the first byte and the bytes of every answer in the tapes."""
+    for tape in sorted(FOLDER.glob("*.tape")):
+        player = Player(tape.read_bytes())
+        player.play()
+        yield from player.answers
+
+
+def objects():
+    """Every intact object in the tapes, once."""
+    found = {}
+    for layout, offset, data in answers():
+        for kind, identifier, at in layout.places:
+            if 0 <= at - offset <= len(data) - kind.SIZE:
+                judged = kind.judge(data[at - offset : at - offset + kind.SIZE], identifier)
+                if not isinstance(judged, Rejection):
+                    found[judged.raw] = judged
+    return list(found.values())
 
 
 class Tapes(unittest.TestCase):

@@ -1,13 +1,15 @@
-//! The layout of all objects for programs: a description in JSON, a Kaitai Struct file, and the Python package's
-//! module.
+//! The layout of all objects: a description in JSON, a Kaitai Struct file, the Python package's module, a dissector for
+//! Wireshark, and the tables of docs/design.md.
 //!
-//! All three come from the table of the C header: `header::objects` measures the fields, and `header::status` names
+//! All come from the table of the C header: `header::objects` measures the fields, and `header::status` names
 //! bits and codes. So a new field or bit in Rust is in all of them. The JSON Schema,
 //! `python/horus_profile/layout.schema.json`, is written by hand.
 
 mod json;
 mod kaitai;
+mod page;
 mod python;
+mod wireshark;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -27,12 +29,17 @@ pub(crate) fn check() -> Result<()> {
     files()?.iter().try_for_each(|(path, text)| check_one("layout", path, text))
 }
 
-fn files() -> Result<[(PathBuf, String); 3]> {
-    let folder = crate::workspace::root().join("python/horus_profile");
+fn files() -> Result<[(PathBuf, String); 5]> {
+    let root = crate::workspace::root();
+    let folder = root.join("python/horus_profile");
+    let page = root.join(page::PATH);
+    let text = std::fs::read_to_string(&page).with_context(|| format!("could not read {}", page.display()))?;
     Ok([
         (folder.join("layout.json"), json::description()?),
         (folder.join("profile.ksy"), kaitai::description()?),
         (folder.join("objects.py"), python::module()?),
+        (root.join(wireshark::PATH), wireshark::dissector()?),
+        (page, page::refreshed(&text)?),
     ])
 }
 
@@ -126,7 +133,10 @@ mod tests {
         };
         let text = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{text}");
-        assert!(text.contains("test_every_tape_gives_the_recorded_output"), "{text}");
+        for test in ["every_tape_gives_the_recorded_output", "each_object_of_the_tapes_is_shown", "a_fresh_environment"]
+        {
+            assert!(text.contains(test), "{text}");
+        }
         text.lines().filter(|line| line.contains("not run")).for_each(|line| eprintln!("{line}"));
     }
 }

@@ -434,9 +434,9 @@ fn hold_status() -> Result<Object> {
         temperature: F32, "degrees Celsius", "degrees Celsius";
         humidity: F32, "%", "relative, %";
         set_point: F32, "degrees Celsius", "degrees Celsius";
-        greatest_shock: F32, "m/s2", "m/s2";
+        greatest_shock: F32, "m/s2", "m/s2, since the start or since it was cleared";
         supply: F32, "V", "V";
-        output: F32, "", "-1 to 1";
+        output: F32, "", "-1 (cooling) to 1 (heating)";
         seconds: U32, "s", "s since the hold's start";
     );
     object
@@ -444,7 +444,7 @@ fn hold_status() -> Result<Object> {
         .field(
             "vibration",
             Kind::Axes,
-            ("m/s2", "m/s2"),
+            ("m/s2", "m/s2, RMS over the last second"),
             axes.map(f32::to_le_bytes).as_flattened(),
             vibrating.as_bytes(),
         )?
