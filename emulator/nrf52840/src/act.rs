@@ -22,26 +22,50 @@ pub(crate) enum Act {
     /// The task register at this address is triggered.
     Task(u32),
     /// A peripheral takes a pin over and drives it (`Some`), or returns the pin to GPIO (`None`).
-    Hold { pin: Pin, level: Option<bool> },
-    Level { pin: Pin, level: bool },
+    Hold {
+        pin: Pin,
+        level: Option<bool>,
+    },
+    Level {
+        pin: Pin,
+        level: bool,
+    },
     /// The part holds a pin in another state.
-    Pad { pin: Pin, pad: Pad },
+    Pad {
+        pin: Pin,
+        pad: Pad,
+    },
     /// A channel of GPIOTE starts to watch its pin and needs the pin's level.
-    Sample { channel: usize },
+    Sample {
+        channel: usize,
+    },
     /// The DETECT signal rose (PS 6.9).
     Detect,
     /// The SPI controller of the serial block `id` has clocked one byte, which began at `begins`. `mosi` is in the
     /// order of the wire.
-    Exchange { id: Id, mosi: u8, begins: Cycle },
+    Exchange {
+        id: Id,
+        mosi: u8,
+        begins: Cycle,
+    },
     /// The two-wire controller of the serial block `id` acts on its bus.
-    TwoWire { id: Id, event: I2cEvent },
-    Sent { pin: Pin, frame: UartFrame },
+    TwoWire {
+        id: Id,
+        event: I2cEvent,
+    },
+    Sent {
+        pin: Pin,
+        frame: UartFrame,
+    },
     /// The SAADC needs the voltages of its inputs.
     Convert,
     /// The comparator needs the voltages of its inputs.
     Compare,
     /// The semaphore of an SPIS changed, or a transaction ended. This is recorded for the outside.
-    Spis { id: Id, event: SpisEvent },
+    Spis {
+        id: Id,
+        event: SpisEvent,
+    },
     Clock(Source),
     /// The watchdog needs LFCLK to run.
     DemandLfclk,
