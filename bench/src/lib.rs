@@ -3,11 +3,11 @@
 //! [`emulator_node`] runs the ELF files in virtual time. [`boards`] has the circuits around the microcontrollers,
 //! [`world`] the surroundings of the boards, [`faults`] the injected faults. [`sim`] puts all of these together and
 //! writes one event log, which `bench-judge` judges. [`report`] has a run's figures, [`plot`] its flight as a picture,
-//! and [`trace`] its wires. [`gdb`] lets a debugger attach, and [`debug_port`] a debug probe.
+//! and [`trace`] its wires. [`gdb`] lets a debugger attach to the link, and [`desk`] a debug probe to a board.
 #![forbid(unsafe_code)]
 
 pub mod boards;
-pub mod debug_port;
+pub mod desk;
 pub mod faults;
 pub mod gdb;
 pub mod plot;

@@ -1,7 +1,8 @@
 //! Tests the debug port of both boards against the specifications: what a tool may rely on, and what the port must
 //! refuse.
 
-use bench::debug_port::{Ack, Desk, Request, Wire, kept_bytes, switch_on};
+use bench::desk::{Desk, kept_bytes, switch_on};
+use emulator_debug_port::{Ack, Request, Wire};
 use emulator_node::FindingKind;
 
 const MS: u64 = 1_000_000;

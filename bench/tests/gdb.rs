@@ -11,10 +11,11 @@ use std::process::{Command, Stdio};
 use std::sync::mpsc::{self, Receiver, Sender};
 
 use bench::faults::Board as Side;
-use bench::gdb::{Alone, Ended, serve, serve_alone};
+use bench::gdb::serve;
 use bench::sim::{self, Images, Outcome, Setup};
 use boards::{image, not_run};
-use emulator_node::{Clock, Connected, Drive, Event, FindingKind, Firmware, Limits, Target};
+use emulator_gdb::{Ended, serve_alone};
+use emulator_node::{AnyRun, Clock, Connected, Drive, Event, FindingKind, Firmware, Limits, Target};
 use emulator_part::Pin;
 use gdbstub::conn::{Connection, ConnectionExt};
 use object::{Object as _, ObjectSymbol as _};
@@ -171,7 +172,7 @@ fn attended<R>(script: impl FnOnce(&Client) + Send, serve: impl FnOnce(InMemory,
 }
 
 /// Runs the link with a debugger at `side` that follows `script`.
-fn debugged(setup: &Setup, side: Side, script: impl FnOnce(&Client) + Send) -> Ended {
+fn debugged(setup: &Setup, side: Side, script: impl FnOnce(&Client) + Send) -> Ended<Outcome> {
     attended(script, |connection, lost| serve(setup, side, connection, &mut (), lost).unwrap())
 }
 
@@ -314,7 +315,7 @@ fn kill_ends_the_run_and_a_lost_connection_does_not() {
 }
 
 /// Passes to `run` a run of the DPR's firmware alone, with probes on FRESH and inputs in place of the front end.
-fn dpr_alone(clock: Clock, run: impl FnOnce(Alone<'_>, &Path)) {
+fn dpr_alone(clock: Clock, run: impl FnOnce(&dyn Fn() -> Box<dyn AnyRun>, &Path)) {
     let Some(path) = image(3, "dpr-fw.elf") else { return };
     let firmware = Firmware::read(&path).unwrap();
     let connected = Connected {
@@ -323,7 +324,7 @@ fn dpr_alone(clock: Clock, run: impl FnOnce(Alone<'_>, &Path)) {
         ..Connected::default()
     };
     let limits = Limits { virtual_time: 100 * MS, ..Limits::default() };
-    run(Alone { target: Target::Dpr, clock, firmware: &firmware, connected, limits, runs_on: true }, &path);
+    run(&|| Target::Nrf52840.start(clock, &firmware, connected.clone(), limits).unwrap(), &path);
 }
 
 fn shown(to: &mut Vec<String>) -> impl FnMut(Event<'_>) + '_ {
@@ -337,11 +338,13 @@ fn shown(to: &mut Vec<String>) -> impl FnMut(Event<'_>) + '_ {
 #[test]
 fn a_debugger_at_a_board_alone_leaves_its_run_unchanged() {
     for clock in [Clock::Fast, Clock::Optimistic, Clock::Pessimistic] {
-        dpr_alone(clock, |alone, path| {
+        dpr_alone(clock, |start, path| {
             let (mut seen_without, mut seen_with) = (vec![], vec![]);
-            let Alone { target, firmware, limits, .. } = alone;
-            let connected = alone.connected.clone();
-            let without = target.run_connected(clock, firmware, connected, limits, shown(&mut seen_without)).unwrap();
+            let mut run = start();
+            while !run.is_over() {
+                run.go(&mut shown(&mut seen_without));
+            }
+            let without = run.finish();
             assert!(without.lines.len() > 1 && seen_without.len() > without.lines.len(), "lines and edges");
             let (images, size) = images(path);
             let script = |gdb: &Client| {
@@ -355,12 +358,12 @@ fn a_debugger_at_a_board_alone_leaves_its_run_unchanged() {
                 // On silicon a read of these peripheral registers changes them.
                 assert_eq!(gdb.ask("m40004400,40").len(), 0x80);
                 assert!(gdb.monitor("time").contains(" ms of 100 ms"));
-                assert!(gdb.monitor("faults air").contains("this board is alone"));
+                assert!(gdb.monitor("faults air").contains("no monitor command"));
                 assert!(!gdb.monitor("help").contains("faults"));
                 assert_eq!(gdb.ask("D"), "OK");
             };
             let with = finished(attended(script, |connection, lost| {
-                serve_alone(alone, connection, &mut shown(&mut seen_with), lost).unwrap()
+                serve_alone(start(), true, connection, &mut shown(&mut seen_with), lost)
             }));
             assert!(with == without, "{clock} clock:\n{with:#?}\n{without:#?}");
             assert!(seen_with == seen_without, "{clock} clock:\n{seen_with:#?}\n{seen_without:#?}");
@@ -370,7 +373,7 @@ fn a_debugger_at_a_board_alone_leaves_its_run_unchanged() {
 
 #[test]
 fn a_board_alone_halts_where_its_firmware_ends() {
-    dpr_alone(Clock::Fast, |alone, path| {
+    dpr_alone(Clock::Fast, |start, path| {
         let commit = commit(path);
         let script = |gdb: &Client| {
             assert!(!gdb.ask("qSupported:swbreak+;hwbreak+;vContSupported+").is_empty());
@@ -387,7 +390,7 @@ fn a_board_alone_halts_where_its_firmware_ends() {
             assert_eq!(gdb.pc(), gdb.word("mc,4") & !1, "before the HardFault handler's first instruction");
             assert_eq!(gdb.ask("c"), "W65", "exited with code 101");
         };
-        let ended = attended(script, |connection, lost| serve_alone(alone, connection, &mut |_| {}, lost).unwrap());
+        let ended = attended(script, |connection, lost| serve_alone(start(), true, connection, &mut |_| {}, lost));
         let outcome = finished(ended);
         assert!(outcome.died && outcome.status() == 101, "{outcome:#?}");
         assert_eq!(outcome.resets, 1);
@@ -396,7 +399,7 @@ fn a_board_alone_halts_where_its_firmware_ends() {
     });
 }
 
-fn real_gdb(setup: &Setup, script: &[String]) -> (Ended, String) {
+fn real_gdb(setup: &Setup, script: &[String]) -> (Ended<Outcome>, String) {
     let folder = std::env::temp_dir().join(format!("bench-gdb-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let (socket, written) = (folder.join("socket"), folder.join("written"));

@@ -51,7 +51,7 @@ fn run_on(target: Target, firmware: &Firmware, ms: u64) -> Outcome {
 }
 
 fn on_horus(firmware: &Firmware) -> Outcome {
-    run_on(Target::Horus, firmware, 200)
+    run_on(Target::Stm32f429, firmware, 200)
 }
 
 #[test]
@@ -60,13 +60,13 @@ fn an_image_that_does_not_fit_the_part_is_refused() {
         let firmware = Firmware::parse("image", elf(ET_EXEC, EM_ARM, &segments, &[])).unwrap();
         target.run(Clock::Fast, &firmware, Limits::default(), |_| {}).unwrap_err().to_string()
     };
-    let words = refused(Target::Horus, vec![(0x6000_0000, vec![0; 16])]);
+    let words = refused(Target::Stm32f429, vec![(0x6000_0000, vec![0; 16])]);
     assert!(words.contains("16 bytes at 0x60000000") && words.contains("is it linked for this part?"), "{words}");
-    let words = refused(Target::Horus, vec![(0x0820_0000 - 8, vec![0; 16])]);
+    let words = refused(Target::Stm32f429, vec![(0x0820_0000 - 8, vec![0; 16])]);
     assert!(words.contains("has no memory"), "{words}");
-    let words = refused(Target::Horus, vec![(u64::from(FLASH), vec![0; 4096])]);
+    let words = refused(Target::Stm32f429, vec![(u64::from(FLASH), vec![0; 4096])]);
     assert!(words.contains("no vector table at 0x00000000") && words.contains("begins at 0x08000000"), "{words}");
-    let words = refused(Target::Dpr, vec![(0x5_0000, vec![1; 64])]);
+    let words = refused(Target::Nrf52840, vec![(0x5_0000, vec![1; 64])]);
     assert!(words.contains("begins at 0x00050000"), "{words}");
 }
 
@@ -76,7 +76,7 @@ fn kinds(outcome: &Outcome) -> Vec<FindingKind> {
 
 #[test]
 fn a_reset_vector_to_nowhere_ends_the_run_in_a_lock_up() {
-    for (target, base) in [(Target::Horus, FLASH), (Target::Dpr, 0)] {
+    for (target, base) in [(Target::Stm32f429, FLASH), (Target::Nrf52840, 0)] {
         let lost = firmware_at(base, "lost", &Thumb::at(base + 0x0070_0000), &[]);
         let lost = Firmware::raw("lost", lost.segments()[..1].to_vec());
         let outcome = run_on(target, &lost, 60_000);
@@ -172,7 +172,7 @@ fn the_handler_of_a_hard_fault_is_heard_to_its_end() {
         let limits = Limits { virtual_time, ..Limits::default() };
         let mut bytes = 0;
         let count = |event: Event<'_>| bytes += usize::from(matches!(event, Event::Byte(SentByte { byte: b'x', .. })));
-        let outcome = Target::Horus.run_connected(Clock::Fast, &image, connected, limits, count).unwrap();
+        let outcome = Target::Stm32f429.run_connected(Clock::Fast, &image, connected, limits, count).unwrap();
         assert_eq!((kinds(&outcome), outcome.status()), (vec![FindingKind::HardFault], 101), "{outcome:?}");
         (bytes, outcome.virtual_time)
     };
@@ -246,7 +246,7 @@ fn a_firmware_that_no_interrupt_can_wake_has_stopped_itself() {
 
 #[test]
 fn a_firmware_that_only_restarts_ends_the_run_with_the_reason() {
-    for (target, base) in [(Target::Horus, FLASH), (Target::Dpr, 0)] {
+    for (target, base) in [(Target::Stm32f429, FLASH), (Target::Nrf52840, 0)] {
         let mut main = Thumb::at(base + 0x400);
         main.store(0xE000_ED0C, 0x05FA_0004).idle();
         let outcome = run_on(target, &firmware_at(base, "restarts", &main, &[]), 60_000);
@@ -264,10 +264,10 @@ fn a_firmware_that_its_watchdog_restarts_for_ever_ends() {
     let mut main = Thumb::at(MAIN);
     main.store(IWDG, 0x5555).store(IWDG + 8, 1).store(IWDG, 0xAAAA).store(IWDG, 0xCCCC).idle();
     let image = firmware("watchdog", &main, &[]);
-    let outcome = run_on(Target::Horus, &image, 60_000);
+    let outcome = run_on(Target::Stm32f429, &image, 60_000);
     assert_eq!((outcome.status(), outcome.resets), (101, 100), "{outcome:?}");
     assert!(outcome.findings.last().unwrap().text.contains("by its watchdog IWDG"), "{:?}", outcome.findings.last());
-    let short = run_on(Target::Horus, &image, 5);
+    let short = run_on(Target::Stm32f429, &image, 5);
     assert_eq!((short.status(), short.virtual_time), (124, 5 * MS), "{short:?}");
 }
 
@@ -277,7 +277,7 @@ fn a_firmware_that_calls_its_host_for_ever_ends_at_the_limit() {
     main.store(COUNTER, u32::from(b'x'));
     let again = main.here();
     main.semihost(0x03, COUNTER).branch(again);
-    let outcome = run_on(Target::Horus, &firmware("calls", &main, &[]), 5);
+    let outcome = run_on(Target::Stm32f429, &firmware("calls", &main, &[]), 5);
     assert_eq!((outcome.status(), outcome.virtual_time), (124, 5 * MS));
     assert!(outcome.lines.iter().all(|line| line.text.starts_with("xxx")), "{:?}", outcome.lines);
     assert!(outcome.lines.len() > 1);
@@ -455,7 +455,7 @@ fn a_uart_of_a_board_receives_and_sends_bytes() {
         }
     };
     let image = firmware("echo", &main, &[]);
-    let outcome = Target::Horus.run_connected(Clock::Fast, &image, connected, limits, event).unwrap();
+    let outcome = Target::Stm32f429.run_connected(Clock::Fast, &image, connected, limits, event).unwrap();
     assert_eq!(outcome.findings, []);
     assert_eq!(heard, [(transmits, b'I'), (transmits, b'B'), (transmits, b'M')]);
 }

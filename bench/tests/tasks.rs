@@ -5,7 +5,7 @@ use crate::{boards, elf, player, thumb};
 
 use std::collections::BTreeMap;
 
-use bench::trace::{self, Mark, TaskWatch};
+use bench::trace::{TaskChange, TaskWatch};
 use elf::{EM_ARM, ET_EXEC, elf};
 use emulator_node::{Firmware, Node};
 use player::{IN, Player};
@@ -113,11 +113,10 @@ fn an_image_says_by_its_handlers_names_which_exceptions_they_are() {
 }
 
 /// For each instant at which a signal changed, the values of all signals after it.
-fn over_time(marks: Vec<Mark>) -> Vec<(u64, BTreeMap<String, u64>)> {
+fn over_time(changes: Vec<TaskChange>) -> Vec<(u64, BTreeMap<String, u64>)> {
     let mut states: Vec<(u64, BTreeMap<String, u64>)> = vec![];
     let mut state = BTreeMap::new();
-    for mark in marks {
-        let Mark::Task(at, trace::Board::Horus, signal, value) = mark else { panic!("{mark:?}") };
+    for (at, signal, value) in changes {
         state.insert(format!("{signal:?}"), value);
         match states.last_mut().filter(|(last, _)| *last == at) {
             Some((_, last)) => last.clone_from(&state),
@@ -130,7 +129,7 @@ fn over_time(marks: Vec<Mark>) -> Vec<(u64, BTreeMap<String, u64>)> {
 #[test]
 fn a_task_that_is_preempted_stays_entered_while_another_runs() {
     let mut node = two_tasks();
-    let mut watch = TaskWatch::new(trace::Board::Horus, &mut node, &TABLE);
+    let mut watch = TaskWatch::new(&mut node, &TABLE);
     let named: Vec<_> = watch.tasks().iter().map(|task| (task.to_string(), task.exception)).collect();
     assert_eq!(named, [("tick_TIM2".to_owned(), TICK), ("hit_EXTI3".to_owned(), HIT)], "the image has no third");
     // The first edge comes during the second tick's task, the other one while the core sleeps.
@@ -170,7 +169,7 @@ fn a_task_that_is_preempted_stays_entered_while_another_runs() {
 fn a_task_that_another_follows_by_tail_chaining_has_ended() {
     for table in [&TABLE[..], &TABLE[..1]] {
         let mut node = two_tasks_with(0x80);
-        let mut watch = TaskWatch::new(trace::Board::Horus, &mut node, table);
+        let mut watch = TaskWatch::new(&mut node, table);
         node.advance(10 * MS + MS / 2);
         node.drive(IN, Some(true));
         node.advance(19 * MS);
@@ -191,8 +190,8 @@ fn a_task_that_another_follows_by_tail_chaining_has_ended() {
 fn every_task_of_the_release_images_is_found_under_its_vector() {
     let (Some(mut horus), Some(mut dpr)) = (boards::horus(), boards::dpr()) else { return };
     let names = |watch: &TaskWatch| watch.tasks().iter().map(|task| (task.name, task.vector)).collect::<Vec<_>>();
-    let watch = TaskWatch::new(trace::Board::Horus, &mut horus, horus_tx_fw::task::TASKS);
+    let watch = TaskWatch::new(&mut horus, horus_tx_fw::task::TASKS);
     assert_eq!(names(&watch), horus_tx_fw::task::TASKS);
-    let watch = TaskWatch::new(trace::Board::Dpr, &mut dpr, dpr_fw::task::TASKS);
+    let watch = TaskWatch::new(&mut dpr, dpr_fw::task::TASKS);
     assert_eq!(names(&watch), dpr_fw::task::TASKS);
 }

@@ -1,12 +1,12 @@
 //! The memory that the bench's boards keep without their supply: one file for each board below `target/bench`.
 //!
-//! A file holds the result of [`bench::debug_port::Wire::kept`]: for the DPR 1 MiB of flash and 4 KiB of UICR, for
+//! A file holds the result of [`emulator_debug_port::Wire::kept`]: for the DPR 1 MiB of flash and 4 KiB of UICR, for
 //! HORUS 2 MiB of flash and 16 bytes of options. Without its file, a board starts like a new one.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use bench::debug_port::{Desk, kept_bytes};
+use bench::desk::{Desk, kept_bytes};
 
 use crate::{Board, workspace};
 

@@ -1,6 +1,6 @@
 //! A board of the bench behind a debug probe of the probe-rs library: `--probe bench`.
 //!
-//! The board, its debug port and its time are those of the bench ([`bench::debug_port`]). Like a CMSIS-DAP probe, this
+//! The board, its debug port and its time are those of the bench ([`emulator_debug_port`]). Like a CMSIS-DAP probe, this
 //! module converts the library's requests to transfers on the wires, each of which takes time. A file keeps the board's
 //! non-volatile memory. Each command of xtask switches the board on.
 
@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context, Result};
-use bench::debug_port::{Ack, Request, Wire, switch_on};
+use bench::desk::switch_on;
+use emulator_debug_port::{Ack, Request, Wire};
 use emulator_node::{Finding, FindingKind};
 use probe_rs::CoreStatus;
 use probe_rs::architecture::arm::sequences::ArmDebugSequence;

@@ -1,21 +1,17 @@
-//! Waits for gdb at a socket, for a board of the running link or one that `run` runs alone. `bench::gdb` serves the
-//! connection.
+//! A debugger at a board of the running link.
 
-use std::net::{Ipv4Addr, TcpListener, TcpStream};
-use std::path::Path;
+use std::net::TcpStream;
 use std::process::ExitCode;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use bench::faults::Board as Side;
-use bench::gdb::{Ended, serve};
+use bench::gdb::serve;
 use bench::sim::Outcome;
 use clap::Args;
+use emulator_gdb::{Ended, PORT, say_killed, say_lost, wait};
 
 use crate::Board;
 use crate::sim::{self, Screen, SimArgs};
-
-/// The default port of OpenOCD and of editors.
-pub(crate) const PORT: u16 = 3333;
 
 /// Runs the link as `sim` does, with the same options, and waits with it for a debugger.
 #[derive(Args)]
@@ -36,33 +32,9 @@ pub(crate) fn gdb(args: &GdbArgs) -> Result<ExitCode> {
             Board::Dpr => &setup.images.dpr,
             Board::Horus => &setup.images.horus,
         };
-        let connection = wait(args.port, args.board, image, &mut |text| screen.say(text))?;
+        let connection = wait(args.port, args.board.name(), image, &mut |text| screen.say(text))?;
         attached(args.board, setup, connection, screen)
     })
-}
-
-pub(crate) fn wait(port: u16, board: Board, image: &Path, say: &mut dyn FnMut(&str)) -> Result<TcpStream> {
-    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))
-        .with_context(|| format!("--port {port}: cannot wait there for a debugger"))?;
-    let address = listener.local_addr().context("the port that was taken is not known")?;
-    let here = std::env::current_dir().unwrap_or_default();
-    let image = image.strip_prefix(here).unwrap_or(image);
-    say(&format!(
-        "{} is halted at power-on and waits at {address}:\n  gdb-multiarch {} -ex 'target remote {address}'",
-        board.name(),
-        image.display()
-    ));
-    let (connection, _) = listener.accept().context("no debugger came")?;
-    // A run has only one debugger, so the listener is closed here.
-    Ok(connection)
-}
-
-pub(crate) fn say_lost(error: &str) {
-    eprintln!("the debugger is gone ({error}); the run goes on without it");
-}
-
-pub(crate) fn say_killed(at: u64) {
-    eprintln!("the debugger ended the run after {:.3} ms", at as f64 / 1e6);
 }
 
 fn attached(

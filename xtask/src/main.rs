@@ -130,8 +130,8 @@ impl Board {
 
     pub(crate) const fn on_bench(self) -> Target {
         match self {
-            Self::Dpr => Target::Dpr,
-            Self::Horus => Target::Horus,
+            Self::Dpr => Target::Nrf52840,
+            Self::Horus => Target::Stm32f429,
         }
     }
 }

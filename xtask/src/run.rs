@@ -8,12 +8,12 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
-use bench::gdb::{Alone, Ended, serve_alone};
 use clap::{Args, ValueEnum};
+use emulator_gdb::{self as gdb, Ended, serve_alone};
 use emulator_node::{Clock, Connected, Drive, Event, Firmware, Limits, LogLine, Outcome, Sending, SentByte};
 use emulator_part::{Pad, Pin};
 
-use crate::{Board, ProbeArgs, gdb};
+use crate::{Board, ProbeArgs};
 
 #[derive(Args)]
 pub(crate) struct RunArgs {
@@ -114,10 +114,9 @@ fn on_bench(args: &RunArgs) -> Result<ExitCode> {
     };
     let target = args.board.on_bench();
     let outcome = if args.gdb {
-        let connection = gdb::wait(args.port, args.board, &args.elf, &mut |text| eprintln!("{text}"))?;
-        let runs_on = args.seconds.is_some();
-        let alone = Alone { target, clock: args.clock, firmware: &firmware, connected, limits, runs_on };
-        match serve_alone(alone, connection, &mut event, &mut |error| gdb::say_lost(&error))? {
+        let run = target.start(args.clock, &firmware, connected, limits)?;
+        let connection = gdb::wait(args.port, args.board.name(), &args.elf, &mut |text| eprintln!("{text}"))?;
+        match serve_alone(run, args.seconds.is_some(), connection, &mut event, &mut |error| gdb::say_lost(&error)) {
             Ended::Finished(outcome) => Ok(*outcome),
             Ended::Killed(at) => Err(at),
         }

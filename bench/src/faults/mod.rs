@@ -58,20 +58,21 @@ pub use bench_judge::{Board, Disturbance};
 pub use buffer::{BufferFault, Buffers};
 pub use campaign::{Campaign, Class, Options, RunOutcome, Subject, Trial};
 pub use chip::{ChipFault, RegisterBit};
+use emulator_part::Part;
 pub use flight_controller::Conduct;
 pub use front_end::{Emission, FrontEndFault};
 pub use hold::HoldFault;
 pub use image::ImageFault;
+use nrf52840::Nrf52840;
 pub use plan::{Kind, UnknownKind};
 pub use power::PowerFault;
 pub use receivers::{Absurd, BusFault, LineFaults, OnLine, ReceiverFault};
 pub use rng::Rng;
 pub use st25r3916_model::AirFaults;
 pub use state_inputs::InputFault;
+use stm32f429::Stm32f429;
 pub use upset::{Targets, Upset};
 pub use wires::{WireFault, Wires};
-
-use crate::trace::{self, vectors};
 
 /// A fault that lasts as long as its [`Episode`], or that occurs at the episode's beginning.
 #[derive(Clone, Debug, PartialEq)]
@@ -204,11 +205,11 @@ pub fn tasks_of(board: Board) -> &'static [(&'static str, &'static str)] {
 #[must_use]
 pub fn interrupt_of(board: Board, task: u8) -> Option<u16> {
     let (_, vector) = tasks_of(board).get(usize::from(task))?;
-    let board = match board {
-        Board::Horus => trace::Board::Horus,
-        Board::Dpr => trace::Board::Dpr,
+    let exception = match board {
+        Board::Horus => Stm32f429::exception(vector),
+        Board::Dpr => Nrf52840::exception(vector),
     };
-    vectors::exception(board, vector)?.checked_sub(FIRST_INTERRUPT)
+    exception?.checked_sub(FIRST_INTERRUPT)
 }
 
 /// The number of the exception that is interrupt 0, ARMv7-M ARM table B1-4.

@@ -15,7 +15,7 @@ use st25r3916_model::{Air, AirEvent, AirFaults, Counters};
 
 use super::board_events::{BoardEvents, injected};
 use super::hold::Beside;
-use super::marks::{DPR_SPI_HZ, HORUS_SPI_HZ, SSI_HZ, bus};
+use super::marks::{DPR_SPI_HZ, HORUS_SPI_HZ, SSI_HZ, bus, of_tasks};
 use super::phases::{Edge, Phase, PhaseEvent, Sweeping};
 use super::recorder::Recorder;
 use super::upstream::Notes;
@@ -218,7 +218,7 @@ impl<C: Cost> Link<C> {
         let crossings = dpr.board_mut(|board| board.front_end.take_crossings());
         bus(trace, crossings, trace::DPR, [Wire::DprCs, Wire::DprIrq], DPR_SPI_HZ);
         if let Some(tasks) = &mut self.tasks {
-            trace.extend(tasks.take(dpr));
+            trace.extend(of_tasks(trace::Board::Dpr, tasks.take(dpr)));
         }
         std::mem::take(trace)
     }

@@ -1,7 +1,7 @@
 //! The signal changes of a trace.
 
 use crate::boards::front_end::Crossing;
-use crate::trace::{Bus, Mark, Wire};
+use crate::trace::{Board, Bus, Mark, TaskChange, Wire};
 
 /// The SPI clock rates of the front ends as the firmwares set them, Hz.
 pub(super) const HORUS_SPI_HZ: u32 = horus_tx_fw::timing::SPI_HZ;
@@ -17,4 +17,8 @@ pub(super) fn bus(trace: &mut Vec<Mark>, crossings: Vec<(u64, Crossing)>, bus: B
             Crossing::Irq(level) => trace.push(Mark::Level(at, irq, level)),
         }
     }
+}
+
+pub(super) fn of_tasks(board: Board, changes: Vec<TaskChange>) -> impl Iterator<Item = Mark> {
+    changes.into_iter().map(move |(at, signal, value)| Mark::Task(at, board, signal, value))
 }

@@ -37,7 +37,6 @@ pub use st25r3916_model::Config as FrontEndConfig;
 use stm32f429::{Oscillators, Stm32f429};
 
 use crate::boards::{self, Dpr, Horus};
-use crate::debug_port::{self, Debugged as HasDebugPort};
 use crate::faults::{Campaign, Faults, Options, Rng};
 use crate::plot::History;
 use crate::report::{self, Report};
@@ -67,7 +66,7 @@ pub struct Images {
     pub dpr: PathBuf,
 }
 
-/// The memory that both boards keep without supply, as an earlier [`crate::debug_port::Wire::kept`] returned it.
+/// The memory that both boards keep without supply, as an earlier [`emulator_debug_port::Wire::kept`] returned it.
 #[derive(Clone, Debug)]
 pub struct Flashed {
     /// HORUS's memory.
@@ -290,11 +289,11 @@ fn switched_on<B: Board, C: Cost>(
     kept: Option<&Vec<u8>>,
 ) -> Result<Node<B, C>, Error>
 where
-    B::Part: HasDebugPort,
+    B::Part: emulator_debug_port::Debugged,
 {
     let firmware = Firmware::read(image)?;
     let Some(kept) = kept else { return Ok(Node::new(part, board, &firmware)?) };
-    debug_port::restore(&mut part, kept)
+    emulator_debug_port::restore(&mut part, kept)
         .ok_or(node::Error::OtherFlash { part: <B::Part as Part>::NAME, length: kept.len() })?;
     Ok(Node::programmed_with(part, board, &firmware)?)
 }
@@ -389,8 +388,8 @@ impl<C: Cost> Bench<C> {
 
     fn trace(&mut self, path: &Path) -> Result<Trace, trace::Error> {
         let Relay { a, b, upstream, downstream } = &mut self.relay;
-        let horus = TaskWatch::new(trace::Board::Horus, a, horus_tx_fw::task::TASKS);
-        let dpr = TaskWatch::new(trace::Board::Dpr, b, dpr_fw::task::TASKS);
+        let horus = TaskWatch::new(a, horus_tx_fw::task::TASKS);
+        let dpr = TaskWatch::new(b, dpr_fw::task::TASKS);
         let trace = Trace::create(path, horus.tasks(), dpr.tasks())?;
         upstream.watch_tasks(horus);
         downstream.watch_tasks(dpr);

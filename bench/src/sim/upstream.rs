@@ -11,12 +11,13 @@ use profile::Layout;
 use st25r3916_model::AirEvent;
 
 use super::board_events::BoardEvents;
+use super::marks::of_tasks;
 use crate::boards::front_end::Crossing;
 use crate::boards::receivers::{ReadBytes, SentByte};
 use crate::boards::{Horus, InputChange};
 use crate::faults::receivers::{LineFaults, OnLine, ReceiverFault};
 use crate::faults::{Fault, Faults, Timeline, Turn, WireFault, Wires};
-use crate::trace::{Mark, TaskWatch, Wire};
+use crate::trace::{self, Mark, TaskWatch, Wire};
 use emulator_node::{LogLine, Node, Upstream};
 use gnss_sim::Port;
 
@@ -241,7 +242,7 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
         let mut marks = std::mem::take(&mut self.marks);
         self.events.watch(node);
         if let Some(tasks) = &mut self.tasks {
-            marks.extend(tasks.take(node));
+            marks.extend(of_tasks(trace::Board::Horus, tasks.take(node)));
         }
         Notes { lines: node.take_log(), events: self.events.take(), crossings, marks, untold_since }
     }

@@ -31,54 +31,14 @@
 //! until the next byte or the end of chip select; otherwise it is not driven (`z`). Events may arrive slightly out of
 //! order, so each is written after a fixed delay.
 
-mod file;
-mod fst;
 mod signals;
-mod tasks;
-mod vcd;
-pub(crate) mod vectors;
 
-use std::collections::BTreeMap;
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use file::TraceFile;
-use signals::{BUSES, Id, Signals, Value};
-pub use signals::{Board, Bus, DPR, HORUS, SSI, Task, TaskSignal, Wire, Word};
-pub use tasks::TaskWatch;
-
-/// The greatest time by which an event may come late, ns: the longest byte plus the greatest lookahead of a board.
-const WINDOW_NS: u64 = 200_000;
-
-/// The reason why a trace cannot be written.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum Error {
-    /// The file's name does not end in a known format.
-    #[error("a trace's name ends in .vcd or in .fst, and {} does not", path.display())]
-    Ending {
-        /// The path of the file.
-        path: PathBuf,
-    },
-    /// The file cannot be created or written.
-    #[error("the trace cannot be written to {}", path.display())]
-    Io {
-        /// The path of the file.
-        path: PathBuf,
-        /// The operating system's error.
-        source: io::Error,
-    },
-    /// An event came that is earlier than an instant up to which the trace is already written.
-    #[error("the trace is written up to {written} ns, and {signal} changed at {at} ns")]
-    Late {
-        /// The name of the late event's signal.
-        signal: String,
-        /// The instant of the late event, ns.
-        at: u64,
-        /// The instant up to which the trace was already written, ns.
-        written: u64,
-    },
-}
+pub use emulator_trace::{Error, Task, TaskChange, TaskSignal, TaskWatch};
+use emulator_trace::{Id, Value};
+use signals::{BUSES, Signals};
+pub use signals::{Board, Bus, DPR, HORUS, SSI, Wire, Word};
 
 /// A change of a signal of the trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,17 +54,10 @@ pub enum Mark {
     Task(u64, Board, TaskSignal, u64),
 }
 
-/// A trace whose file is being written.
+/// A trace of the link whose file is being written.
 pub struct Trace {
-    path: PathBuf,
-    file: TraceFile,
+    file: emulator_trace::Trace,
     signals: Signals,
-    values: Vec<Value>,
-    /// Events that have not been written yet, by instant and signal; the latest of several counts.
-    waiting: BTreeMap<(u64, Id), Value>,
-    /// The instant, ns, before which all events are written.
-    written: u64,
-    begun: bool,
 }
 
 impl Trace {
@@ -116,9 +69,8 @@ impl Trace {
     /// error.
     pub fn create(path: &Path, horus: &[Task], dpr: &[Task]) -> Result<Self, Error> {
         let signals = Signals::new(horus, dpr);
-        let file = TraceFile::create(path, &signals)?;
-        let values = signals.all().iter().map(|signal| signal.start).collect();
-        Ok(Self { path: path.to_owned(), file, signals, values, waiting: BTreeMap::new(), written: 0, begun: false })
+        let file = emulator_trace::Trace::create(path, signals.all().to_vec())?;
+        Ok(Self { file, signals })
     }
 
     /// Takes changes for the trace, which may be slightly out of order.
@@ -134,7 +86,7 @@ impl Trace {
     }
 
     fn set(&mut self, at: u64, id: Id, value: Value) {
-        self.waiting.insert((at, id), value);
+        self.file.set(at, id, value);
     }
 
     fn level(&mut self, at: u64, wire: Wire, level: bool) {
@@ -169,15 +121,7 @@ impl Trace {
     ///
     /// The file system reports an error, or an event came too late ([`Error::Late`]).
     pub fn flush_before(&mut self, now: u64) -> Result<(), Error> {
-        let before = now.saturating_sub(WINDOW_NS);
-        if before == 0 {
-            return Ok(());
-        }
-        let later = self.waiting.split_off(&(before, Id(0)));
-        let due = std::mem::replace(&mut self.waiting, later);
-        self.write(due)?;
-        self.written = before;
-        Ok(())
+        self.file.flush_before(now)
     }
 
     /// Writes the remaining events.
@@ -185,39 +129,7 @@ impl Trace {
     /// # Errors
     ///
     /// The errors are those of [`Trace::flush_before`].
-    pub fn finish(mut self) -> Result<(), Error> {
-        let due = std::mem::take(&mut self.waiting);
-        self.write(due)?;
-        let Self { file, path, .. } = self;
-        file.finish().map_err(|source| Error::Io { path, source })
-    }
-
-    fn write(&mut self, mut due: BTreeMap<(u64, Id), Value>) -> Result<(), Error> {
-        let Self { path, file, signals, values, written, begun, .. } = self;
-        let failed = |source| Error::Io { path: path.clone(), source };
-        if !std::mem::replace(begun, true) {
-            while let Some(first) = due.first_entry().filter(|first| first.key().0 == 0) {
-                let Id(place) = first.key().1;
-                values[place] = first.remove();
-            }
-            file.start(signals, values).map_err(failed)?;
-        }
-        let mut stamped = None;
-        for ((at, id), value) in due {
-            let Id(place) = id;
-            let signal = &signals.all()[place];
-            if at < *written {
-                return Err(Error::Late { signal: signal.name.clone(), at, written: *written });
-            }
-            if std::mem::replace(&mut values[place], value) == value {
-                continue;
-            }
-            if stamped != Some(at) {
-                file.time(at).map_err(failed)?;
-                stamped = Some(at);
-            }
-            file.change(id, signal.bits, value).map_err(failed)?;
-        }
-        Ok(())
+    pub fn finish(self) -> Result<(), Error> {
+        self.file.finish()
     }
 }

@@ -1,6 +1,6 @@
 //! The signals of a trace, each with its group, its name and its width.
 
-use std::{fmt, io};
+use emulator_trace::{Id, Signal, Task, TaskSignal, task_signals};
 
 /// A board of the trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -153,48 +153,6 @@ pub const SSI: Bus = Bus {
 
 pub(super) const BUSES: [Bus; 3] = [HORUS, DPR, SSI];
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Id(pub(super) usize);
-
-/// A signal's value; `None` is high impedance (`z`).
-pub(super) type Value = Option<u64>;
-
-#[derive(Clone, Debug)]
-pub(super) struct Signal {
-    /// The groups that contain the signal, the outermost first.
-    pub(super) group: Vec<&'static str>,
-    /// The signal's name. It has only letters, digits and underscores, which every viewer accepts.
-    pub(super) name: String,
-    pub(super) bits: u32,
-    pub(super) start: Value,
-}
-
-/// A task of a firmware.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Task {
-    /// The task's name in the firmware's sources.
-    pub name: &'static str,
-    /// The task's interrupt vector, as the microcontroller's manual names it.
-    pub vector: &'static str,
-    /// The exception number of the task: 16 + n for interrupt n.
-    pub exception: u16,
-}
-
-/// One of a board's signals about its tasks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TaskSignal {
-    /// The task with this index in the board's list is active: it runs, or a more urgent task preempts it.
-    Entered(usize),
-    /// An exception outside the list of tasks is active.
-    Other,
-    /// No exception is active and the core is awake: thread mode.
-    Idle,
-    /// The core sleeps, or has no supply.
-    Asleep,
-    /// The number of the exception whose handler runs: 0 for thread mode, 16 + n for interrupt n.
-    Running,
-}
-
 #[derive(Clone, Debug)]
 pub(super) struct Signals {
     all: Vec<Signal>,
@@ -220,15 +178,7 @@ impl Signals {
         let mut all: Vec<Signal> = wires.chain(words).collect();
         let boards = [("horus", horus), ("dpr", dpr)].map(|(board, tasks)| {
             let first = all.len();
-            let named = tasks.iter().map(|task| (task.to_string(), 1));
-            let rest = [("other", 1), ("idle", 1), ("asleep", 1), ("running", 9)];
-            let rest = rest.map(|(name, bits)| (format!("{board}_{name}"), bits));
-            all.extend(named.chain(rest).map(|(name, bits)| Signal {
-                group: vec![board, "tasks"],
-                name,
-                bits,
-                start: bit(false),
-            }));
+            all.extend(task_signals(board, tasks));
             (first, tasks.len())
         });
         Self { all, boards }
@@ -237,22 +187,6 @@ impl Signals {
     /// All signals; a signal's [`Id`] is its index.
     pub(super) fn all(&self) -> &[Signal] {
         &self.all
-    }
-
-    /// Every signal, ordered by group. The signals of a group precede the groups within it.
-    pub(super) fn by_group(&self) -> Vec<(Id, &Signal)> {
-        let mut groups: Vec<&'static str> = vec![];
-        for signal in &self.all {
-            if !groups.contains(&signal.group[0]) {
-                groups.push(signal.group[0]);
-            }
-        }
-        let mut sorted: Vec<_> = self.all.iter().enumerate().map(|(place, signal)| (Id(place), signal)).collect();
-        sorted.sort_by_key(|(id, signal)| {
-            let group = groups.iter().position(|group| *group == signal.group[0]);
-            (group, signal.group.len(), *id)
-        });
-        sorted
     }
 
     pub(super) fn wire(wire: Wire) -> Id {
@@ -265,44 +199,8 @@ impl Signals {
 
     pub(super) fn task(&self, board: Board, which: TaskSignal) -> Id {
         let (first, tasks) = self.boards[board as usize];
-        Id(first
-            + match which {
-                TaskSignal::Entered(task) => task,
-                TaskSignal::Other => tasks,
-                TaskSignal::Idle => tasks + 1,
-                TaskSignal::Asleep => tasks + 2,
-                TaskSignal::Running => tasks + 3,
-            })
+        Id(first + which.place(tasks))
     }
-}
-
-impl fmt::Display for Task {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{}_{}", self.name, self.vector)
-    }
-}
-
-/// The digits of `value` in both file formats, most significant first; `z` if nothing drives the signal.
-pub(super) fn digits(bits: u32, value: Value) -> impl Iterator<Item = u8> {
-    (0..bits).rev().map(move |bit| match value {
-        Some(value) => b'0' + u8::from(value >> bit & 1 != 0),
-        None => b'z',
-    })
-}
-
-/// Calls `close` for each group that ends, and `open` for each group that begins, between two successive signals.
-pub(super) fn regroup<T>(
-    to: &mut T,
-    from: &[&'static str],
-    next: &[&'static str],
-    mut open: impl FnMut(&mut T, &'static str) -> io::Result<()>,
-    mut close: impl FnMut(&mut T) -> io::Result<()>,
-) -> io::Result<()> {
-    let common = from.iter().zip(next).take_while(|(of, to)| of == to).count();
-    for _ in common..from.len() {
-        close(to)?;
-    }
-    next[common..].iter().try_for_each(|group| open(to, group))
 }
 
 #[cfg(test)]

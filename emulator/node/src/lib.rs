@@ -14,7 +14,7 @@
 //! let image = words.iter().flat_map(|word| word.to_le_bytes()).collect();
 //! let firmware = Firmware::raw("a loop", vec![(0x0800_0000, image)]);
 //! let limits = Limits { virtual_time: 1_000_000, ..Limits::default() };
-//! let outcome = Target::Horus.run(Clock::Optimistic, &firmware, limits, |event| {
+//! let outcome = Target::Stm32f429.run(Clock::Optimistic, &firmware, limits, |event| {
 //!     if let Event::Line(line) = event {
 //!         println!("{line}");
 //!     }
@@ -37,6 +37,7 @@
 #![forbid(unsafe_code)]
 
 mod access_port;
+mod any;
 mod board;
 mod debugger;
 mod digest;
@@ -66,6 +67,7 @@ use std::collections::BTreeSet;
 
 use cortex_m4::{Core, Cost, Fast};
 
+pub use any::{AnyNode, AnyRun};
 pub use board::{Bare, Board, Input, View};
 pub use digest::Digest;
 pub use error::Error;
@@ -80,7 +82,7 @@ pub use relay::{Course, Downstream, Relay, Threads, Upstream, Way};
 pub use reset::{FromOutside, ResetAt};
 pub use rtt::{LogLevel, LogLine};
 pub use run::Running;
-pub use run::{Clock, Event, Limits, Outcome, Target, run, run_connected};
+pub use run::{Clock, Event, Limits, Outcome, Target, run};
 use side::Side;
 pub use stack::Stack;
 pub use usage::{LineEdge, Usage};

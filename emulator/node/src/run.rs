@@ -1,4 +1,4 @@
-//! Runs one firmware alone on one board to its end, for `cargo xtask run` and on-target test suites.
+//! Runs one firmware alone on one board to its end.
 //!
 //! The run ends when the firmware exits through semihosting, when it dies (a HardFault, an exception without a handler,
 //! a lock-up), when it only restarts, or at a limit of virtual time. After a fault the handler runs on for
@@ -9,13 +9,13 @@ use std::collections::BTreeMap;
 use std::str::FromStr;
 
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
-use emulator_part::Part;
+use emulator_part::{Part, Pins};
 use nrf52840::{Nrf52840, Settings};
 use stm32f429::{Oscillators, Stm32f429};
 
 use super::finding::{Finding, FindingKind};
 use super::rtt::LogLine;
-use super::{Connected, Error, Firmware, Halt, Leads, Node, PinEdge, ResetAt, SentByte, Stack};
+use super::{AnyRun, Connected, Error, Firmware, Halt, Leads, Node, PinEdge, ResetAt, SentByte, Stack};
 
 /// The clock of the core: what its instructions and exceptions cost, see [`cortex_m4::Cost`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,29 +56,47 @@ impl std::fmt::Display for Clock {
 /// 115 200 baud sends 1 150 bytes in it.
 const LAST_WORDS: u64 = 100_000_000;
 
-/// A board on which a firmware can run alone, with nothing on its pins.
+/// A part on which a firmware can run alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
-    /// The DPR's nRF52840.
-    Dpr,
-    /// The HORUS side's STM32F429.
-    Horus,
+    /// The nRF52840.
+    Nrf52840,
+    /// The STM32F429ZI, whose option bytes set brown-out level 3.
+    Stm32f429,
 }
 
 impl FromStr for Target {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        match name {
-            "dpr" => Ok(Self::Dpr),
-            "horus" => Ok(Self::Horus),
-            _ => Err(format!("no board called {name}: take dpr or horus")),
+        match name.to_ascii_lowercase().as_str() {
+            "nrf52840" => Ok(Self::Nrf52840),
+            "stm32f429zi" => Ok(Self::Stm32f429),
+            _ => Err(format!("there is no model of a part called {name}: take nrf52840 or stm32f429zi")),
         }
     }
 }
 
 impl Target {
-    /// Runs `firmware` on this board with nothing around it, see [`run`].
+    /// The part's name, as its maker writes it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Nrf52840 => Nrf52840::NAME,
+            Self::Stm32f429 => Stm32f429::NAME,
+        }
+    }
+
+    /// The part's pins.
+    #[must_use]
+    pub const fn pins(self) -> Pins {
+        match self {
+            Self::Nrf52840 => Nrf52840::PINS,
+            Self::Stm32f429 => Stm32f429::PINS,
+        }
+    }
+
+    /// Runs `firmware` on this part with nothing around it, see [`run`].
     ///
     /// # Errors
     ///
@@ -93,7 +111,7 @@ impl Target {
         self.run_connected(clock, firmware, Connected::default(), limits, event)
     }
 
-    /// Runs `firmware` on this board with leads to its pins, see [`run_connected`].
+    /// Runs `firmware` on this part with leads to its pins.
     ///
     /// # Errors
     ///
@@ -106,43 +124,49 @@ impl Target {
         limits: Limits,
         mut event: impl FnMut(Event<'_>),
     ) -> Result<Outcome, Error> {
-        self.run_here(clock, firmware, connected, limits, &mut event)
+        let mut running = self.start(clock, firmware, connected, limits)?;
+        while !running.is_over() {
+            running.go(&mut event);
+        }
+        Ok(running.finish())
     }
 
-    /// Does what [`Target::run_connected`] does, without a type parameter of the caller. The core is therefore compiled
-    /// with this crate's options.
-    fn run_here(
+    /// Makes a run of `firmware` on this part with leads to its pins, at power-on. It has no type parameter of the
+    /// caller, so that the core is compiled with this crate's options.
+    ///
+    /// # Errors
+    ///
+    /// Returns the errors of [`run`].
+    pub fn start(
         self,
         clock: Clock,
         firmware: &Firmware,
         connected: Connected,
         limits: Limits,
-        event: &mut dyn FnMut(Event<'_>),
-    ) -> Result<Outcome, Error> {
+    ) -> Result<Box<dyn AnyRun>, Error> {
         match clock {
-            Clock::Fast => self.run_on::<Fast>(firmware, connected, limits, event),
-            Clock::Optimistic => self.run_on::<Optimistic>(firmware, connected, limits, event),
-            Clock::Pessimistic => self.run_on::<Pessimistic>(firmware, connected, limits, event),
+            Clock::Fast => self.start_on::<Fast>(firmware, connected, limits),
+            Clock::Optimistic => self.start_on::<Optimistic>(firmware, connected, limits),
+            Clock::Pessimistic => self.start_on::<Pessimistic>(firmware, connected, limits),
         }
     }
 
-    fn run_on<C: Cost>(
+    fn start_on<C: Cost>(
         self,
         firmware: &Firmware,
         connected: Connected,
         limits: Limits,
-        event: &mut dyn FnMut(Event<'_>),
-    ) -> Result<Outcome, Error> {
-        match self {
-            Self::Dpr => run_connected::<_, C>(Nrf52840::new(Settings::default()), firmware, connected, limits, event),
-            Self::Horus => run_connected::<_, C>(
-                Stm32f429::new(Oscillators::default()).with_brown_out_level_3(),
-                firmware,
-                connected,
-                limits,
-                event,
-            ),
-        }
+    ) -> Result<Box<dyn AnyRun>, Error> {
+        Ok(match self {
+            Self::Nrf52840 => {
+                let part = Nrf52840::new(Settings::default());
+                Box::new(Running::<_, C>::new(part, firmware, connected, limits)?)
+            }
+            Self::Stm32f429 => {
+                let part = Stm32f429::new(Oscillators::default()).with_brown_out_level_3();
+                Box::new(Running::<_, C>::new(part, firmware, connected, limits)?)
+            }
+        })
     }
 }
 
@@ -238,24 +262,9 @@ pub fn run<P: Part, C: Cost>(
     part: P,
     firmware: &Firmware,
     limits: Limits,
-    event: impl FnMut(Event<'_>),
-) -> Result<Outcome, Error> {
-    run_connected::<P, C>(part, firmware, Connected::default(), limits, event)
-}
-
-/// Runs `firmware` as [`run`] does, with leads to the part's pins.
-///
-/// # Errors
-///
-/// Returns the errors of [`Node::new`].
-pub fn run_connected<P: Part, C: Cost>(
-    part: P,
-    firmware: &Firmware,
-    connected: Connected,
-    limits: Limits,
     mut event: impl FnMut(Event<'_>),
 ) -> Result<Outcome, Error> {
-    let mut running = Running::<P, C>::new(part, firmware, connected, limits)?;
+    let mut running = Running::<P, C>::new(part, firmware, Connected::default(), limits)?;
     while !running.is_over() {
         running.go(&mut event);
     }

@@ -72,11 +72,12 @@ mod soc;
 mod temp;
 mod timer;
 mod uarte;
+mod vectors;
 mod wdt;
 
 use cortex_m4::{Access, Bound, BusError, Config, Signals, Width};
 use emulator_part::{
-    Clock, Cycle, Finding, I2cAnswer, I2cEvent, Outside, Part, Pin, Reset, SpiMode, StuckBit, Supplied, UartFrame,
+    Clock, Cycle, Finding, I2cAnswer, I2cEvent, Outside, Part, Pin, Pins, Reset, SpiMode, StuckBit, Supplied, UartFrame,
 };
 use memory::{FLASH_BYTES, RAM_BASE, RAM_BYTES};
 pub use soc::CtrlRequest;
@@ -332,6 +333,8 @@ impl Nrf52840 {
 
 impl Part for Nrf52840 {
     const NAME: &'static str = "nRF52840";
+    const PINS: Pins = Pins { ports: &[("P0.", 32), ("P1.", 16)], digits: 2 };
+    const INTERRUPTS: &'static [&'static str] = &vectors::NAMES;
 
     const RAM: &'static [(u32, usize)] = &[(0x2000_0000, 256 << 10)];
     const RESETS_ON_LOCKUP: bool = true;

@@ -19,11 +19,13 @@
 mod finding;
 mod memory;
 mod part;
+mod pins;
 mod time;
 mod wire;
 
 pub use finding::{Finding, FindingKind};
 pub use memory::{Flash, Ram, StuckBit};
 pub use part::{Clock, Open, Outside, Part, Reset, Supplied};
+pub use pins::Pins;
 pub use time::{Cycle, NEVER, Timebase};
 pub use wire::{I2cAnswer, I2cEvent, Pad, Pin, SpiFrame, SpiMode, UartFrame, UartParity};

@@ -2,7 +2,10 @@
 
 use cortex_m4::{Access, Bound, BusError, Config, Signals, Width};
 
-use crate::{Cycle, Finding, I2cAnswer, I2cEvent, Pad, Pin, SpiFrame, StuckBit, UartFrame};
+use crate::{Cycle, Finding, I2cAnswer, I2cEvent, Pad, Pin, Pins, SpiFrame, StuckBit, UartFrame};
+
+/// The number of the exception that is interrupt 0 (ARMv7-M ARM table B1-4).
+const FIRST_INTERRUPT: usize = 16;
 
 /// The clock of the core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,11 +97,25 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
     /// The part's name, as its maker writes it.
     const NAME: &'static str;
 
+    /// The part's pins.
+    const PINS: Pins;
+
+    /// The names of the part's interrupts in its manual, by number; empty where nothing has that number. A program does
+    /// not have them reliably, since the compiler merges handlers with equal code.
+    const INTERRUPTS: &'static [&'static str];
+
     /// The addresses and sizes of the part's RAM. It has noise at power-on and belongs to a digest of the state.
     const RAM: &'static [(u32, usize)];
 
     /// Whether a lock-up of the core resets the part.
     const RESETS_ON_LOCKUP: bool;
+
+    /// The number of the exception of the interrupt called `name`; `None` if the part has no such interrupt.
+    #[must_use]
+    fn exception(name: &str) -> Option<u16> {
+        let number = Self::INTERRUPTS.iter().position(|other| !other.is_empty() && *other == name)?;
+        u16::try_from(FIRST_INTERRUPT + number).ok()
+    }
 
     /// The configuration of this part's core.
     fn core(&self) -> Config;

@@ -60,13 +60,14 @@ mod supply;
 mod syscfg;
 mod tim;
 mod usart;
+mod vectors;
 mod watchdog;
 
 use std::collections::BTreeMap;
 
 use cortex_m4::{Access, Bound, BusError, Config, Purpose, Signals, Width};
 use emulator_part::{
-    Clock, Cycle, Finding, FindingKind, NEVER, Outside, Pad, Part, Pin, Ram, Reset, StuckBit, Supplied, UartFrame,
+    Clock, Cycle, Finding, FindingKind, NEVER, Outside, Pad, Part, Pin, Pins, Ram, Reset, StuckBit, Supplied, UartFrame,
 };
 
 use adc::Adc;

@@ -4,6 +4,12 @@ use super::*;
 
 impl Part for Stm32f429 {
     const NAME: &'static str = "STM32F429ZI";
+    // The package with 144 pins has PA0 to PH1 (DS9405 table 10).
+    const PINS: Pins = Pins {
+        ports: &[("PA", 16), ("PB", 16), ("PC", 16), ("PD", 16), ("PE", 16), ("PF", 16), ("PG", 16), ("PH", 2)],
+        digits: 1,
+    };
+    const INTERRUPTS: &'static [&'static str] = &vectors::NAMES;
     const RAM: &'static [(u32, usize)] = &[(CCM_BASE, 64 << 10), (SRAM_BASE, 192 << 10)];
     const RESETS_ON_LOCKUP: bool = false;
 

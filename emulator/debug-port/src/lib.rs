@@ -25,18 +25,17 @@
 //! ADI C2.2.2 promises that TAR increments within 1 KiB, and this model does not exceed that. OpenOCD relies on 4 KiB,
 //! which Cortex-M3 and M4 are said to have; a tool that does so fails with this model.
 
+#![forbid(unsafe_code)]
+
 mod access_port;
-mod desk;
 mod part;
 
 use cortex_m4::{Cost, Width};
 use emulator_part::Part;
 
 use access_port::MemoryAp;
-pub(crate) use desk::restore;
-pub use desk::{Desk, kept_bytes, switch_on};
 use emulator_node::{Board, Finding, FromOutside, Node, ResetAt};
-pub use part::{Alone, Debugged, PinReset};
+pub use part::{Alone, Debugged, PinReset, restore};
 
 /// A debugger's request in one transfer on the wires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use vcd::{IdCode, SimulationCommand, TimescaleUnit, Writer};
 
-use super::signals::{Id, Signals, Value, digits, regroup};
+use super::signals::{Id, Signal, Value, by_group, digits, regroup};
 
 pub(super) struct VcdFile {
     writer: Writer<BufWriter<File>>,
@@ -14,14 +14,14 @@ pub(super) struct VcdFile {
 }
 
 impl VcdFile {
-    pub(super) fn create(path: &Path, signals: &Signals) -> io::Result<Self> {
+    pub(super) fn create(path: &Path, signals: &[Signal]) -> io::Result<Self> {
         let mut writer = Writer::new(BufWriter::new(File::create(path)?));
         writer.timescale(1, TimescaleUnit::NS)?;
-        let mut codes = Vec::with_capacity(signals.all().len());
+        let mut codes = Vec::with_capacity(signals.len());
         let open = |writer: &mut Writer<_>, group: &str| writer.add_module(group);
         let close = |writer: &mut Writer<_>| writer.upscope();
         let mut group: &[&'static str] = &[];
-        for (id, signal) in signals.by_group() {
+        for (id, signal) in by_group(signals) {
             regroup(&mut writer, group, &signal.group, open, close)?;
             group = &signal.group;
             codes.push((id, writer.add_wire(signal.bits, &signal.name)?));

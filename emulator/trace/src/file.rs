@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::Error;
 use super::fst::FstFile;
-use super::signals::{Id, Signals, Value};
+use super::signals::{Id, Signal, Value};
 use super::vcd::VcdFile;
 
 pub(super) enum TraceFile {
@@ -15,7 +15,7 @@ pub(super) enum TraceFile {
 }
 
 impl TraceFile {
-    pub(super) fn create(path: &Path, signals: &Signals) -> Result<Self, Error> {
+    pub(super) fn create(path: &Path, signals: &[Signal]) -> Result<Self, Error> {
         let failed = |source| Error::Io { path: path.to_owned(), source };
         match path.extension().and_then(OsStr::to_str) {
             Some("vcd") => VcdFile::create(path, signals).map(Self::Vcd).map_err(failed),
@@ -25,11 +25,11 @@ impl TraceFile {
     }
 
     /// Writes the values of all signals at 0 ns, before any change.
-    pub(super) fn start(&mut self, signals: &Signals, values: &[Value]) -> io::Result<()> {
+    pub(super) fn start(&mut self, signals: &[Signal], values: &[Value]) -> io::Result<()> {
         if let Self::Vcd(file) = self {
             file.start()?;
         }
-        for (place, (signal, value)) in signals.all().iter().zip(values).enumerate() {
+        for (place, (signal, value)) in signals.iter().zip(values).enumerate() {
             self.change(Id(place), signal.bits, *value)?;
         }
         if let Self::Vcd(file) = self {

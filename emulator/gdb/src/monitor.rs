@@ -1,16 +1,15 @@
-//! Carries out gdb's `monitor` commands, which serve functions of the bench that gdb has no command for.
+//! Carries out gdb's `monitor` commands, which serve functions of the emulator that gdb has no command for.
 
-use bench_judge::Board as Side;
 use emulator_part::Pin;
 
+use super::World;
 use super::target::Debuggee;
-use super::world::World;
 use emulator_node::Resume;
 
 const HELP: &str = "\
 monitor time                    virtual time, instructions, what the core does
 monitor pins                    every pin that is high
-monitor pin NAME                the level of a pin: P1.05 (DPR), PA5 (HORUS)
+monitor pin NAME                the level of a pin: P1.05, PA5
 monitor pin NAME high|low       drives it from outside from now on
 monitor pin NAME release        lets go of it
 monitor halt                    as monitor time: who can ask this has halted the board already
@@ -30,13 +29,15 @@ impl<W: World> Debuggee<W> {
             // Editors send OpenOCD's `halt` to any gdb server (cortex-debug's src/external.ts).
             ["halt"] => self.time(),
             ["reset"] | ["reset", "halt"] => self.reset()?,
-            ["faults", list] => self.world.faults(list),
-            _ => format!("no monitor command \"{command}\"; these are:\n{}", self.help()),
+            other => match self.world.monitor(other) {
+                Some(text) => text,
+                None => format!("no monitor command \"{command}\"; these are:\n{}", self.help()),
+            },
         })
     }
 
     fn help(&self) -> String {
-        [W::FAULTS_HELP, HELP].concat()
+        [W::HELP, HELP].concat()
     }
 
     fn time(&mut self) -> String {
@@ -46,38 +47,15 @@ impl<W: World> Debuggee<W> {
         format!("{ms:.6} ms of {end:.0} ms, {instructions} instructions; {doing}\n")
     }
 
-    fn names(&self) -> Vec<(String, Pin)> {
-        let pins = |ports: u8, numbers: u8| {
-            (0..ports).flat_map(move |port| (0..numbers).map(move |number| Pin::new(port, number)))
-        };
-        match self.world.side() {
-            Side::Dpr => pins(2, 32)
-                .filter(|pin| pin.port == 0 || pin.number < 16)
-                .map(|pin| (format!("P{}.{:02}", pin.port, pin.number), pin))
-                .collect(),
-            // The HORUS microcontroller's package with 144 pins has PA0 to PH1.
-            Side::Horus => pins(8, 16)
-                .filter(|pin| pin.port < 7 || pin.number < 2)
-                .map(|pin| (format!("P{}{}", char::from(b'A' + pin.port), pin.number), pin))
-                .collect(),
-        }
-    }
-
-    fn named(&self, name: &str) -> Result<Pin, String> {
-        let found = self.names().into_iter().find(|(other, _)| other.eq_ignore_ascii_case(name));
-        found.map(|(_, pin)| pin).ok_or_else(|| {
-            let example = match self.world.side() {
-                Side::Dpr => "P0.00 to P0.31 and P1.00 to P1.15",
-                Side::Horus => "PA0 to PG15, PH0 and PH1",
-            };
-            format!("this board has no pin \"{name}\": it has {example}\n")
-        })
+    fn named(&mut self, name: &str) -> Result<Pin, String> {
+        let pins = self.node().pins();
+        pins.find(name).ok_or_else(|| format!("this board has no pin \"{name}\": it has {pins}\n"))
     }
 
     fn pins(&mut self) -> String {
-        let names = self.names();
         let node = self.node();
-        let high: Vec<&str> = names.iter().filter(|(_, pin)| node.pin(*pin)).map(|(name, _)| name.as_str()).collect();
+        let names = node.pins();
+        let high: Vec<String> = names.all().filter(|pin| node.pin(*pin)).map(|pin| names.name(pin)).collect();
         format!("high: {}\nlow or floating: all others\n", high.join(" "))
     }
 

@@ -3,13 +3,12 @@
 //! The cores use the pessimistic clock, because the on-target test suites must meet their time bounds on it.
 
 use cortex_m4::Pessimistic;
-use emulator_part::Part;
 use nrf52840::{Nrf52840, Settings};
 use st25r3916_model::{Chip, Config};
 use stm32f429::{Oscillators, Stm32f429};
 
-use super::{Alone, DebugPort, Debugged, Wire};
 use crate::boards::{Dpr, Horus, SSI};
+use emulator_debug_port::{Alone, DebugPort, Debugged, Wire, restore};
 use emulator_node::Node;
 
 /// One of the two boards.
@@ -62,13 +61,15 @@ where
     Some(DebugPort::new(Node::programmed(part, board)))
 }
 
-/// Restores the memory that a microcontroller keeps without supply; `None` if the length of `kept` is wrong.
-pub(crate) fn restore<P: Debugged + Part>(part: &mut P, kept: &[u8]) -> Option<()> {
-    let mut rest = kept;
-    for &(address, size) in P::KEPT {
-        let (bytes, behind) = rest.split_at_checked(size)?;
-        part.memory_mut(address, size)?.copy_from_slice(bytes);
-        rest = behind;
+impl Alone for Dpr {
+    fn forget_outgoing(&mut self) {
+        drop(self.front_end.take_air());
     }
-    rest.is_empty().then_some(())
+}
+
+impl Alone for Horus {
+    fn forget_outgoing(&mut self) {
+        drop(self.front_end.take_air());
+        drop(self.receivers.take_sent());
+    }
 }

@@ -19,9 +19,9 @@ use gdbstub::target::ext::monitor_cmd::{ConsoleOutput, MonitorCmd, MonitorCmdOps
 use gdbstub::target::{Target, TargetError, TargetResult};
 use gdbstub_arch::arm::ArmBreakpointKind;
 
+use super::World;
 use super::arch::{CoreRegisters, CortexM4, Number};
-use super::world::{Debuggable, World};
-use emulator_node::{Halt, Resume};
+use emulator_node::{AnyNode, Halt, Resume};
 
 /// The error number EFAULT of gdb's remote protocol ("Debugging with GDB", appendix E.13.9, Errno Values).
 const BAD_ADDRESS: u8 = 14;
@@ -41,7 +41,7 @@ impl<W: World> Debuggee<W> {
         Self { world, software: BTreeSet::new(), hardware: BTreeSet::new(), watchpoints: Vec::new() }
     }
 
-    pub(super) fn node(&mut self) -> &mut dyn Debuggable {
+    pub(super) fn node(&mut self) -> &mut dyn AnyNode {
         self.world.node()
     }
 
@@ -73,7 +73,7 @@ impl<W: World> Debuggee<W> {
     }
 
     fn reason(&mut self, why: Halt) -> SingleThreadStopReason<u32> {
-        let pc = self.node().register(Register::R(15));
+        let pc = self.node().core_register(Register::R(15));
         match why {
             Halt::Asked => SingleThreadStopReason::Signal(Signal::SIGINT),
             Halt::Breakpoint if self.hardware.contains(&pc) => SingleThreadStopReason::HwBreak(()),
@@ -97,7 +97,7 @@ impl<W: World> Debuggee<W> {
     fn read_number(&mut self, number: Number) -> (u32, Option<u32>) {
         let node = self.node();
         let (low, high) = number.of_core();
-        (node.register(low), high.map(|high| node.register(high)))
+        (node.core_register(low), high.map(|high| node.core_register(high)))
     }
 
     /// Writes a register only if its value differs, because a write of the same value may have effects too.
@@ -105,9 +105,9 @@ impl<W: World> Debuggee<W> {
         let (low, high) = number.of_core();
         for (register, value) in [(Some(low), Some(words.0)), (high, words.1)] {
             if let (Some(register), Some(value)) = (register, value)
-                && self.node().register(register) != value
+                && self.node().core_register(register) != value
             {
-                self.node().set_register(register, value);
+                self.node().set_core_register(register, value);
             }
         }
     }

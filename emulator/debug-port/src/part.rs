@@ -4,7 +4,6 @@ use emulator_part::{Part, Reset};
 use nrf52840::{CtrlRequest, Nrf52840};
 use stm32f429::Stm32f429;
 
-use crate::boards::{Dpr, Horus};
 use emulator_node::{Bare, Board};
 
 /// The effect of a write to one of the microcontroller's own access ports on its reset.
@@ -100,7 +99,7 @@ impl Debugged for Stm32f429 {
     const KEPT: &'static [(u32, usize)] = &[(0x0800_0000, 2 << 20), (0x1FFF_C000, 16)];
 }
 
-/// A board whose debug port works without the rest of the link.
+/// A board whose debug port works without what the board is usually connected to.
 pub trait Alone: Board {
     /// Discards the signals that the board sends.
     fn forget_outgoing(&mut self) {}
@@ -108,15 +107,14 @@ pub trait Alone: Board {
 
 impl<P: Part> Alone for Bare<P> {}
 
-impl Alone for Dpr {
-    fn forget_outgoing(&mut self) {
-        drop(self.front_end.take_air());
+/// Restores the memory that a microcontroller keeps without supply; `None` if `kept` does not have as many
+/// bytes as [`Debugged::KEPT`] together. A part that was not restored is left with a part of them.
+pub fn restore<P: Debugged + Part>(part: &mut P, kept: &[u8]) -> Option<()> {
+    let mut rest = kept;
+    for &(address, size) in P::KEPT {
+        let (bytes, behind) = rest.split_at_checked(size)?;
+        part.memory_mut(address, size)?.copy_from_slice(bytes);
+        rest = behind;
     }
-}
-
-impl Alone for Horus {
-    fn forget_outgoing(&mut self) {
-        drop(self.front_end.take_air());
-        drop(self.receivers.take_sent());
-    }
+    rest.is_empty().then_some(())
 }

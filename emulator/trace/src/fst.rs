@@ -9,7 +9,7 @@ use fst_writer::{
     FstVarType, FstWriteError, open_fst,
 };
 
-use super::signals::{Id, Signals, Value, digits, regroup};
+use super::signals::{Id, Signal, Value, by_group, digits, regroup};
 
 /// The approximate size of a block of the file before its compression, bytes.
 const BLOCK: usize = 16 << 20;
@@ -22,11 +22,11 @@ pub(super) struct FstFile {
 }
 
 impl FstFile {
-    pub(super) fn create(path: &Path, signals: &Signals) -> io::Result<Self> {
+    pub(super) fn create(path: &Path, signals: &[Signal]) -> io::Result<Self> {
         let info = FstInfo {
             start_time: 0,
             timescale_exponent: -9,
-            version: "bench".to_owned(),
+            version: "emulator".to_owned(),
             // The file has no date, because the same run must always give the same file.
             date: String::new(),
             file_type: FstFileType::Verilog,
@@ -36,9 +36,9 @@ impl FstFile {
             header.scope(group, "", FstScopeType::Module).map_err(failed)
         };
         let close = |header: &mut FstHeaderWriter<_>| header.up_scope().map_err(failed);
-        let mut ids = Vec::with_capacity(signals.all().len());
+        let mut ids = Vec::with_capacity(signals.len());
         let mut group: &[&'static str] = &[];
-        for (id, signal) in signals.by_group() {
+        for (id, signal) in by_group(signals) {
             regroup(&mut header, group, &signal.group, open, close)?;
             group = &signal.group;
             let width = FstSignalType::bit_vec(signal.bits);
