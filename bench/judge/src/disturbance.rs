@@ -89,6 +89,10 @@ pub enum Disturbance {
         /// The part of the memory that is hit.
         memory: Memory,
     },
+    /// The active hold, or the air between it and the DPR's second front end. It excuses nothing of HORUS's link.
+    Hold,
+    /// The air between each pair of antennas at the DPR, which also carries what is meant for the other pair.
+    Crosstalk,
     /// Instructions or variables of a board's firmware, which are changed so that the firmware does something wrong.
     Code {
         /// The board whose firmware is changed.
@@ -248,6 +252,13 @@ impl Disturbance {
                 (Excuse::LinkCounters, Start(Dpr)),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
+            // A frame of the hold at HORUS's antenna masks one of HORUS's.
+            Self::Crosstalk => &[
+                (Excuse::Hearing, RECOVERY),
+                (Excuse::LinkCounters, Start(Dpr)),
+                (Excuse::DprComplaints, Start(Dpr)),
+            ],
+            Self::Hold => &[],
             Self::Supply { board: Horus } => &[
                 (Excuse::HorusFrontEndUse, RECOVERY),
                 (Excuse::DprComplaints, Start(Dpr)),
@@ -360,7 +371,9 @@ impl Disturbance {
             | Self::Emission
             | Self::FlightController { .. }
             | Self::Wire { .. }
-            | Self::BaseStation => None,
+            | Self::BaseStation
+            | Self::Hold
+            | Self::Crosstalk => None,
         }
     }
 }

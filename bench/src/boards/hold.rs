@@ -36,7 +36,8 @@ pub struct Hold {
     pub front_end: FrontEnd,
     /// Box, vibration and sensors.
     pub payload: Payload,
-    powered: bool,
+    /// The level of SDA that was last passed to the part; `None` before the first.
+    sda: Option<bool>,
     outputs: Outputs,
     /// The changes of the lock since they were last taken, each with its instant, ns.
     locked: Vec<(u64, bool)>,
@@ -49,7 +50,7 @@ impl Hold {
         Self {
             front_end: FrontEnd::new(chip, NRF_FRONT_END, false),
             payload: Payload::new(seed),
-            powered: false,
+            sda: None,
             outputs: Outputs::default(),
             locked: vec![],
         }
@@ -100,9 +101,12 @@ impl Board for Hold {
     }
 
     fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) {
-        if !self.powered {
-            self.powered = true;
-            inputs.extend([SDA, SCL].map(|pin| Input::Level(pin, Some(true))));
+        if self.sda.is_none() {
+            inputs.push(Input::Level(SCL, Some(true)));
+        }
+        let sda = !self.payload.holds_sda();
+        if self.sda.replace(sda) != Some(sda) {
+            inputs.push(Input::Level(SDA, Some(sda)));
         }
         self.front_end.settle(at, inputs);
     }

@@ -19,6 +19,7 @@
 //! | [`Fault::Hang`] | a board's core, which executes nothing more until its watchdog restarts it | the core |
 //! | [`Fault::DeadTask`] | a task of a board, whose interrupt is off while the rest runs | the core |
 //! | [`upset`] | a bit of RAM, flash or a register | the part's memory |
+//! | [`hold`] | the active hold, its sensors, and the air between it and the DPR | beside the DPR |
 //! | [`image`] | instructions of a firmware in flash, or its variables | the image, before the run or in mid-run |
 //!
 //! [`plan`] draws episodes of these faults from a seed. Upsets are not drawn into a run: [`campaign`] tries each of
@@ -39,6 +40,7 @@ pub mod campaign;
 pub mod chip;
 pub mod flight_controller;
 pub mod front_end;
+pub mod hold;
 pub mod image;
 pub mod plan;
 pub mod power;
@@ -58,6 +60,7 @@ pub use campaign::{Campaign, Class, Options, RunOutcome, Subject, Trial};
 pub use chip::{ChipFault, RegisterBit};
 pub use flight_controller::Conduct;
 pub use front_end::{Emission, FrontEndFault};
+pub use hold::HoldFault;
 pub use image::ImageFault;
 pub use plan::{Kind, UnknownKind};
 pub use power::PowerFault;
@@ -111,6 +114,8 @@ pub enum Fault {
     Buffer(BufferFault),
     /// Damage to a board's program, which is mended at the episode's end.
     Image(Board, ImageFault),
+    /// A fault of the active hold.
+    Hold(HoldFault),
 }
 
 impl Fault {
@@ -136,6 +141,7 @@ impl Fault {
             Self::Upset(board, upset) => format!("{} {}", upset.name(), name_of(*board)),
             Self::Buffer(fault) => format!("buffer dpr {}", fault.name()),
             Self::Image(board, fault) => format!("image {} {}", name_of(*board), fault.name()),
+            Self::Hold(fault) => format!("hold {}", fault.name()),
         }
     }
 
@@ -158,6 +164,7 @@ impl Fault {
             Self::Upset(board, upset) => Disturbance::Memory { board, memory: upset.memory() },
             Self::Buffer(fault) => Disturbance::Memory { board: Board::Dpr, memory: fault.memory() },
             Self::Image(board, _) => Disturbance::Code { board },
+            Self::Hold(fault) => fault.disturbs(),
         }
     }
 
@@ -166,7 +173,7 @@ impl Fault {
     pub fn is_upstream(&self) -> bool {
         match self {
             Self::Receiver(..) | Self::Input(..) | Self::FrontEnd(_) => true,
-            Self::Air(_) | Self::FlightController(_) | Self::Base(_) | Self::Buffer(_) => false,
+            Self::Air(_) | Self::FlightController(_) | Self::Base(_) | Self::Buffer(_) | Self::Hold(_) => false,
             Self::Wire(fault) => fault.is_upstream(),
             Self::Chip(board, _)
             | Self::Flip(board, _)

@@ -7,8 +7,8 @@ use std::fmt;
 use std::str::FromStr;
 
 use super::{
-    Absurd, AirFaults, Board, BufferFault, Buffers, BusFault, ChipFault, Conduct, Episode, Fault, Faults, InputFault,
-    PowerFault, ReceiverFault, Rng, chip::FLIP_MENDED, power::sag_length, state_inputs::INPUTS, tasks_of,
+    Absurd, AirFaults, Board, BufferFault, Buffers, BusFault, ChipFault, Conduct, Episode, Fault, Faults, HoldFault,
+    InputFault, PowerFault, ReceiverFault, Rng, chip::FLIP_MENDED, power::sag_length, state_inputs::INPUTS, tasks_of,
 };
 use gnss_sim::Port;
 
@@ -29,6 +29,9 @@ const MS: u64 = 1_000_000;
 
 /// The duration of an episode, ns.
 pub const LENGTH: (u64, u64) = (20_000_000, 400_000_000);
+
+/// The duration of a fault of the hold, ns, whose period is 100 ms.
+pub const HOLD_LENGTH: (u64, u64) = (200_000_000, 2_000_000_000);
 
 /// The duration of a receiver's drift, ns: at its end the receiver's position is wrong by a few tens of metres.
 pub const DRIFT_LENGTH: (u64, u64) = (1_000_000_000, 3_000_000_000);
@@ -89,11 +92,13 @@ pub enum Kind {
     Hang,
     /// Bits of the registers of either front end's chip, which flip during the run.
     Chips,
+    /// The active hold, its sensors, and the air between it and the DPR.
+    Hold,
 }
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Air,
         Self::Gnss,
         Self::FlightController,
@@ -105,6 +110,7 @@ impl Kind {
         Self::Inputs,
         Self::Hang,
         Self::Chips,
+        Self::Hold,
     ];
 
     /// Returns the kind's name in `--faults`.
@@ -122,6 +128,7 @@ impl Kind {
             Self::Inputs => "inputs",
             Self::Hang => "hang",
             Self::Chips => "chips",
+            Self::Hold => "hold",
         }
     }
 
@@ -236,7 +243,8 @@ fn lasts(fault: &Fault) -> bool {
     match fault {
         Fault::Power(_, fault) => fault.lasts(),
         Fault::Buffer(fault) => fault.lasts(),
-        Fault::Hang(_) | Fault::DeadTask(..) => false,
+        Fault::Hang(_) | Fault::DeadTask(..) | Fault::Hold(HoldFault::Hang) => false,
+        Fault::Hold(HoldFault::Power(fault)) => fault.lasts(),
         _ => true,
     }
 }
@@ -246,7 +254,8 @@ fn length_of(fault: &Fault) -> (u64, u64) {
     match fault {
         Fault::Receiver(_, ReceiverFault::Drifts { .. }) => DRIFT_LENGTH,
         Fault::Receiver(_, ReceiverFault::Jumps { .. }) => JUMP_LENGTH,
-        Fault::Hang(_) => HANG_LENGTH,
+        Fault::Hang(_) | Fault::Hold(HoldFault::Hang) => HANG_LENGTH,
+        Fault::Hold(_) => HOLD_LENGTH,
         Fault::DeadTask(..) => DEAD_TASK_LENGTH,
         Fault::Flip(..) => (FLIP_MENDED, FLIP_MENDED),
         Fault::Power(_, PowerFault::Sag(seed)) => (sag_length(*seed), sag_length(*seed)),
@@ -280,6 +289,7 @@ fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
         Kind::Inputs => inputs().map(|(input, fault)| vec![(0, Fault::Input(input, fault))]).collect(),
         Kind::Hang => hangs(rng),
         Kind::Chips => BOARDS.map(|board| vec![(0, Fault::Flip(board, rng.word()))]).into(),
+        Kind::Hold => HoldFault::all(rng).into_iter().map(|fault| vec![(0, Fault::Hold(fault))]).collect(),
         Kind::Ram | Kind::Flash | Kind::Registers => vec![],
     }
 }

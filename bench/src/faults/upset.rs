@@ -94,7 +94,8 @@ impl Upset {
             | Kind::Buffers
             | Kind::Inputs
             | Kind::Hang
-            | Kind::Chips => None,
+            | Kind::Chips
+            | Kind::Hold => None,
         }
     }
 

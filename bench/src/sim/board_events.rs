@@ -167,6 +167,7 @@ impl BoardEvents {
                     | Fault::FlightController(_)
                     | Fault::Wire(_)
                     | Fault::DeadTask(..)
+                    | Fault::Hold(_)
                     | Fault::Base(_) => {}
                 }
             }

@@ -295,6 +295,9 @@ impl<C: Cost> Link<C> {
             }
         }
         self.air_at = self.air_at.max(at);
+        if let Some(hold) = &mut self.hold {
+            hold.overhear(at, &event, node);
+        }
         let Self { air, recorder, .. } = self;
         node.board_mut(|board| {
             air.from_poller(at, event, |at, event| {
@@ -325,6 +328,9 @@ impl<C: Cost> Link<C> {
                 && let Some(&len) = frame.bytes.first()
             {
                 sweeping.frame_took(len, frame.ended_ns - frame.started_ns);
+            }
+            if let Some(hold) = self.hold.as_mut().filter(|_| frame.whole) {
+                hold.keep(&frame.bytes);
             }
             let what = What::Sent {
                 started: frame.started_ns,
@@ -518,6 +524,11 @@ impl<C: Cost> Link<C> {
             }
             Fault::FlightController(conduct) => {
                 self.flight_controller.set_conduct(now, begins.then_some(*conduct));
+            }
+            Fault::Hold(fault) => {
+                if let Some(hold) = &mut self.hold {
+                    hold.turn(now, fault, begins, node, &mut self.recorder);
+                }
             }
             Fault::Wire(fault) if begins => self.wires.begin(*fault),
             Fault::Wire(fault) => self.wires.end(*fault),

@@ -16,14 +16,17 @@
 
 use bench_judge::{Board as Side, Bytes, Cause, HoldEvent, HoldFrame, What};
 use cortex_m4::Cost;
-use st25r3916_model::{Air, AirEvent, AirFaults, AnswerFaults, AnswerPath, Chip};
+use st25r3916_model::{Air, AirEvent, AirFaults, AnswerFaults, AnswerPath, Chip, ForeignCard};
 
 use super::board_events::cause;
 use super::recorder::Recorder;
 use crate::boards::front_end::FrontEnd;
 use crate::boards::{Dpr, Hold};
+use crate::faults::HoldFault;
+use crate::faults::hold::Impostor;
 use crate::report;
 use crate::world::flight_controller::{Fates, HoldUser};
+use crate::world::hold::Payload;
 use emulator_node::{LogLine, Node};
 
 /// The least time from anything on the air to an effect of it in the chip that hears it, ns: the receiver's latency
@@ -33,6 +36,9 @@ const REACTION: u64 = 3_700;
 /// The least time from the transmit command of an answer to an effect in the hold's chip, ns: 64 bits at 424 kbit/s
 /// (150.9 µs) and [`REACTION`].
 const BEFORE_AN_ANSWER: u64 = 150_000;
+
+/// The number of HORUS's frames that are kept for an impostor.
+const OF_HORUS: usize = 8;
 
 /// The interval between two records of what is true of the payload, ns.
 const PAYLOAD_EVERY: u64 = 100_000_000;
@@ -49,6 +55,12 @@ pub(super) struct Beside<C: Cost> {
     reached: u64,
     /// The answer that the DPR's second front end sends: the instant of its first bit (ns) and its bytes so far.
     answering: Option<(u64, Vec<u8>)>,
+    answer_faults: AnswerFaults,
+    /// What sends in the place of the hold, and whether it ends with its present frame.
+    impostor: Option<(Impostor, bool)>,
+    /// Frames that HORUS has sent, for an impostor.
+    of_horus: Vec<Vec<u8>>,
+    crosstalk: bool,
     /// The numbers of the node's restarts and findings that are in the log.
     restarts: usize,
     findings: usize,
@@ -66,6 +78,10 @@ impl<C: Cost> Beside<C> {
             answers: AnswerPath::new(seed ^ 0x42, AnswerFaults::default()),
             reached: 0,
             answering: None,
+            answer_faults: AnswerFaults::default(),
+            impostor: None,
+            of_horus: vec![],
+            crosstalk: false,
             restarts: 0,
             findings: 0,
             payload_at: PAYLOAD_EVERY,
@@ -95,12 +111,15 @@ impl<C: Cost> Beside<C> {
             let to = at + self.lead(dpr);
             loop {
                 self.emitted(dpr, recorder);
-                self.answer(self.node.now().min(at));
-                if self.node.now() >= to {
+                self.impose(dpr, recorder);
+                let now = self.node.now();
+                self.answer(now.min(at));
+                if now >= to {
                     break;
                 }
-                let due = self.answers.next_event().filter(|due| *due > self.node.now());
-                self.node.advance(to.min(due.unwrap_or(u64::MAX)));
+                let due = self.answers.next_event().filter(|due| *due > now).unwrap_or(u64::MAX);
+                let imposed = self.impostor.as_ref().map_or(u64::MAX, |(impostor, _)| impostor.next_at());
+                self.node.advance(to.min(due).min(imposed));
             }
             self.reached = to;
         }
@@ -116,15 +135,126 @@ impl<C: Cost> Beside<C> {
         if !self.node.board().front_end.has_air() {
             return;
         }
-        let Self { node, air, answers, .. } = self;
-        for (at, event) in node.board_mut(|board| board.front_end.take_air()) {
-            if let AirEvent::FieldOn | AirEvent::FieldOff = event {
-                recorder.note(at, What::Hold(HoldEvent::Field { on: event == AirEvent::FieldOn }));
+        for (at, event) in self.node.board_mut(|board| board.front_end.take_air()) {
+            if self.impostor.is_none() {
+                self.carry(at, event, dpr, recorder);
             }
-            node.board_mut(|board| answers.from_poller(at, &event, |at, event| board.front_end.hear(at, event)));
-            dpr.board_mut(|board| air.from_poller(at, event, |at, event| hear(board, at, event)));
         }
+    }
+
+    /// Carries an event of the hold's antenna to the DPR's second front end.
+    fn carry(&mut self, at: u64, event: AirEvent, dpr: &mut Node<Dpr, C>, recorder: &mut Recorder) {
+        let Self { node, air, answers, crosstalk, .. } = self;
+        let is_field = matches!(event, AirEvent::FieldOn | AirEvent::FieldOff);
+        if is_field {
+            recorder.note(at, What::Hold(HoldEvent::Field { on: event == AirEvent::FieldOn }));
+        }
+        node.board_mut(|board| answers.from_poller(at, &event, |at, event| board.front_end.hear(at, event)));
+        dpr.board_mut(|board| {
+            if *crosstalk && !is_field {
+                board.front_end.hear(at, &event);
+            }
+            air.from_poller(at, event, |at, event| hear(board, at, event));
+        });
         self.note_air(recorder);
+    }
+
+    /// Carries what an impostor emits up to the hold's present.
+    fn impose(&mut self, dpr: &mut Node<Dpr, C>, recorder: &mut Recorder) {
+        let now = self.node.now();
+        while let Some((impostor, ends)) = self.impostor.as_mut().filter(|(impostor, _)| impostor.next_at() <= now) {
+            let Some((at, event)) = impostor.take(&self.of_horus, !*ends) else { break };
+            self.carry(at, event, dpr, recorder);
+        }
+        let over = |(impostor, ends): &(Impostor, bool)| *ends && impostor.next_at() == u64::MAX;
+        if let Some((impostor, _)) = self.impostor.take_if(|it| over(it)) {
+            let carrier = self.node.board().front_end.chip().field_on();
+            if impostor.carrier() != carrier {
+                let event = if carrier { AirEvent::FieldOn } else { AirEvent::FieldOff };
+                self.carry(now, event, dpr, recorder);
+            }
+        }
+    }
+
+    /// Passes what HORUS's antenna emits at `at` (ns) to the DPR's second front end, if that hears it.
+    pub(super) fn overhear(&mut self, at: u64, event: &AirEvent, dpr: &mut Node<Dpr, C>) {
+        if self.crosstalk && !matches!(event, AirEvent::FieldOn | AirEvent::FieldOff) {
+            dpr.board_mut(|board| hear(board, at, event));
+        }
+    }
+
+    /// Keeps a frame that HORUS has sent, for an impostor.
+    pub(super) fn keep(&mut self, frame: &[u8]) {
+        if self.of_horus.len() == OF_HORUS {
+            self.of_horus.remove(0);
+        }
+        self.of_horus.push(frame.to_vec());
+    }
+
+    /// Begins (`begins`) or ends a fault of the hold now, when the DPR has reached `at` (ns).
+    pub(super) fn turn(
+        &mut self,
+        at: u64,
+        fault: &HoldFault,
+        begins: bool,
+        dpr: &mut Node<Dpr, C>,
+        recorder: &mut Recorder,
+    ) {
+        // The hold, and the air between, may be ahead of the DPR.
+        let from = at.max(self.node.now());
+        match *fault {
+            HoldFault::Frames(way) => {
+                let way = if begins { way } else { AirFaults::default() };
+                let air = &mut self.air;
+                dpr.board_mut(|board| air.set_faults(from, way, |at, event| hear(board, at, event)));
+            }
+            HoldFault::Answers(way) => {
+                self.answer_faults.way = if begins { way } else { AirFaults::default() };
+                self.set_answer_faults(from);
+            }
+            HoldFault::Foreign(card) => {
+                self.answer_faults.foreign = if begins { card } else { ForeignCard::default() };
+                self.set_answer_faults(from);
+            }
+            HoldFault::Power(power) => {
+                let was = self.node.is_powered();
+                if begins {
+                    power.begin(&mut self.node);
+                } else {
+                    power.end(&mut self.node);
+                }
+                let on = self.node.is_powered();
+                if on != was {
+                    recorder.note(from, What::Hold(HoldEvent::Power { on }));
+                }
+            }
+            HoldFault::Hang if begins && self.node.is_powered() && !self.node.is_hung() => self.node.hang(),
+            HoldFault::Hang => {}
+            HoldFault::Hostile(hostile, seed) if begins => {
+                let carrier = self.node.board().front_end.chip().field_on();
+                self.impostor = Some((Impostor::new(hostile, seed, from, carrier), false));
+            }
+            HoldFault::Hostile(..) => {
+                if let Some((_, ends)) = &mut self.impostor {
+                    *ends = true;
+                }
+            }
+            HoldFault::Silent(sensor) => self.payload(|payload| payload.silence(begins.then_some(sensor))),
+            HoldFault::Lies(sensor, seed) => self.payload(|payload| payload.make_lie(begins.then_some((sensor, seed)))),
+            HoldFault::BusStuck => self.payload(|payload| payload.hold_sda(begins)),
+            HoldFault::Crosstalk => self.crosstalk = begins,
+        }
+    }
+
+    fn payload(&mut self, change: impl FnOnce(&mut Payload)) {
+        self.node.board_mut(|board| change(&mut board.payload));
+    }
+
+    fn set_answer_faults(&mut self, from: u64) {
+        let Self { node, answers, answer_faults, .. } = self;
+        node.board_mut(|board| {
+            answers.set_faults(from, *answer_faults, |at, event| board.front_end.hear(at, event));
+        });
     }
 
     /// Takes what the DPR's second front end has emitted, and passes it to the hold.
@@ -177,7 +307,9 @@ impl<C: Cost> Beside<C> {
             let frame = HoldFrame { started: heard.started_ns, bytes: Bytes(heard.bytes), whole: heard.whole };
             note(heard.ended_ns, HoldEvent::Heard(frame));
         }
-        // The DPR's answers are recorded as its chip sent them.
+        // The faults are in the log as episodes, and the DPR's answers as its chip sent them.
+        self.air.take_injected();
+        self.answers.take_injected();
         self.answers.take_sent();
         for heard in self.answers.take_heard() {
             let frame = HoldFrame { started: heard.started_ns, bytes: Bytes(heard.bytes), whole: heard.whole };

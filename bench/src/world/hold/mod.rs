@@ -16,6 +16,7 @@ mod vibration;
 use emulator_part::{I2cAnswer, I2cEvent};
 
 use crate::faults::Rng;
+use crate::faults::hold::Sensor;
 pub use climate::{Air, Climate};
 pub use lis3dh::Lis3dh;
 pub use sht4x::Sht4x;
@@ -35,6 +36,11 @@ pub struct Payload {
     pub vibration: Vibration,
     sht4x: Sht4x,
     lis3dh: Lis3dh,
+    /// The sensor that does not answer, and the one that sends random bytes.
+    silent: Option<Sensor>,
+    lies: Option<(Sensor, Rng)>,
+    /// Whether SDA is held low.
+    stuck: bool,
 }
 
 impl Payload {
@@ -47,14 +53,51 @@ impl Payload {
             vibration: Vibration::new(of(0x482)),
             sht4x: Sht4x::new(of(0x483)),
             lis3dh: Lis3dh::new(of(0x484)),
+            silent: None,
+            lies: None,
+            stuck: false,
         }
+    }
+
+    /// Makes a sensor, or none, not answer from now on.
+    pub fn silence(&mut self, sensor: Option<Sensor>) {
+        self.silent = sensor;
+    }
+
+    /// Makes a sensor, or none, send random bytes from now on; the number is their seed.
+    pub fn make_lie(&mut self, sensor: Option<(Sensor, u64)>) {
+        self.lies = sensor.map(|(sensor, seed)| (sensor, Rng::new(seed)));
+    }
+
+    /// Holds SDA low from now on, or lets it go.
+    pub fn hold_sda(&mut self, low: bool) {
+        self.stuck = low;
+    }
+
+    /// Whether SDA is held low.
+    #[must_use]
+    pub fn holds_sda(&self) -> bool {
+        self.stuck
     }
 
     /// Answers `event` of the I2C controller, which ended at `at` (ns).
     pub fn i2c(&mut self, at: u64, event: I2cEvent) -> I2cAnswer {
-        let Self { climate, vibration, sht4x, lis3dh } = self;
-        let answers = [sht4x.act(at, event, || climate.air(at)), lis3dh.act(at, event, vibration)];
-        answers.into_iter().find(|answer| answer.acknowledged).unwrap_or(I2cAnswer::NOBODY)
+        if self.stuck {
+            return I2cAnswer::NOBODY;
+        }
+        let Self { climate, vibration, sht4x, lis3dh, silent, lies, .. } = self;
+        let answers = [
+            (Sensor::Climate, sht4x.act(at, event, || climate.air(at))),
+            (Sensor::Vibration, lis3dh.act(at, event, vibration)),
+        ];
+        let answer = answers.into_iter().find(|(sensor, answer)| answer.acknowledged && *silent != Some(*sensor));
+        match (answer, lies) {
+            (Some((sensor, answer)), Some((lying, rng))) if sensor == *lying => {
+                I2cAnswer { data: rng.byte(), ..answer }
+            }
+            (Some((_, answer)), _) => answer,
+            (None, _) => I2cAnswer::NOBODY,
+        }
     }
 
     /// Restarts the sensors, whose supply came on at `at` (ns).

@@ -1,0 +1,213 @@
+//! Faults of the active hold and of the air between it and the DPR's second front end.
+
+use bench_judge::Disturbance;
+use st25r3916_model::{AirEvent, AirFaults, Chunk, ForeignCard, FrameStart, Technology, nfc_f};
+
+use super::{PowerFault, Rng};
+
+/// One millisecond, ns.
+const MS: u64 = 1_000_000;
+
+/// A sensor on the hold's I2C bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sensor {
+    /// The sensor of temperature and humidity.
+    Climate,
+    /// The accelerometer.
+    Vibration,
+}
+
+/// What a hostile hold sends instead of its own frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Hostile {
+    /// Frames of random bytes with right CRC-16, one after the other.
+    Random,
+    /// Frames that HORUS has sent, one after the other.
+    Horus,
+    /// Frames of the length of Hold-Status, and of lengths about it, whose LEN or end is wrong.
+    Lengths,
+    /// A carrier without frames.
+    Carrier,
+    /// A carrier that goes on and off.
+    Blinks,
+}
+
+/// A fault of the hold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum HoldFault {
+    /// The way of the hold's frames to the DPR.
+    Frames(AirFaults),
+    /// The way of the DPR's answers to the hold.
+    Answers(AirFaults),
+    /// A card in the field of the hold answers as well.
+    Foreign(ForeignCard),
+    /// The hold's supply or reset pin.
+    Power(PowerFault),
+    /// The hold's core executes nothing until its watchdog resets it.
+    Hang,
+    /// Something else sends in the place of the hold; the seed determines its bytes.
+    Hostile(Hostile, u64),
+    /// A sensor does not answer.
+    Silent(Sensor),
+    /// A sensor sends random bytes; the seed determines them.
+    Lies(Sensor, u64),
+    /// SDA of the sensors' bus is held low.
+    BusStuck,
+    /// Each of the DPR's antennas also hears what is meant for the other one.
+    Crosstalk,
+}
+
+impl HoldFault {
+    /// Every fault, so strong that an episode of average length has visible effects.
+    pub(super) fn all(rng: &mut Rng) -> Vec<Self> {
+        let none = AirFaults::default();
+        let ways = [
+            AirFaults { bit_error: 1e-3, ..none },
+            AirFaults { lost: 0.5, ..none },
+            AirFaults { lost: 1.0, ..none },
+            AirFaults { truncated: 0.5, ..none },
+            AirFaults { repeated: 0.5, repeat_after_ns: (100_000, 50 * MS), ..none },
+            AirFaults { delayed: 0.5, delay_ns: (100_000, 120 * MS), ..none },
+            AirFaults { frozen: true, ..none },
+        ];
+        let mut faults: Vec<Self> = ways.into_iter().flat_map(|way| [Self::Frames(way), Self::Answers(way)]).collect();
+        for (after, payload) in [((250_000, 2_500_000), 128), ((100_000, 900_000), 20)] {
+            faults.push(Self::Foreign(ForeignCard { answers: 0.7, after_ns: after, payload }));
+        }
+        faults.extend([Self::Power(PowerFault::Off(rng.word())), Self::Power(PowerFault::Pin), Self::Hang]);
+        let hostile = [Hostile::Random, Hostile::Horus, Hostile::Lengths, Hostile::Carrier, Hostile::Blinks];
+        faults.extend(hostile.map(|hostile| Self::Hostile(hostile, rng.word())));
+        for sensor in [Sensor::Climate, Sensor::Vibration] {
+            faults.extend([Self::Silent(sensor), Self::Lies(sensor, rng.word())]);
+        }
+        faults.extend([Self::BusStuck, Self::Crosstalk]);
+        faults
+    }
+
+    /// Returns the fault's name in the event log.
+    #[must_use]
+    pub fn name(&self) -> String {
+        match self {
+            Self::Frames(_) => "frames".into(),
+            Self::Answers(_) => "answers".into(),
+            Self::Foreign(_) => "foreign card".into(),
+            Self::Power(fault) => format!("power {}", fault.name()),
+            Self::Hang => "hangs".into(),
+            Self::Hostile(hostile, _) => format!("hostile {}", format!("{hostile:?}").to_lowercase()),
+            Self::Silent(sensor) => format!("{} sensor silent", format!("{sensor:?}").to_lowercase()),
+            Self::Lies(sensor, _) => format!("{} sensor lies", format!("{sensor:?}").to_lowercase()),
+            Self::BusStuck => "bus stuck".into(),
+            Self::Crosstalk => "crosstalk".into(),
+        }
+    }
+
+    /// What of the link the fault disturbs.
+    #[must_use]
+    pub const fn disturbs(&self) -> Disturbance {
+        match self {
+            Self::Crosstalk => Disturbance::Crosstalk,
+            _ => Disturbance::Hold,
+        }
+    }
+}
+
+/// What is on the air in the place of the hold.
+#[derive(Clone, Debug)]
+pub struct Impostor {
+    hostile: Hostile,
+    rng: Rng,
+    /// The events to come, each with its instant, ns, in order of time.
+    planned: std::collections::VecDeque<(u64, AirEvent)>,
+    carrier: bool,
+}
+
+impl Impostor {
+    /// An impostor that begins at `at` (ns), while the hold's carrier is on or off.
+    #[must_use]
+    pub fn new(hostile: Hostile, seed: u64, at: u64, carrier: bool) -> Self {
+        let mut impostor = Self { hostile, rng: Rng::new(seed), planned: [].into(), carrier: true };
+        if !carrier {
+            impostor.planned.push_back((at, AirEvent::FieldOn));
+        }
+        impostor.plan(at, &[]);
+        impostor
+    }
+
+    /// Whether the impostor's carrier is on.
+    #[must_use]
+    pub fn carrier(&self) -> bool {
+        self.carrier
+    }
+
+    /// The instant of the next event, ns.
+    #[must_use]
+    pub fn next_at(&self) -> u64 {
+        self.planned.front().map_or(u64::MAX, |(at, _)| *at)
+    }
+
+    /// Takes the next event. `horus` has frames that HORUS has sent; with `goes_on` more is planned after the last one.
+    pub fn take(&mut self, horus: &[Vec<u8>], goes_on: bool) -> Option<(u64, AirEvent)> {
+        let (at, event) = self.planned.pop_front()?;
+        match event {
+            AirEvent::FieldOn => self.carrier = true,
+            AirEvent::FieldOff => self.carrier = false,
+            _ => {}
+        }
+        if self.planned.is_empty() && goes_on {
+            self.plan(at, horus);
+        }
+        Some((at, event))
+    }
+
+    /// Plans what comes after `at` (ns).
+    fn plan(&mut self, at: u64, horus: &[Vec<u8>]) {
+        let rng = &mut self.rng;
+        let begins = at + if rng.one_in(2) { rng.between(20_000, 400_000) } else { rng.between(20_000, 20 * MS) };
+        let mut cut = false;
+        let mut payload: Vec<u8> = match self.hostile {
+            Hostile::Carrier => return,
+            Hostile::Blinks => {
+                let event = if self.carrier { AirEvent::FieldOff } else { AirEvent::FieldOn };
+                return self.planned.push_back((begins, event));
+            }
+            Hostile::Horus => match horus.get(rng.below(horus.len() as u64) as usize) {
+                // HORUS's frame already has LEN and CRC-16.
+                Some(frame) => return self.send(begins, frame.clone(), false),
+                None => vec![0; 64],
+            },
+            Hostile::Random => (0..rng.below(255)).map(|_| rng.byte()).collect(),
+            Hostile::Lengths => {
+                cut = rng.one_in(2);
+                (0..60 + rng.below(9)).map(|_| rng.byte()).collect()
+            }
+        };
+        if self.hostile == Hostile::Random && rng.one_in(3) {
+            payload.resize(64, 0);
+        }
+        let mut frame = vec![payload.len() as u8 + 1];
+        if self.hostile == Hostile::Lengths && !cut {
+            frame[0] = rng.byte();
+        }
+        frame.extend(payload);
+        frame.extend(nfc_f(&frame));
+        self.send(begins, frame, cut);
+    }
+
+    fn send(&mut self, at: u64, data: Vec<u8>, cut: bool) {
+        let all = 8 * data.len() as u32;
+        let bits = if cut { self.rng.below(u64::from(all)) as u32 } else { all };
+        // 32 cycles of 13.56 MHz, attoseconds.
+        let bit_as = 2_359_882_005_900;
+        let start = FrameStart {
+            technology: Technology::NfcF,
+            bits_per_second: 424_000,
+            bit_as,
+            header_bits: 64,
+            byte_bits: 8,
+            load_modulation: false,
+            chunk: Chunk { data, parity_error: false },
+        };
+        let ends = at + (u128::from(64 + bits) * u128::from(bit_as) / 1_000_000_000) as u64;
+        self.planned.extend([(at, AirEvent::FrameStart(start)), (ends, AirEvent::FrameEnd { bits })]);
+    }
+}
