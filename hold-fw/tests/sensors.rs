@@ -32,6 +32,8 @@ struct Board {
     refuses: std::ops::Range<u32>,
     transfers: u32,
     accelerometer_absent: bool,
+    /// Whether the accelerometer takes no samples, whatever its settings are.
+    accelerometer_dead: bool,
     /// The bits that are inverted in what the climate sensor sends.
     damage: [u8; 6],
 }
@@ -46,7 +48,10 @@ impl Board {
     }
 
     fn samples(&self) -> bool {
-        self.registers[0x20] >> 4 == 7 && self.registers[0x24] & 0x40 != 0 && self.registers[0x2E] >> 6 == 2
+        !self.accelerometer_dead
+            && self.registers[0x20] >> 4 == 7
+            && self.registers[0x24] & 0x40 != 0
+            && self.registers[0x2E] >> 6 == 2
     }
 
     fn beat(&mut self) {
@@ -58,7 +63,12 @@ impl Board {
 
     fn accelerometer(&mut self, operations: &mut [Operation<'_>]) -> Result<(), ErrorKind> {
         match operations {
-            [Operation::Write([register, value])] => self.registers[usize::from(*register)] = *value,
+            [Operation::Write([register, value])] => {
+                self.registers[usize::from(*register)] = *value;
+                if (*register, *value) == (0x2E, 0) {
+                    self.fifo.clear();
+                }
+            }
             [Operation::Write([0xA8]), Operation::Read(sample)] => sample.copy_from_slice(&self.fifo.remove(0)),
             [Operation::Write([0x2F]), Operation::Read([level])] => {
                 *level = self.fifo.len().min(31) as u8 | u8::from(self.fifo.len() == 32) << 6;
@@ -222,13 +232,48 @@ fn impossible_temperatures_are_faults_and_humidity_is_cut() {
 
 #[test]
 fn samples_that_cannot_be_are_faults() {
-    for sample in [[-1, -1, -1], [0, 0, 1], [0, 0, 0]] {
+    for sample in [[-1, -1, -1], [0, 0, 1], [0, 32, 62 << 6], [0, 0, 0]] {
         let mut world = World::working();
         world.board.borrow_mut().sample = sample;
         world.board.borrow_mut().fifo.clear();
         let readings = world.beats(2);
         assert_eq!((readings.fault, readings.vibration), (true, None), "{sample:?}");
     }
+}
+
+#[test]
+fn an_accelerometer_that_samples_nothing_is_a_fault_within_two_readings() {
+    let mut world = World::working();
+    world.board.borrow_mut().accelerometer_dead = true;
+    assert!(!world.beats(2).fault, "the FIFO still has samples");
+    assert!(world.beats(2 * BEATS).fault);
+}
+
+#[test]
+fn another_chip_at_the_address_is_not_taken_for_the_accelerometer() {
+    let mut world = World::new();
+    world.board.borrow_mut().registers[0x0F] = 0x44;
+    let readings = world.beats(3 * SECOND);
+    assert_eq!((readings.fault, readings.vibration), (true, None));
+    assert_eq!(world.telemetry.vibration_faults.get(), 3);
+}
+
+#[test]
+fn samples_from_before_the_set_up_do_not_count() {
+    let mut world = World::new();
+    world.board.borrow_mut().fifo = vec![[0; 6]; 32];
+    world.beats(2);
+    assert_eq!((world.telemetry.vibration_samples.get(), world.readings.fault), (PER_BEAT as u32, false));
+}
+
+#[test]
+fn a_full_fifo_is_read_whole_and_counted_as_an_overrun() {
+    let mut world = World::working();
+    (0..4).for_each(|_| world.board.borrow_mut().beat());
+    let before = world.telemetry.vibration_samples.get();
+    world.beats(2);
+    assert_eq!(world.telemetry.vibration_samples.get() - before, 32);
+    assert_eq!((world.telemetry.vibration_overruns.get(), world.readings.fault), (1, false));
 }
 
 #[test]

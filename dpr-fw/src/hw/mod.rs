@@ -74,7 +74,7 @@ use nrf52840_hal::{
 use profile::ResetReason;
 use st25r3916::Short;
 
-pub(crate) use firmware_common::nrf52840::now_us;
+pub(crate) use firmware_common::{nrf52840::now_us, take_event};
 #[cfg(feature = "hold")]
 pub(crate) use hold::HoldSelect;
 pub(crate) use hold::{HoldEdge, HoldResponder, HoldShared};
@@ -102,21 +102,7 @@ pub(crate) type ReceiveBuffer = &'static mut ReceiveMemory;
 pub(crate) type ImageBuffer = &'static mut ImageMemory;
 pub(crate) type AreaBuffer = &'static mut ReceiveArea;
 
-/// Reads and clears an event register. Reads it again, so that the write is through the bus bridge and the event does
-/// not raise its interrupt a second time (PS v1.7, 6.1.8).
-macro_rules! take_event {
-    ($event:expr) => {{
-        let event = &$event;
-        let set = event.read().bits() != 0;
-        if set {
-            event.reset();
-            let _ = event.read();
-        }
-        set
-    }};
-}
-pub(crate) use take_event;
-
+/// The hardware that the tasks own once it is set up.
 pub(crate) struct Board {
     pub(crate) rf: RfPort,
     pub(crate) rf_edge: RfEdge,
