@@ -139,6 +139,8 @@ pub enum Wire {
     Radio,
     /// The sky that all receivers see: each of them computes a wrong position without being able to tell.
     Sky,
+    /// The connections of hold and DPR to the air between them, and what the log states of both.
+    Hold,
     /// The path within the flight controller from the verdict of its client to what the flight controller does.
     Client,
 }

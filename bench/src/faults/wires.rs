@@ -71,7 +71,7 @@ pub enum WireFault {
     /// [`WireFault::MisoForged`].
     MisoForgedPort {
         /// The changed object: 0 for Port-Status, 1 for the uplink of the base station, 2 for that of the flight
-        /// controller.
+        /// controller, 3 for that of the hold.
         object: usize,
         /// The index in the object of the byte whose bits are inverted, from 0, before the CRC.
         byte: usize,
