@@ -11,6 +11,7 @@ mod elf;
 mod faults;
 mod gdb;
 mod hang;
+mod hold;
 mod injected;
 mod integrity;
 mod link;

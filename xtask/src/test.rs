@@ -68,7 +68,9 @@ fn only(name: &str, test: Option<&String>) -> Result<ExitCode> {
     let selected = selected(&metadata()?, name)?;
     for gps in Receivers::ALL {
         firmware::build_pair(gps)?;
+        firmware::build_dpr_with_hold(gps)?;
     }
+    firmware::build_hold()?;
     for (args, module) in selected {
         let cargo_test = || {
             let mut command = cargo();
@@ -120,10 +122,10 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
         for gps in Receivers::ALL {
             step(&format!("both images build with {gps} receivers"), &mut || firmware::build_pair(gps).map(drop));
         }
-        for gps in Receivers::ALL {
-            let what = format!("the DPR's image with the port of a hold builds with {gps} receivers");
-            step(&what, &mut || firmware::build_dpr_with_hold(gps).map(drop));
-        }
+        step("the images of the link with a hold build", &mut || {
+            Receivers::ALL.into_iter().try_for_each(|gps| firmware::build_dpr_with_hold(gps).map(drop))?;
+            firmware::build_hold().map(drop)
+        });
         step("image sizes", &mut || match crate::size::size(Receivers::DEFAULT)? {
             code if code == ExitCode::SUCCESS => Ok(()),
             _ => anyhow::bail!("over budget"),

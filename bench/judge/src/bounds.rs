@@ -23,6 +23,9 @@ pub const HORUS_START_WORK: u64 = 40_000_000;
 pub const DPR_START_WORK: u64 = 20_000_000;
 /// The highest processor load allowed, in ten thousandths: docs/design.md#timing.
 pub const LOAD_PER_10_000: u32 = 1_000;
+
+/// The greatest share of the DPR's time, in ten thousandths, that its second port may take in addition.
+pub const HOLD_LOAD_PER_10_000: u32 = 150;
 /// How long after a frame's end the DPR counts the next frame as missed: docs/design.md#publication.
 pub const FRAME_DEADLINE: u64 = 12_500_000;
 /// How long an image that is not replaced stays readable after its publication: docs/design.md#publication.

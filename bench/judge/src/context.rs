@@ -63,7 +63,7 @@ impl Context {
     #[must_use]
     pub fn new(header: &Header) -> Self {
         let running = Running { powered: true, since: 0, starts: 1, hung: None, dead: None, ended_hang: false };
-        let layout = Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers");
+        let layout = header.layout();
         let air = Air { truth: Truth::default(), expectation: Expectation::new(layout), delivery: None };
         Self {
             layout,

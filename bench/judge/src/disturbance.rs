@@ -131,7 +131,9 @@ pub enum Wire {
     Radio,
     /// The GNSS signals. All receivers compute a wrong position and cannot tell.
     Sky,
-    /// The path from the verdict of the flight controller's client to what the flight controller does.
+    /// The connections of hold and DPR to the air between them, and what the log states of both.
+    Hold,
+    /// The path within the flight controller from the verdict of its client to what the flight controller does.
     Client,
 }
 

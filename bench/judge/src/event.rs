@@ -1,5 +1,6 @@
 //! The events that a log holds.
 
+use profile::Layout;
 use serde::{Deserialize, Serialize};
 
 use crate::{Disturbance, HoldEvent};
@@ -24,7 +25,19 @@ impl Header {
     /// The version of the format that this crate writes and reads.
     pub const VERSION: u32 = 3;
 
-    /// Returns whether the run uses the pessimistic clock, on which each instruction takes its longest time on silicon.
+    /// Returns the layout of what the DPR shows in the run.
+    ///
+    /// # Panics
+    ///
+    /// Panics if no profile has this number of receivers.
+    #[must_use]
+    pub fn layout(&self) -> Layout {
+        let layout = Layout::for_receivers(self.gps).expect("a profile has 1, 2, 3 or 5 receivers");
+        if self.hold { layout.with_hold() } else { layout }
+    }
+
+    /// Returns whether the run uses the pessimistic clock, on which each instruction takes the longest time that it may
+    /// take on silicon.
     #[must_use]
     pub fn worst_case(&self) -> bool {
         self.clock == "pessimistic"

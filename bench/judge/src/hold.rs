@@ -60,6 +60,11 @@ pub enum HoldEvent {
         /// The relative humidity in the box, in thousandths of a per cent.
         humidity: u32,
     },
+    /// The DPR's second front end was used against its data sheet.
+    PortMisuse {
+        /// The misuse in words.
+        text: String,
+    },
     /// The hold's board has a finding: of its microcontroller, its front end or its sensors, or an instant that came
     /// late.
     Finding {

@@ -249,7 +249,31 @@ violations! {
     DprComplains = "the DPR counts faults that have no cause",
     /// A firmware's program lacks a counter that the judge needs.
     NoTelemetry = "an image without telemetry",
-    /// The bench acted on a board too late, so the times of the run are not exact.
+    // ---- Active hold
+
+    /// The hold is silent: no Hold-Status came for more than a period and a half.
+    HoldSilent = "the hold is silent",
+    /// The map shows an object of the hold that did not come to the DPR within the last 300 ms.
+    HoldShown = "the map shows what the hold did not say",
+    /// The map does not show the object of the hold that came last.
+    HoldHidden = "what the hold said is not shown",
+    /// An answer to the hold is wrong: it comes without a frame, too early, too late or twice, or has an uplink that
+    /// nobody wrote within the last second.
+    HoldAnswer = "a wrong answer to the hold",
+    /// A frame of the hold was shown and not answered.
+    HoldUnanswered = "a frame of the hold is not answered",
+    /// The hold did something else than it was commanded: its acknowledgement, set-point or lock is not what follows
+    /// from the commands that came.
+    HoldCommand = "the hold did what nobody commanded",
+    /// The hold does not acknowledge a command that came three times, each time in a later uplink.
+    HoldIgnores = "the hold ignores a command",
+    /// Heater, cooler or lock are not as Hold-Status says, or a value in it is not that of the box.
+    HoldOutput = "the hold's outputs or values are not what it says",
+    /// The hold restarted unasked, or did something that its part, its front end or its sensors do not allow.
+    HoldComplains = "the hold restarted unasked, or did what its parts do not allow",
+    // ---- Bench
+
+    /// The bench acted on a board later than it was due, so the run is not exact in time.
     Late = "the bench acted late",
 }
 

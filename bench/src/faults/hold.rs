@@ -1,6 +1,7 @@
 //! Faults of the active hold and of the air between it and the DPR's second front end.
 
 use bench_judge::Disturbance;
+use bench_judge::disturbance::Wire;
 use st25r3916_model::{AirEvent, AirFaults, Chunk, ForeignCard, FrameStart, Technology, nfc_f};
 
 use super::{PowerFault, Rng};
@@ -32,6 +33,27 @@ pub enum Hostile {
     Blinks,
 }
 
+/// What does not happen as the log says, so that the judge has to report it. No such fault is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Break {
+    /// The hold's antenna sends no frames.
+    Mute,
+    /// The DPR's second front end hears none of the frames that come to its antenna.
+    PortDeaf,
+    /// The antenna of the DPR's second front end sends no answers.
+    PortMute,
+    /// The hold's front end hears none of the answers that come to its antenna.
+    Deaf,
+    /// The uplinks in the DPR's answers are other ones.
+    Uplinks,
+    /// The set-point in the hold's objects is another one.
+    SetPoint,
+    /// The lock's pin has the opposite level.
+    Lock,
+    /// A chip beside the hold's part is used against its data sheet.
+    Misuse,
+}
+
 /// A fault of the hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum HoldFault {
@@ -55,6 +77,8 @@ pub enum HoldFault {
     BusStuck,
     /// Each of the DPR's antennas also hears what is meant for the other one.
     Crosstalk,
+    /// Something does not happen as the log says.
+    Broken(Break),
 }
 
 impl HoldFault {
@@ -98,6 +122,7 @@ impl HoldFault {
             Self::Lies(sensor, _) => format!("{} sensor lies", format!("{sensor:?}").to_lowercase()),
             Self::BusStuck => "bus stuck".into(),
             Self::Crosstalk => "crosstalk".into(),
+            Self::Broken(what) => format!("{what:?}").to_lowercase(),
         }
     }
 
@@ -106,6 +131,7 @@ impl HoldFault {
     pub const fn disturbs(&self) -> Disturbance {
         match self {
             Self::Crosstalk => Disturbance::Crosstalk,
+            Self::Broken(_) => Disturbance::Wire { wire: Wire::Hold },
             _ => Disturbance::Hold,
         }
     }

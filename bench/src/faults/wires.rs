@@ -65,7 +65,8 @@ pub enum WireFault {
     },
     /// Bits of an object behind the image in the map are inverted and its CRC is corrected.
     MisoForgedPort {
-        /// The changed object: 0 for Port-Status, 1 for the base station's uplink, 2 for the flight controller's.
+        /// The changed object: 0 for Port-Status, 1 for the uplink of the base station, 2 for that of the flight
+        /// controller, 3 for that of the hold.
         object: usize,
         /// The index of the changed byte in the object, from 0, before the CRC.
         byte: usize,

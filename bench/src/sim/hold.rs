@@ -14,8 +14,10 @@
 //! So the hold is nearly always 150 µs ahead, and the two go in steps of a few microseconds only while the DPR answers.
 //! The instants of the steps follow from these rules alone, and so does the run.
 
-use bench_judge::{Board as Side, Bytes, Cause, HoldEvent, HoldFrame, What};
+use bench_judge::{Bytes, Cause, HoldEvent, HoldFrame, What};
 use cortex_m4::Cost;
+use profile::HoldStatus;
+use profile::criticality::{ActiveLoad, Writer};
 use st25r3916_model::{Air, AirEvent, AirFaults, AnswerFaults, AnswerPath, Chip, ForeignCard};
 
 use super::board_events::cause;
@@ -23,7 +25,7 @@ use super::recorder::Recorder;
 use crate::boards::front_end::FrontEnd;
 use crate::boards::{Dpr, Hold};
 use crate::faults::HoldFault;
-use crate::faults::hold::Impostor;
+use crate::faults::hold::{Break, Impostor};
 use crate::report;
 use crate::world::flight_controller::{Fates, HoldUser};
 use crate::world::hold::Payload;
@@ -61,6 +63,9 @@ pub(super) struct Beside<C: Cost> {
     /// Frames that HORUS has sent, for an impostor.
     of_horus: Vec<Vec<u8>>,
     crosstalk: bool,
+    broken: Option<Break>,
+    /// Whether a frame of the hold is on the air.
+    sending: bool,
     /// The numbers of the node's restarts and findings that are in the log.
     restarts: usize,
     findings: usize,
@@ -82,6 +87,8 @@ impl<C: Cost> Beside<C> {
             impostor: None,
             of_horus: vec![],
             crosstalk: false,
+            broken: None,
+            sending: false,
             restarts: 0,
             findings: 0,
             payload_at: PAYLOAD_EVERY,
@@ -136,7 +143,10 @@ impl<C: Cost> Beside<C> {
             return;
         }
         for (at, event) in self.node.board_mut(|board| board.front_end.take_air()) {
-            if self.impostor.is_none() {
+            // A frame that the hold had begun before an impostor is carried to its end.
+            let goes_on = self.sending && matches!(event, AirEvent::Bytes(_) | AirEvent::FrameEnd { .. });
+            if self.broken != Some(Break::Mute) && (self.impostor.is_none() || goes_on) {
+                self.sending = matches!(event, AirEvent::FrameStart(_) | AirEvent::Bytes(_));
                 self.carry(at, event, dpr, recorder);
             }
         }
@@ -144,7 +154,7 @@ impl<C: Cost> Beside<C> {
 
     /// Carries an event of the hold's antenna to the DPR's second front end.
     fn carry(&mut self, at: u64, event: AirEvent, dpr: &mut Node<Dpr, C>, recorder: &mut Recorder) {
-        let Self { node, air, answers, crosstalk, .. } = self;
+        let Self { node, air, answers, crosstalk, broken, .. } = self;
         let is_field = matches!(event, AirEvent::FieldOn | AirEvent::FieldOff);
         if is_field {
             recorder.note(at, What::Hold(HoldEvent::Field { on: event == AirEvent::FieldOn }));
@@ -154,7 +164,11 @@ impl<C: Cost> Beside<C> {
             if *crosstalk && !is_field {
                 board.front_end.hear(at, &event);
             }
-            air.from_poller(at, event, |at, event| hear(board, at, event));
+            air.from_poller(at, event, |at, event| {
+                if *broken != Some(Break::PortDeaf) {
+                    hear(board, at, event);
+                }
+            });
         });
         self.note_air(recorder);
     }
@@ -243,6 +257,17 @@ impl<C: Cost> Beside<C> {
             HoldFault::Lies(sensor, seed) => self.payload(|payload| payload.make_lie(begins.then_some((sensor, seed)))),
             HoldFault::BusStuck => self.payload(|payload| payload.hold_sda(begins)),
             HoldFault::Crosstalk => self.crosstalk = begins,
+            HoldFault::Broken(what) => {
+                self.broken = begins.then_some(what);
+                if begins && what == Break::Misuse {
+                    recorder.note(from, What::Hold(HoldEvent::Finding { text: "a misuse".into() }));
+                }
+                if what == Break::Lock
+                    && let Some(locked) = self.node.board().outputs().locked
+                {
+                    recorder.note(from, What::Hold(HoldEvent::Lock { locked: locked != begins }));
+                }
+            }
         }
     }
 
@@ -263,7 +288,8 @@ impl<C: Cost> Beside<C> {
             return;
         }
         let emitted = dpr.board_mut(|board| board.hold_port.as_mut().map(FrontEnd::take_air));
-        for (at, event) in emitted.into_iter().flatten() {
+        let is_mute = self.broken == Some(Break::PortMute);
+        for (at, event) in emitted.into_iter().flatten().filter(|_| !is_mute) {
             match &event {
                 AirEvent::FrameStart(start) => self.answering = Some((at, start.chunk.data.clone())),
                 AirEvent::Bytes(chunk) => {
@@ -276,14 +302,23 @@ impl<C: Cost> Beside<C> {
                         let sent = usize::try_from(bits / 8).unwrap_or(usize::MAX);
                         bytes.truncate(sent);
                         let whole = bytes.first().is_some_and(|len| bytes.len() == usize::from(*len) + 2);
+                        if self.broken == Some(Break::Uplinks) {
+                            bytes.iter_mut().skip(9).take(4).for_each(|byte| *byte ^= 0x5A);
+                        }
                         let frame = HoldFrame { started, bytes: Bytes(bytes), whole };
                         recorder.note(at, What::Hold(HoldEvent::Answered(frame)));
                     }
                 }
                 AirEvent::FieldOn | AirEvent::FieldOff => {}
             }
-            let Self { node, answers, .. } = self;
-            node.board_mut(|board| answers.from_listener(at, event, |at, event| board.front_end.hear(at, event)));
+            let Self { node, answers, broken, .. } = self;
+            node.board_mut(|board| {
+                answers.from_listener(at, event, |at, event| {
+                    if *broken != Some(Break::Deaf) {
+                        board.front_end.hear(at, event);
+                    }
+                });
+            });
         }
         self.note_air(recorder);
     }
@@ -299,7 +334,10 @@ impl<C: Cost> Beside<C> {
     /// Records what the air has carried since the last call.
     fn note_air(&mut self, recorder: &mut Recorder) {
         let mut note = |at, what| recorder.note(at, What::Hold(what));
-        for sent in self.air.take_sent() {
+        for mut sent in self.air.take_sent() {
+            if self.broken == Some(Break::SetPoint) {
+                change_set_point(&mut sent.bytes);
+            }
             let frame = HoldFrame { started: sent.started_ns, bytes: Bytes(sent.bytes), whole: sent.whole };
             note(sent.ended_ns, HoldEvent::Sent(frame));
         }
@@ -345,8 +383,8 @@ impl<C: Cost> Beside<C> {
         if dpr.board().hold_port.as_ref().is_some_and(|port| !port.chip().reports().is_empty()) {
             let reports = dpr.board_mut(|board| board.hold_port.as_mut().map(|port| port.with(Chip::take_reports)));
             for report in reports.into_iter().flatten() {
-                let text = format!("second front end: {report}");
-                recorder.note(report.first_ns, What::Misuse { board: Side::Dpr, text });
+                let text = format!("the DPR's second front end: {report}");
+                recorder.note(report.first_ns, What::Hold(HoldEvent::PortMisuse { text }));
             }
         }
         if self.payload_at <= reached {
@@ -391,4 +429,12 @@ fn hear(board: &mut Dpr, at: u64, event: &AirEvent) {
     if let Some(port) = &mut board.hold_port {
         port.hear(at, event);
     }
+}
+
+/// Changes the set-point in the bytes of a frame that has Hold-Status.
+fn change_set_point(frame: &mut [u8]) {
+    let Some(place) = frame.get_mut(1..1 + HoldStatus::SIZE) else { return };
+    let Ok(mut values) = HoldStatus::verify(place).map(HoldStatus::values) else { return };
+    values.set_point += 0.5;
+    place.copy_from_slice(HoldStatus::seal(Writer::<ActiveLoad>::claim(), &values).as_bytes());
 }

@@ -1,6 +1,6 @@
 //! Both boards with the release programs, which `cargo xtask test` builds before these tests.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use bench::boards::{Dpr, Horus, SSI};
 use cortex_m4::Cost;
@@ -28,19 +28,30 @@ pub(crate) fn not_run(missing: &str, how: &str) {
     }
 }
 
-/// The path of the ELF file `name` for `receivers` receivers; `None` (reported by [`not_run`]) if it was not built.
+/// What to do about a missing image.
+const HOW: &str = "`cargo xtask test` builds the images and says in LINK_IMAGES where they are";
+
+/// The path of the ELF file called `name` for `receivers` receivers, or `None` (reported, see [`not_run`]) if it was
+/// not built.
 pub(crate) fn image(receivers: usize, name: &str) -> Option<PathBuf> {
-    let how = "`cargo xtask test` builds the images and says in LINK_IMAGES where they are";
     let Some(folder) = std::env::var_os("LINK_IMAGES").map(PathBuf::from) else {
-        not_run("LINK_IMAGES is not set", how);
+        not_run("LINK_IMAGES is not set", HOW);
         return None;
     };
-    let path = folder.join(format!("gps-{receivers}")).join(name);
+    image_at(&folder.join(format!("gps-{receivers}")).join(name))
+}
+
+/// The path of the hold's ELF file, or `None` (reported, see [`not_run`]) if it was not built.
+pub(crate) fn hold_image() -> Option<PathBuf> {
+    image_at(&PathBuf::from(std::env::var_os("LINK_IMAGES")?).join("hold-fw.elf"))
+}
+
+fn image_at(path: &Path) -> Option<PathBuf> {
     if !path.is_file() {
-        not_run(&format!("there is no image {}", path.display()), how);
+        not_run(&format!("there is no image {}", path.display()), HOW);
         return None;
     }
-    Some(path)
+    Some(path.to_owned())
 }
 
 /// The longest test of a board's RAM at its start, ns: the DPR's of 96 KiB at 64 MHz (`firmware_common::start_test`).

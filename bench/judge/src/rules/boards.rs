@@ -74,6 +74,8 @@ struct Complaint {
 /// The rule that judges restarts, findings, misuse, load and counters of both boards; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Boards {
+    /// The share of the DPR's time that the port of a hold may take, in ten thousandths.
+    hold_load: u32,
     injected: BTreeMap<String, u64>,
     /// For HORUS and for the DPR, whether the log explains the faults counted since the last start.
     explained: [bool; 2],
@@ -92,8 +94,9 @@ pub struct Boards {
 }
 
 impl Rule for Boards {
-    fn new(_header: &Header) -> Self {
+    fn new(header: &Header) -> Self {
         Self {
+            hold_load: if header.hold { bounds::HOLD_LOAD_PER_10_000 } else { 0 },
             injected: BTreeMap::new(),
             explained: [false; 2],
             faulted: vec![],
@@ -175,7 +178,8 @@ impl Rule for Boards {
             What::Load { board, per_10_000 } => {
                 self.goes_on(*board, at);
                 let no_load = self.stopped[*board as usize].0 + context.running(*board).starts * start_work(*board);
-                let bound = u64::from(bounds::LOAD_PER_10_000) + 10_000 * no_load / at.max(1);
+                let port = if *board == Board::Dpr { self.hold_load } else { 0 };
+                let bound = u64::from(bounds::LOAD_PER_10_000 + port) + 10_000 * no_load / at.max(1);
                 if u64::from(*per_10_000) > bound && at >= bounds::LOAD_FROM {
                     findings.add(Of::OVERLOADED.board(*board), at, || {
                         format!("{per_10_000} of 10000, the bound is {bound}")

@@ -12,6 +12,7 @@
 //! | [`shown`] | what is shown, compared with what reached the DPR's antenna: absence, sequence, age |
 //! | [`link_status`] | Link-Status, compared with what was on the wires |
 //! | [`port`] | Port-Status and uplinks, compared with what the flight controller wrote |
+//! | [`hold`] | the active hold: its objects, answers, commands and outputs |
 //! | [`client`] | the verdict of the flight controller's client, compared with what was on the wires |
 //! | [`base`] | what the base station shows, compared with what was forwarded, and whether it was forwarded |
 //! | [`station`] | the base station's ages and alarms, compared with the profiles that have arrived there |
@@ -21,6 +22,7 @@ pub mod boards;
 pub mod client;
 pub mod content;
 pub mod cycle;
+pub mod hold;
 pub mod integrity;
 pub mod link_status;
 pub mod port;
@@ -96,4 +98,5 @@ rules! {
     base: base::Base,
     station: station::Station,
     boards: boards::Boards,
+    hold: hold::Hold,
 }

@@ -138,7 +138,7 @@ pub struct LinkStatus {
 
 impl Rule for LinkStatus {
     fn new(header: &Header) -> Self {
-        let layout = Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers");
+        let layout = header.layout();
         Self {
             layout,
             publication: publication(header.worst_case()),

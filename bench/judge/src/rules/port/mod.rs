@@ -76,7 +76,7 @@ pub struct PortRule {
 impl Rule for PortRule {
     fn new(header: &Header) -> Self {
         let mut port = Self {
-            layout: Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers"),
+            layout: header.layout(),
             publication: publication(header.worst_case()),
             entries: VecDeque::new(),
             fresh: VecDeque::new(),

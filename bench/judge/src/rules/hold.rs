@@ -1,0 +1,440 @@
+//! Judges the active hold and the DPR's second port: what the hold said is what is shown, and what was commanded is what
+//! was done.
+//!
+//! | what is judged | compared with | violation |
+//! |---|---|---|
+//! | the hold's frames come every 100 ms | – | [`HoldSilent`](Violation::HoldSilent) |
+//! | the object in the map | frames at the DPR's second antenna, of at most 300 ms ago | [`HoldShown`](Violation::HoldShown) |
+//! | it is there | the last whole frame there | [`HoldHidden`](Violation::HoldHidden) |
+//! | an answer, its instant, its uplinks | that frame, and what was written within 1 s | [`HoldAnswer`](Violation::HoldAnswer) |
+//! | there is an answer | a frame that was shown | [`HoldUnanswered`](Violation::HoldUnanswered) |
+//! | acknowledgements, set-point and lock in Hold-Status | commands that came | [`HoldCommand`](Violation::HoldCommand) |
+//! | a command is acknowledged | one that came three times, each later | [`HoldIgnores`](Violation::HoldIgnores) |
+//! | heater, cooler, lock; temperature, humidity, supply | Hold-Status; the box | [`HoldOutput`](Violation::HoldOutput) |
+//! | restarts, findings | – | [`HoldComplains`](Violation::HoldComplains) |
+//!
+//! What is shown, and that an answer has only what was written, is judged whatever the hold does. The rest is not judged
+//! while the hold or its air is disturbed, and for [`SETTLED`] after that; what the DPR has to do is not judged while the
+//! DPR is disturbed.
+
+use std::collections::VecDeque;
+
+use profile::criticality::{BaseStation, FlightController};
+use profile::hold::{Acknowledged, Answer, Outcome};
+use profile::{HoldObject, HoldStatus, HoldValues, Layout, Uplink};
+
+use super::{Rule, is_later, ms};
+use crate::read::is_vacant;
+use crate::{Board, Context, Disturbance, Event, Findings, Header, HoldEvent, HoldFrame, Violation, What, bounds};
+
+const MS: u64 = 1_000_000;
+
+/// The time after a disturbance after which everything has to be as without it, ns: a watchdog's 100 ms, a start, four
+/// exchanges, and a second until the sensors were read again.
+pub const SETTLED: u64 = 2_500 * MS;
+/// The longest time between two frames of the hold, ns: a period and a half.
+pub const LONGEST_GAP: u64 = 150 * MS;
+/// The longest time from power-on to the first frame, ns.
+pub const FIRST_FRAME: u64 = 300 * MS;
+/// The longest time for which an object is shown after its frame, ns: the expiry, the time for which an image stays, and
+/// the period of publications.
+pub const SHOWN_FOR: u64 = 300 * MS + 25 * MS + 13 * MS;
+/// The longest time from the end of a frame until its object is shown, ns: two publications.
+pub const SHOWN_WITHIN: u64 = 26 * MS;
+/// The shortest time for which an object is shown, if no newer one comes, ns.
+pub const SHOWN_AT_LEAST: u64 = 280 * MS;
+/// The earliest and the latest beginning of an answer after the frame's end, ns (docs/design.md#exchange; guard time of
+/// NFC-F).
+pub const ANSWERS: (u64, u64) = (197_000, 3_000_000);
+/// The greatest age of an uplink in an answer, ns: 1 s, and the time until a stored uplink is handed over.
+pub const UPLINK_AGE: u64 = 1_000 * MS + 110 * MS;
+/// The deviations that a stated temperature (°C), humidity (%) and supply (V) may have: twice what the sensor's data
+/// sheet states, and what changes in the second between two measurements.
+pub const STATED: (f32, f32, f32) = (0.8, 5.0, 0.1);
+/// The supply of the bench's hold, V.
+const SUPPLY: f32 = 3.0;
+
+/// A command as it came to the hold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Came {
+    at: u64,
+    timestamp: u32,
+    number: u16,
+    word: u16,
+    value: f32,
+    is_plain: bool,
+}
+
+impl Came {
+    fn of(uplink: &Uplink, at: u64) -> Option<Self> {
+        let payload = uplink.values().payload;
+        let [n0, n1, w0, w1, v0, v1, v2, v3, rest @ ..] = payload;
+        let word = u16::from_le_bytes([w0, w1]);
+        (word != 0).then(|| Self {
+            at,
+            timestamp: uplink.timestamp(),
+            number: u16::from_le_bytes([n0, n1]),
+            word,
+            value: f32::from_le_bytes([v0, v1, v2, v3]),
+            is_plain: rest.iter().take(4).all(|byte| *byte == 0),
+        })
+    }
+}
+
+/// Whether `number` is 1 to 32767 ahead of `than`.
+fn is_newer(number: u16, than: u16) -> bool {
+    (1..=u16::MAX / 2).contains(&number.wrapping_sub(than))
+}
+
+/// What came from one writer.
+#[derive(Clone, Debug, Default)]
+struct Writer {
+    /// The commands that came in the last two seconds.
+    came: VecDeque<Came>,
+    /// The last new command, and how often it came, each time with a later timestamp.
+    insists: Option<(Came, u32)>,
+}
+
+/// The rule; see the [module](self).
+#[derive(Clone, Debug)]
+pub struct Hold {
+    layout: Option<Layout>,
+    /// The instants, ns, before which the hold, or the DPR, may do wrong.
+    hold_calm: u64,
+    dpr_calm: u64,
+    /// The instant, ns, at which the hold last sent a whole Hold-Status; before the first one, when it was switched on.
+    sent: u64,
+    has_sent: bool,
+    /// The last three statuses in successive periods, the newest last.
+    statuses: VecDeque<HoldValues>,
+    /// Frames that came to the DPR, each with the instant of its end (ns), whether its object is one and is new, and
+    /// whether it was answered and shown.
+    frames: VecDeque<Arrived>,
+    /// Objects that the flight controller wrote, each with the instant of its transaction's end, ns.
+    written: VecDeque<(u64, Vec<u8>)>,
+    writers: [Writer; 2],
+    /// The level of the lock's pin, and the instant since which it has been so, ns.
+    lock: Option<(u64, bool)>,
+}
+
+#[derive(Clone, Debug)]
+struct Arrived {
+    at: u64,
+    payload: Vec<u8>,
+    is_new: bool,
+    answered: bool,
+    shown: bool,
+}
+
+impl Rule for Hold {
+    fn new(header: &Header) -> Self {
+        Self {
+            layout: header.hold.then(|| header.layout()),
+            hold_calm: 0,
+            dpr_calm: 0,
+            sent: 0,
+            has_sent: false,
+            statuses: VecDeque::new(),
+            frames: VecDeque::new(),
+            written: VecDeque::new(),
+            writers: [Writer::default(), Writer::default()],
+            lock: None,
+        }
+    }
+
+    fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+        if self.layout.is_none() {
+            return;
+        }
+        let at = event.at;
+        match &event.what {
+            What::Injected { disturbs, until, .. } => self.disturbed(*disturbs, until.saturating_add(SETTLED)),
+            What::Reset { board: Board::Dpr, .. } | What::Power { board: Board::Dpr, .. } => {
+                self.dpr_calm = self.dpr_calm.max(at + SETTLED);
+            }
+            What::Transaction { mosi, .. } => {
+                self.read(context, findings);
+                if let Some(object) = mosi.get(8..72) {
+                    self.written.push_back((at, object.to_vec()));
+                }
+                while self.written.front().is_some_and(|(written, _)| written + 2 * UPLINK_AGE < at) {
+                    self.written.pop_front();
+                }
+            }
+            What::Hold(event) => self.hold(at, event, context, findings),
+            What::End => self.silent(at, findings),
+            _ => {}
+        }
+    }
+}
+
+impl Hold {
+    fn disturbed(&mut self, disturbs: Disturbance, until: u64) {
+        match disturbs {
+            Disturbance::Hold => self.hold_calm = self.hold_calm.max(until),
+            Disturbance::Wire { .. } | Disturbance::Receiver { .. } | Disturbance::Input { .. } => {}
+            // Whatever else is disturbed may disturb the DPR, and the exchange with it.
+            _ => {
+                self.dpr_calm = self.dpr_calm.max(until);
+                self.hold_calm = self.hold_calm.max(until);
+            }
+        }
+    }
+
+    fn hold(&mut self, at: u64, event: &HoldEvent, context: &Context, findings: &mut Findings) {
+        match event {
+            HoldEvent::Power { .. } => self.restarted(at),
+            HoldEvent::Reset { cause, asked } => {
+                if !asked && at >= self.hold_calm {
+                    findings.add(Violation::HoldComplains, at, || format!("it restarted: {cause:?}"));
+                }
+                self.restarted(at);
+            }
+            HoldEvent::Finding { text } => findings.add(Violation::HoldComplains, at, || text.clone()),
+            // The DPR cannot tell that the carrier goes off when its answer begins.
+            HoldEvent::PortMisuse { .. } if at < self.hold_calm => {}
+            HoldEvent::PortMisuse { text } => findings.add(Violation::FrontEndMisuse, at, || text.clone()),
+            HoldEvent::Field { .. } => {}
+            HoldEvent::Sent(frame) => self.sent(at, frame, findings),
+            HoldEvent::Heard(frame) => self.heard(at, frame),
+            HoldEvent::Answered(frame) => self.answered(frame, context, findings),
+            HoldEvent::AnswerHeard(frame) => self.answer_heard(at, frame),
+            HoldEvent::Lock { locked } => self.lock = Some((at, *locked)),
+            HoldEvent::Payload { heater, cooler, temperature, humidity } => {
+                self.payload(at, [*heater, *cooler], (*temperature, *humidity), findings);
+            }
+        }
+    }
+
+    fn restarted(&mut self, at: u64) {
+        (self.sent, self.has_sent) = (at, false);
+        self.statuses.clear();
+        self.writers = [Writer::default(), Writer::default()];
+    }
+
+    fn silent(&mut self, at: u64, findings: &mut Findings) {
+        let longest = if self.has_sent { LONGEST_GAP } else { FIRST_FRAME };
+        if at > self.sent.max(self.hold_calm) + longest {
+            let since = self.sent;
+            findings.add(Violation::HoldSilent, at, || format!("no Hold-Status since {}", ms(since)));
+        }
+    }
+
+    fn sent(&mut self, at: u64, frame: &HoldFrame, findings: &mut Findings) {
+        let Some(status) = payload(frame).and_then(|payload| HoldStatus::verify(payload).ok()) else { return };
+        self.silent(at, findings);
+        (self.sent, self.has_sent) = (at, true);
+        let values = status.values();
+        let before = self.statuses.back().copied().filter(|last| last.timestamp.wrapping_add(100) == values.timestamp);
+        if before.is_none() {
+            self.statuses.clear();
+        }
+        if let Some(before) = before {
+            self.commanded(at, &before, &values, findings);
+        }
+        for (index, acknowledged) in values.acknowledged.into_iter().enumerate() {
+            let writer = &mut self.writers[index];
+            let Some((came, times)) = writer.insists else { continue };
+            if !is_newer(came.number, acknowledged.number()) {
+                writer.insists = None;
+            } else if times >= 3 && at >= self.hold_calm {
+                writer.insists = None;
+                findings.add(Violation::HoldIgnores, at, || format!("{} came {times} times", told(index, &came)));
+            }
+        }
+        if let (Some(before), Some((since, locked))) = (before, self.lock)
+            && since + LONGEST_GAP < at
+            && before.status.locked() == values.status.locked()
+            && values.status.locked() != locked
+        {
+            findings.add(Violation::HoldOutput, at, || format!("its lock's pin says {locked}"));
+        }
+        self.statuses.push_back(values);
+        if self.statuses.len() > 3 {
+            self.statuses.pop_front();
+        }
+    }
+
+    /// Compares two successive statuses with the commands that came between them.
+    fn commanded(&self, at: u64, before: &HoldValues, now: &HoldValues, findings: &mut Findings) {
+        let mut expected = (before.set_point, before.status.locked());
+        for (index, (old, new)) in before.acknowledged.into_iter().zip(now.acknowledged).enumerate() {
+            if old == new {
+                continue;
+            }
+            let number = new.number();
+            let last = self.writers[index].came.iter().rev().find(|came| came.number == number);
+            let is_right = last.is_some_and(|came| is_newer(number, old.number()) && is_outcome_of(came, new));
+            if !is_right {
+                let words = last.map_or("no such command came".to_owned(), |came| told(index, came));
+                findings.add(Violation::HoldCommand, at, || format!("it acknowledges {old:?}, then {new:?}: {words}"));
+                return;
+            }
+            if let (Some(Outcome::Done), Some(came)) = (new.outcome(), last) {
+                match came.word {
+                    1 => expected.0 = came.value,
+                    2 => expected.1 = true,
+                    3 => expected.1 = false,
+                    _ => {}
+                }
+            }
+        }
+        let (set_point, locked) = (now.set_point, now.status.locked());
+        if (set_point.to_bits(), locked) != (expected.0.to_bits(), expected.1) {
+            findings.add(Violation::HoldCommand, at, || {
+                format!("set-point {set_point}, locked {locked}, which should be {expected:?}")
+            });
+        }
+    }
+
+    fn heard(&mut self, at: u64, frame: &HoldFrame) {
+        let payload = payload(frame).unwrap_or_default().to_vec();
+        let object = HoldObject::verify(&payload).ok().map(HoldObject::timestamp);
+        let last = self.frames.iter().rev().find(|frame| frame.is_new);
+        let last = last.and_then(|frame| HoldObject::verify(&frame.payload).ok()).map(HoldObject::timestamp);
+        let is_new = object.is_some() && object != last;
+        self.frames.push_back(Arrived { at, payload, is_new, answered: false, shown: false });
+        while self.frames.front().is_some_and(|frame| frame.at + 2 * SHOWN_FOR < at) {
+            self.frames.pop_front();
+        }
+    }
+
+    /// Judges the hold's place in the map, where the last transaction has read it.
+    fn read(&mut self, context: &Context, findings: &mut Findings) {
+        let (Some(reading), Some(place)) = (context.reading(), self.layout.and_then(Layout::hold)) else { return };
+        let from = place.start.checked_sub(reading.offset);
+        let Some(shown) = from.and_then(|from| reading.miso.get(from..from + place.len())) else { return };
+        let (at, dpr) = (reading.selected, context.running(Board::Dpr));
+        if reading.silent || context.disturbances().excuse(crate::disturbance::Excuse::UnsoundImage, at) {
+            return;
+        }
+        let found = self.frames.iter().rposition(|frame| frame.is_new && frame.payload == shown && frame.at <= at);
+        if !is_vacant(shown) && found.is_none_or(|index| self.frames[index].at + SHOWN_FOR < at) {
+            let since = found.map_or("never came".to_owned(), |index| format!("came at {}", ms(self.frames[index].at)));
+            findings.add(Violation::HoldShown, at, || format!("the object {since}"));
+            return;
+        }
+        if let Some(index) = found {
+            self.frames[index].shown = true;
+        }
+        if at < self.dpr_calm.max(self.hold_calm) || at < dpr.since + SETTLED || !dpr.powered {
+            return;
+        }
+        let due =
+            |frame: &Arrived| frame.is_new && (SHOWN_WITHIN..SHOWN_AT_LEAST).contains(&at.saturating_sub(frame.at));
+        let newest = self.frames.iter().rposition(due);
+        if newest.is_some_and(|newest| found.is_none_or(|found| found < newest)) {
+            let came = newest.map_or(0, |newest| self.frames[newest].at);
+            findings.add(Violation::HoldHidden, at, || format!("what came at {} is not shown", ms(came)));
+        }
+        let calm = self.dpr_calm.max(self.hold_calm);
+        let unanswered = self
+            .frames
+            .iter_mut()
+            .find(|frame| frame.shown && !frame.answered && frame.at > calm && frame.at + bounds::CYCLE < at);
+        if let Some(frame) = unanswered {
+            frame.answered = true;
+            let came = frame.at;
+            findings.add(Violation::HoldUnanswered, at, || format!("the frame of {}", ms(came)));
+        }
+    }
+
+    fn answered(&mut self, answer: &HoldFrame, context: &Context, findings: &mut Findings) {
+        let at = answer.started;
+        let mut wrong = |words: String| findings.add(Violation::HoldAnswer, at, || words);
+        let may_ask = |frame: &Arrived| (ANSWERS.0..=ANSWERS.1).contains(&at.saturating_sub(frame.at));
+        match self.frames.iter_mut().rev().find(|frame| may_ask(frame) && !frame.answered) {
+            Some(frame) => frame.answered = true,
+            None => {
+                let last = self.frames.iter().rev().find(|frame| frame.at < at).map_or(0, |frame| frame.at);
+                return wrong(format!("the last frame ended at {}", ms(last)));
+            }
+        }
+        if !answer.whole || context.disturbances().excuse(crate::disturbance::Excuse::Service, at) {
+            return;
+        }
+        let Some(answer) = payload(answer).and_then(|payload| Answer::read(payload).ok()) else {
+            return wrong(format!("it has {} bytes", answer.bytes.len()));
+        };
+        let bytes = answer.as_bytes();
+        for (index, place) in [0..64, 64..128].into_iter().enumerate() {
+            let uplink = &bytes[place];
+            let is_written =
+                || self.written.iter().any(|(written, object)| object == uplink && written + UPLINK_AGE >= at);
+            if !is_vacant(uplink) && !is_written() {
+                return wrong(format!("nobody wrote its uplink {index} within the last second"));
+            }
+        }
+    }
+
+    fn answer_heard(&mut self, at: u64, frame: &HoldFrame) {
+        let Some(answer) = payload(frame).and_then(|payload| Answer::read(payload).ok()) else { return };
+        let uplinks = [answer.uplink::<BaseStation>(), answer.uplink::<FlightController>()];
+        let acknowledged = self.statuses.back().map(|status| status.acknowledged);
+        for (index, (writer, uplink)) in self.writers.iter_mut().zip(uplinks).enumerate() {
+            let Some(came) = uplink.ok().and_then(|uplink| Came::of(uplink, at)) else { continue };
+            writer.came.push_back(came);
+            while writer.came.front().is_some_and(|old| old.at + 2_000 * MS < at) {
+                writer.came.pop_front();
+            }
+            let Some(acknowledged) = acknowledged.map(|of_both: [Acknowledged; 2]| of_both[index]) else { continue };
+            if is_newer(came.number, acknowledged.number()) {
+                writer.insists = match writer.insists {
+                    Some((last, times)) if last.number == came.number => {
+                        let later = is_later(came.timestamp, last.timestamp);
+                        Some((came, times + u32::from(later)))
+                    }
+                    _ => Some((came, 1)),
+                };
+            }
+        }
+    }
+
+    fn payload(&self, at: u64, on: [u16; 2], (temperature, humidity): (i32, u32), findings: &mut Findings) {
+        if at < self.hold_calm || self.statuses.len() < 3 {
+            return;
+        }
+        let outputs = self.statuses.iter().map(|status| status.output);
+        let (least, most) = outputs.fold((f32::MAX, f32::MIN), |(least, most), it| (least.min(it), most.max(it)));
+        for (on, least, most) in [(on[0], least, most), (on[1], -most, -least)] {
+            let on = f32::from(on) / 10_000.0;
+            if on < least.max(0.0) - 0.03 || on > most.max(0.0) + 0.03 {
+                findings.add(Violation::HoldOutput, at, || format!("on for {on}, stated {least} to {most}"));
+            }
+        }
+        let Some(last) = self.statuses.back().filter(|last| last.status.values_valid()) else { return };
+        let stated = [
+            (last.temperature - temperature as f32 / 1e3, STATED.0),
+            (last.humidity - humidity as f32 / 1e3, STATED.1),
+            (last.supply - SUPPLY, STATED.2),
+        ];
+        if stated.iter().any(|(off, most)| off.abs() > *most) {
+            findings.add(Violation::HoldOutput, at, || format!("{last:?}, in truth {temperature} m°C, {humidity}"));
+        }
+    }
+}
+
+/// The payload of a whole frame.
+fn payload(frame: &HoldFrame) -> Option<&[u8]> {
+    let len = usize::from(*frame.bytes.first()?);
+    frame.bytes.get(1..len).filter(|_| frame.whole && frame.bytes.len() == len + 2)
+}
+
+/// Whether `acknowledged` may be the outcome of `came`.
+fn is_outcome_of(came: &Came, acknowledged: Acknowledged) -> bool {
+    let known = came.is_plain && (1..=4).contains(&came.word);
+    match acknowledged.outcome() {
+        Some(Outcome::Done) => known,
+        Some(Outcome::Refused) => known && came.word == 1,
+        Some(Outcome::Unknown) => !known,
+        // The age of a command that was not repeated is not followed here.
+        Some(Outcome::TooOld) => true,
+        Some(Outcome::Nothing) | None => false,
+    }
+}
+
+fn told(index: usize, came: &Came) -> String {
+    let writer = ["the base station", "the flight controller"][index.min(1)];
+    let Came { number, word, value, .. } = came;
+    format!("command {number} of {writer}, word {word}, value {value}")
+}
