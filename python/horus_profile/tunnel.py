@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any, Iterator, List, Optional, Tuple, Type
 
 from ._base import Object
-from .objects import MAPS, Identifier
+from .objects import MAPS_WITH_HOLD, Identifier
 
 #: The message's number in MAVLink's common dialect.
 MESSAGE_ID = 385
@@ -27,7 +27,7 @@ _SIGNED = 0x01
 #: The objects that a base station knows, in the order of the map.
 PLACES: Tuple[Tuple[Type[Object], Identifier], ...] = tuple(
     (place.kind, Identifier(place.identifier))
-    for place in MAPS[max(MAPS)].places
+    for place in MAPS_WITH_HOLD[max(MAPS_WITH_HOLD)].places
     if place.identifier != Identifier.UPLINK_FLIGHT_CONTROLLER
 )
 
@@ -36,10 +36,15 @@ Part = Tuple[Type[Object], Identifier, bytes]
 
 
 def split(first: int, data: bytes) -> Optional[List[Part]]:
-    """The successive objects from number `first` of `PLACES` on that fill `data`; None if none do."""
+    """The successive objects from number `first` of `PLACES` on that fill `data`; None if none do.
+
+    Hold-Status is always alone: it does not follow the base station's uplink in the map.
+    """
     parts: List[Part] = []
     at = 0
     for kind, identifier in PLACES[first:]:
+        if parts and identifier == Identifier.HOLD_STATUS:
+            break
         parts.append((kind, identifier, data[at : at + kind.SIZE]))
         at += kind.SIZE
         if at >= len(data):
