@@ -17,6 +17,7 @@ use std::io::{self, Read, Write};
 
 use chrono::{DateTime, SecondsFormat};
 
+use crate::drone::hold::HoldState;
 use crate::drone::words;
 use crate::intake::{Intake, Judged};
 use crate::recorder::{Reader, Record};
@@ -137,6 +138,25 @@ fn row(intake: &Intake, judged: &Judged, at_us: u64) -> String {
         // The uplink's timestamp is on the clock of the base station that sent it, so its age is not known.
         Place::Uplink => drone.uplink().map_or(Ok(()), |uplink| {
             write!(row, ",{},,0x{:04x},,,,,,,,,,", uplink.timestamp(), uplink.values().status.bits())
+        }),
+        Place::Hold => drone.hold().and_then(HoldState::held).map_or(Ok(()), |held| {
+            let v = &held.values;
+            write!(row, ",{},{},0x{:04x},,,,,,,,,,", v.timestamp, held.age_us(at_us) / 1_000, v.status.bits())?;
+            let [x, y, z] = v.vibration;
+            let named = [
+                ("temperature_c", v.temperature),
+                ("humidity_percent", v.humidity),
+                ("set_point_c", v.set_point),
+                ("vibration_x_m_s2", x),
+                ("vibration_y_m_s2", y),
+                ("vibration_z_m_s2", z),
+                ("greatest_shock_m_s2", v.greatest_shock),
+                ("supply_v", v.supply),
+                ("output", v.output),
+            ];
+            named.iter().enumerate().try_for_each(|(index, (name, value))| {
+                write!(row, "{}{name} {value}", if index == 0 { "" } else { "; " })
+            })
         }),
     };
     row + "\n"

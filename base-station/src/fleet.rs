@@ -19,7 +19,7 @@ use std::net::SocketAddr;
 use crate::carrier::published::Name;
 use crate::drone::order::{SEARCH_CYCLES, SLACK_US};
 use crate::drone::{RECENT_US, SILENT_US};
-use crate::{Bundle, Change, Drone, Verdict};
+use crate::{Bundle, Change, Drone, Place, Verdict};
 
 /// The greatest number of drones that are kept.
 pub const MAX_DRONES: usize = 4_096;
@@ -118,12 +118,17 @@ pub struct Fleet {
 impl Fleet {
     /// Passes a message's objects, which arrived at `at_us`, to the drone that sent them. Returns the drone and the
     /// verdict on each object. There are no verdicts if there is no room for another drone, or if an unknown drone
-    /// brought no intact object.
+    /// brought no intact object. The hold's object alone makes no drone, and nobody a rival.
     pub fn take(&mut self, who: Who, source: Source, at_us: u64, bundle: &Bundle<'_>) -> (DroneId, Vec<Verdict>) {
         let mine: Vec<DroneId> = self.of(who).filter(|(_, sender)| sender.source == source).map(|(id, _)| id).collect();
         let fits = |id: &&DroneId| self.drones.get(id).is_some_and(|sender| sender.drone.fits(at_us, bundle));
         // If only one sender has this id and source, its own state determines whether the message is another sender's.
         let fitting = mine.iter().find(|id| mine.len() == 1 || fits(id)).or(mine.first()).copied();
+        if bundle.objects().all(|(place, _)| place == Place::Hold) {
+            let sender = fitting.and_then(|id| Some((id, self.drones.get_mut(&id)?)));
+            let taken = sender.map(|(id, sender)| (id, sender.drone.take_bundle(at_us, bundle)));
+            return taken.unwrap_or_else(|| (who.first(), vec![]));
+        }
         if let Some((id, sender)) = fitting.and_then(|id| self.drones.get_mut(&id).map(|sender| (id, sender))) {
             let verdicts = sender.drone.take_bundle(at_us, bundle);
             if !sender.drone.met_stranger() {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 
-use profile::{Layout, MAX_SIZE};
+use profile::Layout;
 
 use crate::carrier::mavlink::{Receiver, Verifier};
 use crate::carrier::published::{Name, Published};
@@ -22,9 +22,9 @@ pub enum Kind {
     MavlinkDatagrams = 1,
     /// The line brings MAVLink in a byte stream.
     MavlinkStream = 2,
-    /// The line brings profiles or images in datagrams.
+    /// The line brings profiles, images or maps in datagrams.
     Datagrams = 3,
-    /// The line brings profiles or images in a byte stream, in frames that end with a zero byte.
+    /// The line brings profiles, images or maps in a byte stream, in frames that end with a zero byte.
     Stream = 4,
     /// The line brings messages that another base station published.
     Published = 5,
@@ -101,7 +101,7 @@ pub struct Refused {
     pub version_1: u64,
     /// The number of MAVLink messages without objects, which are no error.
     pub foreign: u64,
-    /// The number of datagrams and frames without MAVLink that have the length of neither a profile nor an image.
+    /// The number of datagrams and frames without MAVLink that have the length of no profile, image or map.
     pub damaged: u64,
     /// The number of datagrams longer than [`MAX_DATAGRAM`].
     pub oversized: u64,
@@ -155,7 +155,7 @@ impl Intake {
         let of_kind = || match kind {
             Kind::MavlinkDatagrams | Kind::MavlinkStream => Line::Mavlink(Box::new(Receiver::new(verifier.clone()))),
             Kind::Datagrams | Kind::Published => Line::Messages,
-            Kind::Stream => Line::Stream(Deframer::new(MAX_SIZE + Place::LinkStatus.size())),
+            Kind::Stream => Line::Stream(Deframer::new(LONGEST)),
         };
         match lines.entry((*line, *kind as u8)).or_insert_with(of_kind) {
             Line::Mavlink(receiver) => {
@@ -175,18 +175,18 @@ impl Intake {
                 let message = match kind {
                     Kind::Published => Name::new(from)
                         .zip(Published::read(bytes))
-                        .map(|(name, published)| (Who::Named(name), published.bundle)),
-                    _ => from_address.map(Who::Address).zip(Bundle::datagram(bytes)),
+                        .map(|(name, published)| (Who::Named(name), vec![published.bundle])),
+                    _ => from_address.map(Who::Address).zip(all(bytes)),
                 };
                 match message {
-                    Some((who, bundle)) => judge(who, plain, &bundle),
+                    Some((who, bundles)) => bundles.iter().for_each(|bundle| judge(who, plain, bundle)),
                     None => *damaged += 1,
                 }
             }
             Line::Stream(deframer) => {
                 for frame in bytes.iter().filter_map(|byte| deframer.push(*byte)) {
-                    match frame.as_deref().ok().and_then(Bundle::datagram) {
-                        Some(bundle) => judge(Who::Line(*line), plain, &bundle),
+                    match frame.as_deref().ok().and_then(all) {
+                        Some(bundles) => bundles.iter().for_each(|bundle| judge(Who::Line(*line), plain, bundle)),
                         None => *damaged += 1,
                     }
                 }
@@ -233,7 +233,15 @@ impl Intake {
     }
 }
 
-const _: () = assert!(Layout::ALL.len() == 4);
+/// The length of the longest frame with objects, bytes: that of the map with the most receivers and a hold.
+const LONGEST: usize = {
+    let [.., layout] = Layout::ALL;
+    layout.with_hold().map_len()
+};
+
+fn all(bytes: &[u8]) -> Option<Vec<Bundle<'_>>> {
+    Some(Bundle::all(bytes)).filter(|bundles| !bundles.is_empty())
+}
 
 #[cfg(test)]
 mod tests {

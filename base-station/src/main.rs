@@ -42,9 +42,8 @@ enum Command {
     Serve {
         #[command(flatten)]
         listen: Listen,
-        /// Allow users of the page to send uplink objects to drones, signed with --key
-        #[arg(long, requires = "key")]
-        uplink: bool,
+        #[command(flatten)]
+        allow: Allow,
         #[command(flatten)]
         output: Output,
     },
@@ -66,9 +65,8 @@ enum Command {
         station: String,
         #[command(flatten)]
         listen: Listen,
-        /// Allow users of the page to send uplink objects to drones, signed with --key
-        #[arg(long, requires = "key")]
-        uplink: bool,
+        #[command(flatten)]
+        allow: Allow,
         #[command(flatten)]
         output: Output,
     },
@@ -156,6 +154,18 @@ struct Listen {
     system_id: u8,
 }
 
+/// What users of the page may send to drones, signed with --key; by default nothing.
+#[derive(Args)]
+struct Allow {
+    /// Allow users of the page to send uplink objects to drones, signed with --key
+    #[arg(long, requires = "key")]
+    uplink: bool,
+    /// Allow users of the page to command drones' active holds (set-point, lock, unlock, clear shock), signed with
+    /// --key. Commands travel in uplink objects, so --uplink is excluded
+    #[arg(long, requires = "key", conflicts_with = "uplink")]
+    hold_commands: bool,
+}
+
 /// The broker's arguments.
 #[derive(Args)]
 struct BrokerArgs {
@@ -208,10 +218,10 @@ const COMPLAIN: Duration = Duration::from_millis(500);
 
 fn main() -> ExitCode {
     let done = match Cli::parse().command {
-        Command::Serve { listen, uplink, output } => serve(&listen, uplink, output),
+        Command::Serve { listen, allow, output } => serve(&listen, &allow, output),
         Command::Record { file, listen } => record(&listen, file),
-        Command::Publish { broker, station, listen, uplink, output } => {
-            publish(&broker, &station, &listen, uplink, output)
+        Command::Publish { broker, station, listen, allow, output } => {
+            publish(&broker, &station, &listen, &allow, output)
         }
         Command::Subscribe { broker, station, output } => subscribe(&broker, station.as_deref(), output),
         Command::Replay { files, page, speed, from } => replay(files, &page, speed, from),
@@ -227,10 +237,10 @@ fn main() -> ExitCode {
     }
 }
 
-fn serve(listen: &Listen, uplink: bool, Output { page, record }: Output) -> Result<()> {
+fn serve(listen: &Listen, allow: &Allow, Output { page, record }: Output) -> Result<()> {
     let clock = Clock::begin();
     let (inlet, station, ended) = live::start(verifier(listen)?, files(record)?, Time::Clock(clock.clone()), tell);
-    speak(listen, uplink, &station)?;
+    speak(listen, allow, &station)?;
     open(listen, &clock, &inlet)?;
     show(station.clone(), None, &page)?;
     finish(inlet, &station, ended)
@@ -239,7 +249,7 @@ fn serve(listen: &Listen, uplink: bool, Output { page, record }: Output) -> Resu
 fn record(listen: &Listen, file: PathBuf) -> Result<()> {
     let clock = Clock::begin();
     let (inlet, station, ended) = live::start(verifier(listen)?, files(Some(file))?, Time::Clock(clock.clone()), tell);
-    speak(listen, false, &station)?;
+    speak(listen, &Allow { uplink: false, hold_commands: false }, &station)?;
     open(listen, &clock, &inlet)?;
     complain(station.clone());
     runtime()?.block_on(interrupted(None))?;
@@ -247,14 +257,14 @@ fn record(listen: &Listen, file: PathBuf) -> Result<()> {
     finish(inlet, &station, ended)
 }
 
-fn publish(to: &BrokerArgs, name: &str, listen: &Listen, uplink: bool, Output { page, record }: Output) -> Result<()> {
+fn publish(to: &BrokerArgs, name: &str, listen: &Listen, allow: &Allow, Output { page, record }: Output) -> Result<()> {
     let clock = Clock::begin();
     let broker = broker(to)?;
     let (outlet, unconnected) = broker::outlet(broker.clone(), station(name)?);
     let (verifier, files, time) = (verifier(listen)?, files(record)?, Time::Clock(clock.clone()));
     let (inlet, station, ended) = live::start_publishing(verifier, files, time, Some(outlet.clone()), tell);
     unconnected.connect(inlet.clone()).with_context(|| format!("cannot begin with {broker}"))?;
-    speak(listen, uplink, &station)?;
+    speak(listen, allow, &station)?;
     open(listen, &clock, &inlet)?;
     eprintln!("publishing to {broker} as {name}");
     show(station.clone(), None, &page)?;
@@ -391,6 +401,7 @@ fn repair(file: &Path, output: PathBuf) -> Result<()> {
     while let Some(record) = reader.next_record()? {
         let judged = export::judge(&mut intake, &record);
         recorder.carried(&record.carried, &judged, &Sample::of(&judged, intake.fleet()));
+        record.commands.iter().for_each(|told| recorder.command(told));
         for (drone, change) in intake.tick(record.carried.at_us) {
             recorder.alarm(drone, change);
         }
@@ -439,8 +450,8 @@ fn verifier(listen: &Listen) -> Result<Option<Verifier>> {
 /// The number of the link in this station's signatures. Each sender with the same key needs a different number.
 const SIGNING_LINK: u8 = 254;
 
-fn speak(listen: &Listen, uplink: bool, station: &Station) -> Result<()> {
-    if !listen.heartbeat && !uplink {
+fn speak(listen: &Listen, allow: &Allow, station: &Station) -> Result<()> {
+    if !listen.heartbeat && !allow.uplink && !allow.hold_commands {
         return Ok(());
     }
     let signer = key(listen)?.map(|key| Signer::new(key, SIGNING_LINK));
@@ -449,7 +460,11 @@ fn speak(listen: &Listen, uplink: bool, station: &Station) -> Result<()> {
         voice = voice.with_heartbeat(listen.heartbeat_to.clone());
         eprintln!("sending HEARTBEAT as MAVLink system {}", listen.system_id);
     }
-    if uplink {
+    if allow.hold_commands {
+        voice = voice.with_commands();
+        eprintln!("whoever opens the page can command drones' active holds");
+    }
+    if allow.uplink {
         voice = voice.with_uplinks();
         eprintln!("whoever opens the page can send uplinks to drones");
     }

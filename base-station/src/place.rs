@@ -5,7 +5,7 @@ use core::fmt;
 use profile::criticality::BaseStation;
 use profile::ssi::Request;
 use profile::ssi::client::{Shown, View};
-use profile::{Identifier, Layout, LinkStatus, MAX_RECEIVERS, Object, PortStatus, Uplink, image};
+use profile::{HoldStatus, Identifier, Layout, LinkStatus, MAX_RECEIVERS, Object, PortStatus, Uplink, image};
 
 /// A kind of object that a base station knows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -20,11 +20,13 @@ pub enum Place {
     PortStatus,
     /// The base station's uplink as the DPR stored it: 64 bytes.
     Uplink,
+    /// Hold-Status, the object of the [active hold](profile::hold): 64 bytes.
+    Hold,
 }
 
 impl Place {
     /// The number of kinds of objects.
-    pub const COUNT: usize = 4 + MAX_RECEIVERS;
+    pub const COUNT: usize = 5 + MAX_RECEIVERS;
 
     /// All kinds of objects, in the order of the map.
     pub const ALL: [Self; Self::COUNT] = [
@@ -37,6 +39,7 @@ impl Place {
         Self::Gps(5),
         Self::PortStatus,
         Self::Uplink,
+        Self::Hold,
     ];
 
     /// Returns the kind of the profile's object number `index`: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5.
@@ -46,7 +49,7 @@ impl Place {
     }
 
     /// Returns the object's number in the order of the map: 0 for Link-Status, 1 for Reported-Position, 2 to 6 for the
-    /// receivers, 7 for Port-Status and 8 for the uplink.
+    /// receivers, 7 for Port-Status, 8 for the uplink and 9 for Hold-Status.
     #[must_use]
     pub const fn index(self) -> usize {
         match self {
@@ -55,6 +58,7 @@ impl Place {
             Self::Gps(receiver) => 1 + receiver as usize,
             Self::PortStatus => 2 + MAX_RECEIVERS,
             Self::Uplink => 3 + MAX_RECEIVERS,
+            Self::Hold => 4 + MAX_RECEIVERS,
         }
     }
 
@@ -67,6 +71,7 @@ impl Place {
             Self::Gps(_) => profile::GpsObject::SIZE,
             Self::PortStatus => PortStatus::SIZE,
             Self::Uplink => Uplink::SIZE,
+            Self::Hold => HoldStatus::SIZE,
         }
     }
 
@@ -79,6 +84,7 @@ impl Place {
             Self::Gps(receiver) => Identifier::GPS.get(usize::from(receiver).checked_sub(1)?).copied(),
             Self::PortStatus => Some(Identifier::PORT_STATUS),
             Self::Uplink => Some(Identifier::UPLINK_BASE_STATION),
+            Self::Hold => Some(Identifier::HOLD_STATUS),
         }
     }
 
@@ -93,12 +99,13 @@ impl Place {
     pub fn judge(self, bytes: &[u8]) -> Shown<Intact<'_>> {
         let damaged = Shown::Damaged(profile::Rejection::Length);
         // The layout with the most receivers has every kind of object.
-        let [.., layout] = Layout::ALL;
+        let [.., layout] = Layout::ALL.map(Layout::with_hold);
         let offset = match self {
             Self::LinkStatus => Some(image::LINK_STATUS),
             Self::Reported | Self::Gps(_) => layout.in_image(self.index() - 1).map(|place| place.start),
             Self::PortStatus => Some(layout.port_status().start),
             Self::Uplink => Some(layout.uplink::<BaseStation>().start),
+            Self::Hold => layout.hold().map(|place| place.start),
         };
         let (Some(Ok(offset)), Ok(length)) = (offset.map(u16::try_from), u16::try_from(bytes.len())) else {
             return damaged;
@@ -112,6 +119,7 @@ impl Place {
             Self::Reported | Self::Gps(_) => view.object(self.index() - 1).map(|shown| map(shown, Intact::Object)),
             Self::PortStatus => view.port_status().map(|shown| map(shown, Intact::PortStatus)),
             Self::Uplink => view.uplink::<BaseStation>().map(|shown| map(shown, Intact::Uplink)),
+            Self::Hold => view.hold().map(|shown| map(shown, Intact::Hold)),
         }
         .unwrap_or(damaged)
     }
@@ -125,6 +133,7 @@ impl fmt::Display for Place {
             Self::Gps(receiver) => write!(f, "GPS{receiver}"),
             Self::PortStatus => f.write_str("Port-Status"),
             Self::Uplink => f.write_str("Uplink"),
+            Self::Hold => f.write_str("Hold-Status"),
         }
     }
 }
@@ -140,11 +149,14 @@ pub enum Intact<'a> {
     PortStatus(&'a PortStatus),
     /// The base station's uplink.
     Uplink(&'a Uplink),
+    /// Hold-Status.
+    Hold(&'a HoldStatus),
 }
 
 impl Intact<'_> {
     /// Returns the object's timestamp, ms, which wraps. That of Link-Status and Port-Status counts from the DPR's
-    /// start, that of the profile's objects from HORUS's start. The uplink's is on the base station's clock.
+    /// start, that of the profile's objects from HORUS's start, that of Hold-Status from the hold's start. The uplink's is
+    /// on the base station's clock.
     #[must_use]
     pub const fn timestamp(self) -> u32 {
         match self {
@@ -152,6 +164,7 @@ impl Intact<'_> {
             Self::Object(object) => object.timestamp(),
             Self::PortStatus(object) => object.timestamp(),
             Self::Uplink(object) => object.timestamp(),
+            Self::Hold(object) => object.timestamp(),
         }
     }
 }
@@ -166,9 +179,10 @@ fn map<T, U>(shown: Shown<T>, with: impl FnOnce(T) -> U) -> Shown<U> {
 
 #[cfg(test)]
 mod tests {
-    use profile::criticality::{Dpr, Writer};
+    use profile::criticality::{ActiveLoad, Dpr, Writer};
     use profile::{
-        GpsObject, GpsValues, LinkValues, PortValues, Rejection, ReportedPosition, ReportedValues, UplinkValues,
+        GpsObject, GpsValues, HoldValues, LinkValues, PortValues, Rejection, ReportedPosition, ReportedValues,
+        UplinkValues,
     };
 
     use super::*;
@@ -180,6 +194,7 @@ mod tests {
             Place::Gps(_) => GpsObject::seal(place.identifier().unwrap(), &GpsValues::absent(10)).as_bytes().to_vec(),
             Place::PortStatus => PortStatus::seal(Writer::<Dpr>::claim(), &PortValues::default()).as_bytes().to_vec(),
             Place::Uplink => Uplink::seal(Writer::<BaseStation>::claim(), &UplinkValues::default()).as_bytes().to_vec(),
+            Place::Hold => HoldStatus::seal(Writer::<ActiveLoad>::claim(), &HoldValues::absent(10)).as_bytes().to_vec(),
         }
     }
 

@@ -27,6 +27,9 @@ use profile::{
 };
 use serde_json::{Value, json};
 
+#[path = "browser/hold.rs"]
+mod hold;
+
 const PERIOD: Duration = Duration::from_millis(50);
 
 const SAYS_OLD_WITHIN: f64 = 500.0;
@@ -102,14 +105,15 @@ impl Scene {
         Self::with_key(clock, None)
     }
 
-    /// Starts a station with this clock. With a key, it sends uplinks and accepts only messages signed with the key.
-    fn with_key(clock: impl FnOnce(Arc<AtomicU64>) -> Clock, key: Option<Key>) -> Self {
+    /// Starts a station with this clock. With a key, it sends what the function enables, and accepts only messages
+    /// signed with the key.
+    fn with_key(clock: impl FnOnce(Arc<AtomicU64>) -> Clock, key: Option<(Key, fn(Voice) -> Voice)>) -> Self {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = clock(Arc::clone(&passed_us));
-        let verifier = key.clone().map(Verifier::new);
+        let verifier = key.clone().map(|(key, _)| Verifier::new(key));
         let (inlet, station, _) = live::start(verifier, None, Time::Clock(clock.clone()), |_, _| {});
-        if let Some(key) = &key {
-            station.speak(Voice::new(voice::SYSTEM, Some(Signer::new(key.clone(), 254))).with_uplinks());
+        if let Some((key, enable)) = &key {
+            station.speak(enable(Voice::new(voice::SYSTEM, Some(Signer::new(key.clone(), 254)))));
         }
         let local = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
         let to = lines::udp(local, Kind::MavlinkDatagrams, 0, clock, inlet).unwrap();
@@ -117,7 +121,7 @@ impl Scene {
         let page = server.address();
         let forwarder = Forwarder::new(7, 1, Rates { bytes_per_s: 1_000_000, period_us: 0, standard_us: 0 });
         let forwarder = match key {
-            Some(key) => forwarder.signed(Signer::new(key, 1)),
+            Some((key, _)) => forwarder.signed(Signer::new(key, 1)),
             None => forwarder,
         };
         let socket = UdpSocket::bind(local).unwrap();
@@ -828,7 +832,7 @@ fn the_page_shows_an_uplink_as_sent_and_then_as_written() {
     let _alone = alone();
     let Some(mut tab) = tab("uplink") else { return };
     let key = Key::new([3; 32]);
-    let mut scene = Scene::with_key(|_| Clock::begin(), Some(key.clone()));
+    let mut scene = Scene::with_key(|_| Clock::begin(), Some((key.clone(), Voice::with_uplinks)));
     let mut inbound = Inbound::new(7, Verifier::new(key));
     let mut stored = [0; 64];
     tab.open(&scene.address());

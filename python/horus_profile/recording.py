@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any, BinaryIO, Dict, Iterator, List, Optional, Tuple, Type, Union
 
 from ._base import Object, Rejection
-from .objects import MAPS, Identifier
+from .objects import MAPS, MAPS_WITH_HOLD, Identifier
 from .tunnel import PLACES, Frames, Part, split, split_payload
 
 _MAGIC = b"\x89MCAP0\r\n"
@@ -187,12 +187,19 @@ class _Rest:
 
 
 def _datagram(data: bytes) -> Optional[List[Part]]:
-    """The objects of a profile or an image."""
+    """The objects of a profile, an image or a map; those of a map are without the flight controller's uplink."""
     for layout in MAPS.values():
         if len(data) == layout.image_bytes:
             return split(0, data)
         if len(data) == layout.profile_bytes:
             return split(1, data)
+    for layout in (*MAPS.values(), *MAPS_WITH_HOLD.values()):
+        if len(data) == layout.map_bytes:
+            known = [place for place in layout.places if (place.kind, place.identifier) in PLACES]
+            return [
+                (place.kind, Identifier(place.identifier), data[place.offset : place.offset + place.kind.SIZE])
+                for place in known
+            ]
     return None
 
 

@@ -36,10 +36,15 @@ Part = Tuple[Type[Object], Identifier, bytes]
 
 
 def split(first: int, data: bytes) -> Optional[List[Part]]:
-    """The successive objects from number `first` of `PLACES` on that fill `data`; None if none do."""
+    """The successive objects from number `first` of `PLACES` on that fill `data`; None if none do.
+
+    Hold-Status is always alone: it does not follow the base station's uplink in the map.
+    """
     parts: List[Part] = []
     at = 0
     for kind, identifier in PLACES[first:]:
+        if parts and identifier == Identifier.HOLD_STATUS:
+            break
         parts.append((kind, identifier, data[at : at + kind.SIZE]))
         at += kind.SIZE
         if at >= len(data):

@@ -5,9 +5,9 @@
 //!
 //! | carrier | how objects travel |
 //! |---|---|
-//! | datagrams | a profile or an image as it is ([`Bundle::datagram`](crate::Bundle::datagram)) |
+//! | datagrams | a profile, an image or a map as it is ([`Bundle::all`](crate::Bundle::all)) |
 //! | MAVLink 2 | in TUNNEL messages (`mavlink`, decision 17) |
-//! | a byte stream | a profile or an image as it is, in frames that end with a zero byte ([`stream`]) |
+//! | a byte stream | a profile, an image or a map as it is, in frames that end with a zero byte ([`stream`]) |
 //! | a broker | in messages that another base station publishes ([`published`], decision 19) |
 
 #[cfg(feature = "mavlink")]

@@ -24,7 +24,10 @@
 //!
 //! **Alarms** follow from the kept data and the time; [`Drone::tick`] returns their changes. The bits of Link-Status
 //! are alarms as well.
+//!
+//! **The active hold** is judged and kept beside all of this ([`hold`]), which does not depend on it.
 
+pub mod hold;
 pub mod order;
 pub mod words;
 
@@ -37,6 +40,7 @@ use profile::{
 use crate::age::Ages;
 use crate::alarm::{Alarms, Board};
 use crate::{Alarm, Bundle, Change, Intact, Place, Raised};
+use hold::HoldState;
 use order::{Order, Step};
 
 /// The age from which on a position is stale, µs. The page must report this within half a second, and needs the rest of
@@ -172,6 +176,8 @@ pub struct Drone {
     link: Option<Held<LinkValues>>,
     port_status: Option<Held<PortValues>>,
     uplink: Option<Uplink>,
+    /// Absent for a drone that forwards nothing of a hold.
+    hold: Option<Box<HoldState>>,
     receivers: usize,
     counts: Counts,
     board: Board,
@@ -199,6 +205,7 @@ impl Drone {
             link: None,
             port_status: None,
             uplink: None,
+            hold: None,
             receivers: 0,
             counts: Counts::default(),
             board: Board::default(),
@@ -231,6 +238,9 @@ impl Drone {
 
     /// Judges bytes that arrived at `at_us`, µs, as an object of the kind `place`, and keeps it if it is accepted.
     pub fn take(&mut self, place: Place, at_us: u64, bytes: &[u8]) -> Verdict {
+        if place == Place::Hold {
+            return self.hold.get_or_insert_default().take(at_us, bytes);
+        }
         let verdict = match place.judge(bytes) {
             Shown::Vacant => Verdict::Vacant,
             Shown::Damaged(why) => Verdict::Rejected(why),
@@ -244,6 +254,7 @@ impl Drone {
                         true => Verdict::Duplicate,
                         false => Verdict::New,
                     },
+                    Intact::Hold(_) => Verdict::Rejected(Rejection::Identifier),
                 };
                 // An object that is not accepted, or is the base station's own, is no sign of life of this drone.
                 if verdict != Verdict::OutOfSequence && place != Place::Uplink {
@@ -321,7 +332,7 @@ impl Drone {
         let timestamp = object.timestamp();
         let receiver = match place {
             Place::Gps(receiver) => usize::from(receiver).checked_sub(1),
-            Place::Reported | Place::LinkStatus | Place::PortStatus | Place::Uplink => None,
+            Place::Reported | Place::LinkStatus | Place::PortStatus | Place::Uplink | Place::Hold => None,
         };
         let own = match receiver {
             None => self.reported.as_ref().map(|held| (held.timestamp, held.crc)),
@@ -411,6 +422,9 @@ impl Drone {
                 Shown::Intact(Intact::PortStatus(port)) => {
                     let early_us = self.dpr_ages.early_us(port.timestamp(), at_us, true);
                     fits = self.port.fits(port.timestamp(), at_us, false, early_us);
+                }
+                Shown::Intact(Intact::Hold(object)) => {
+                    fits = self.hold.as_ref().is_none_or(|hold| hold.fits(at_us, object.timestamp()));
                 }
                 _ => {}
             }
@@ -526,6 +540,12 @@ impl Drone {
     #[must_use]
     pub const fn uplink(&self) -> Option<&Uplink> {
         self.uplink.as_ref()
+    }
+
+    /// Returns what is known of the active hold; `None` if nothing of one was forwarded.
+    #[must_use]
+    pub fn hold(&self) -> Option<&HoldState> {
+        self.hold.as_deref()
     }
 
     /// Returns the highest number of a receiver of which an intact object arrived, 1 to 5; 0 if none did.

@@ -5,13 +5,15 @@
 //! [`KEPT_US`].
 //!
 //! **Bound.** Each drone has 602 samples of at most [`SAMPLE_BYTES`] bytes: 58 kB for a drone, 58 MB for a thousand,
-//! and 237 MB for the greatest number of drones that are kept ([`MAX_DRONES`](crate::fleet::MAX_DRONES)). Positions are
-//! in 1e-7 degrees (1 cm), since they are only drawn.
+//! and 237 MB for the greatest number of drones that are kept ([`MAX_DRONES`](crate::fleet::MAX_DRONES)). A drone with
+//! an active hold has as many [samples of the hold](HoldSample), 25 kB more. Positions are in 1e-7 degrees (1 cm), since
+//! they are only drawn.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use profile::MAX_RECEIVERS;
 
+use crate::drone::hold::Presence;
 use crate::drone::{OLD_US, STALE_US};
 use crate::{Drone, DroneId, Fleet};
 
@@ -104,9 +106,51 @@ fn degrees(place: Place) -> [f64; 2] {
     place.map(|part| f64::from(part) / 1e7)
 }
 
+/// What a drone's active hold reported at an instant; NaN where it was not known, or not present.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HoldSample {
+    /// The instant of the sample, µs of the station's clock.
+    pub at_us: u64,
+    /// The temperature, °C.
+    pub temperature: f32,
+    /// The set-point of the temperature, °C.
+    pub set_point: f32,
+    /// The output, -1 (cooling) to 1 (heating).
+    pub output: f32,
+    /// The vibration along x, y, z, m/s².
+    pub vibration: [f32; 3],
+}
+
+const _: () = assert!(size_of::<HoldSample>() * SAMPLES <= 25_000);
+
+impl HoldSample {
+    /// Returns a drone's sample; `None` if no Hold-Status of it has ever arrived.
+    fn of(drone: &Drone, now_us: u64) -> Option<Self> {
+        let hold = drone.hold()?;
+        let held = hold.held()?;
+        let nothing = Self {
+            at_us: now_us,
+            temperature: f32::NAN,
+            set_point: f32::NAN,
+            output: f32::NAN,
+            vibration: [f32::NAN; 3],
+        };
+        let v = &held.values;
+        let present = Self {
+            temperature: v.temperature,
+            set_point: v.set_point,
+            output: v.output,
+            vibration: v.vibration,
+            ..nothing
+        };
+        Some(if hold.presence(now_us) == Presence::Valid { present } else { nothing })
+    }
+}
+
 #[derive(Clone, Debug)]
 struct Track {
     samples: VecDeque<Sample>,
+    hold: VecDeque<HoldSample>,
     age: f32,
     agree: Option<u8>,
 }
@@ -131,6 +175,7 @@ impl History {
         for (id, drone) in fleet.iter() {
             let track = self.tracks.entry(id).or_insert(Track {
                 samples: VecDeque::with_capacity(SAMPLES),
+                hold: VecDeque::new(),
                 age: f32::NAN,
                 agree: None,
             });
@@ -140,8 +185,12 @@ impl History {
             if track.samples.back().is_none_or(|last| now_us >= last.at_us + PERIOD_US) {
                 track.samples.push_back(Sample { age: track.age, agree: track.agree, ..sample });
                 (track.age, track.agree) = (f32::NAN, None);
+                track.hold.extend(HoldSample::of(drone, now_us));
                 while track.samples.front().is_some_and(|first| first.at_us + KEPT_US < now_us) {
                     track.samples.pop_front();
+                }
+                while track.hold.front().is_some_and(|first| first.at_us + KEPT_US < now_us) {
+                    track.hold.pop_front();
                 }
             }
         }
@@ -150,6 +199,11 @@ impl History {
     /// Returns a drone's samples, the oldest first.
     pub fn of(&self, id: DroneId) -> impl Iterator<Item = &Sample> {
         self.tracks.get(&id).into_iter().flat_map(|track| &track.samples)
+    }
+
+    /// Returns the samples of a drone's hold, the oldest first.
+    pub fn of_hold(&self, id: DroneId) -> impl Iterator<Item = &HoldSample> {
+        self.tracks.get(&id).into_iter().flat_map(|track| &track.hold)
     }
 }
 

@@ -34,6 +34,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use tokio::sync::watch;
 
+use crate::carrier::mavlink::commander::CommandRecord;
 use crate::carrier::mavlink::{Verifier, Voice};
 use crate::intake::{Carried, Intake, Kind};
 use crate::recorder::{Files, Made, Record, Sample, Trouble};
@@ -50,6 +51,9 @@ const WAITING: usize = 65_536;
 
 /// The number of alarm changes that are kept for the page.
 pub const KEPT_CHANGES: usize = 100;
+
+/// The number of commands to holds that are kept for the page.
+pub const KEPT_COMMANDS: usize = 100;
 
 const UNPUBLISHED_US: u64 = 5_000_000;
 
@@ -160,6 +164,8 @@ pub struct StationData {
     pub history: History,
     /// The alarms of all drones that began or ended, the newest last: at most [`KEPT_CHANGES`].
     pub alarms: VecDeque<(DroneId, Change)>,
+    /// The station's commands to holds with their present states, the newest last: at most [`KEPT_COMMANDS`].
+    pub commands: VecDeque<CommandRecord>,
     /// The lines that do not work, each with its error.
     pub lines: Vec<(String, String)>,
     /// The files of the recording, if there is one.
@@ -178,6 +184,17 @@ impl StationData {
             self.alarms.pop_front();
         }
         self.alarms.push_back((drone, change));
+    }
+
+    fn note_command(&mut self, told: CommandRecord) {
+        if let Some(known) = self.commands.iter_mut().find(|known| known.is_of(&told)) {
+            *known = told;
+            return;
+        }
+        if self.commands.len() == KEPT_COMMANDS {
+            self.commands.pop_front();
+        }
+        self.commands.push_back(told);
     }
 
     fn look(&mut self) {
@@ -335,6 +352,7 @@ fn run(
                 }
                 Event::Played(record) => {
                     export::judge(&mut known.intake, &record);
+                    record.commands.iter().for_each(|told| known.note_command(told.clone()));
                     known.now_us = known.now_us.max(record.carried.at_us);
                     // The history gets the time of the recorded data. During a jump, the playback's time is ahead of
                     // it.
@@ -350,6 +368,7 @@ fn run(
                     known.intake = Intake::default();
                     known.history = History::default();
                     known.alarms.clear();
+                    known.commands.clear();
                     known.now_us = at_us;
                 }
             }
@@ -376,6 +395,13 @@ fn run(
                 if let Some(recording) = recording {
                     recording.uplink(now_us, told);
                 }
+            }
+            let commands = voice.as_mut().map(Voice::take_commands).unwrap_or_default();
+            for told in commands {
+                if let Some(recording) = recording {
+                    recording.command(told.clone());
+                }
+                known.note_command(told);
             }
             known.recorder = recording.and_then(Recording::trouble);
             if let Some(outlet) = outlet {

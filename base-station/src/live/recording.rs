@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use crate::carrier::mavlink::commander::CommandRecord;
 use crate::carrier::mavlink::voice::UplinkChange;
 use crate::intake::{Carried, Judged};
 use crate::recorder::{FLUSH_US, Files, Recorder, Sample, Trouble};
@@ -16,6 +17,7 @@ enum What {
     Carried(Carried, Vec<Judged>, Vec<Sample>),
     Alarm(DroneId, Change),
     Uplink(u64, UplinkChange),
+    Command(CommandRecord),
 }
 
 /// A recorder on a thread of its own.
@@ -46,6 +48,11 @@ impl Recording {
     /// Records a new state of an uplink.
     pub fn uplink(&self, at_us: u64, told: UplinkChange) {
         self.offer(at_us, What::Uplink(at_us, told));
+    }
+
+    /// Records a new state of a command to a hold.
+    pub fn command(&self, told: CommandRecord) {
+        self.offer(told.at_us, What::Command(told));
     }
 
     /// Records an alarm that began or ended.
@@ -93,6 +100,10 @@ fn write(from: &Receiver<What>, mut recorder: Recorder<Files>, told: &Mutex<Opti
             Ok(What::Uplink(at_us, told)) => {
                 last = (at_us, Instant::now());
                 recorder.uplink(at_us, &told);
+            }
+            Ok(What::Command(told)) => {
+                last = (told.at_us, Instant::now());
+                recorder.command(&told);
             }
             Ok(What::Alarm(drone, change)) => {
                 last = (change.at_us, Instant::now());

@@ -2,7 +2,8 @@
 //!
 //! **Contents.** `/carried` has the bytes and the verdicts, which suffice for a playback. `/alarms` has the alarms that
 //! began or ended. `/drone/ID/…` has positions for maps, the state with agreement and attitude, and the link.
-//! `/uplinks` has the uplinks that this station sent, and their states. The schemas in the file, in ROS 1's language,
+//! `/drone/ID/hold` has Hold-Status. `/uplinks` and `/hold-commands` have the uplinks and the commands to holds that
+//! this station sent, and their states. The schemas in the file, in ROS 1's language,
 //! let other tools such as Foxglove open it.
 //!
 //! **Crashes.** A chunk of the file is written whole, at least every [`FLUSH_US`], and forced to the disk. So a killed
@@ -30,9 +31,11 @@ use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{WriteOptions, Writer};
 
-use profile::{LinkValues, ReportedValues};
+use profile::{HoldValues, LinkValues, ReportedValues};
 
+use crate::carrier::mavlink::commander::CommandRecord;
 use crate::carrier::mavlink::voice::UplinkChange;
+use crate::drone::hold::HoldState;
 use crate::intake::{Carried, Judged};
 use crate::{Change, DroneId, Fleet, Place, Verdict};
 
@@ -47,6 +50,8 @@ pub const RETRY_US: u64 = 1_000_000;
 
 /// The size at which a part of a recording is finished, bytes.
 pub const PART_BYTES: u64 = 512 << 20;
+
+const COMMANDS: &str = "/hold-commands";
 
 /// Makes the parts of a recording.
 pub trait Parts {
@@ -146,6 +151,8 @@ pub enum Sample {
     State(DroneId, ReportedValues),
     /// The values of Link-Status.
     Link(DroneId, LinkValues),
+    /// The values of Hold-Status.
+    Hold(DroneId, HoldValues),
 }
 
 impl Sample {
@@ -172,6 +179,10 @@ impl Sample {
                     samples.extend(position.map(|position| Self::Position(*id, *place, position)));
                 }
                 // Port-Status and uplinks have no samples. The sender of an uplink reports its state.
+                Place::Hold => {
+                    let held = drone.hold().and_then(HoldState::held);
+                    samples.extend(held.map(|held| Self::Hold(*id, held.values)));
+                }
                 Place::PortStatus | Place::Uplink => {}
             }
         }
@@ -216,6 +227,7 @@ impl<P: Parts> Recorder<P> {
                 }
                 Sample::State(drone, values) => (format!("/drone/{drone}/state"), ros::STATE, ros::state(values)),
                 Sample::Link(drone, values) => (format!("/drone/{drone}/link"), ros::LINK, ros::link(values)),
+                Sample::Hold(drone, values) => (format!("/drone/{drone}/hold"), ros::HOLD, ros::hold(values)),
             };
             self.put(at_us, &topic, schema, &data);
         }
@@ -224,6 +236,11 @@ impl<P: Parts> Recorder<P> {
     /// Records the state of an uplink of this station, which changed at `at_us`.
     pub fn uplink(&mut self, at_us: u64, told: &UplinkChange) {
         self.put(at_us, "/uplinks", ros::UPLINK, &ros::uplink(told));
+    }
+
+    /// Records the state of a command of this station to a hold.
+    pub fn command(&mut self, told: &CommandRecord) {
+        self.put(told.at_us, COMMANDS, ros::COMMAND, &ros::command(told));
     }
 
     /// Records an alarm that began or ended.

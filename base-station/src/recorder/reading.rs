@@ -4,7 +4,7 @@
 //! several. It allocates the buffer of a record or a string by the claimed length, up to 4 GiB. It subtracts without a
 //! check if a record is longer than the rest of its chunk, or an attachment shorter than its CRC. So this module parses
 //! a file itself, by <https://mcap.dev/spec>: an opcode, a length and that number of bytes, in and outside of chunks.
-//! It reads only chunks, channels and messages.
+//! It reads only chunks, channels and messages: the arrivals, and the commands to holds.
 //!
 //! **Memory.** One record outside of chunks is held. Its buffer grows with the bytes that the file has: to at most
 //! twice [`LONGEST`], and at most twice the file. **Time.** Each byte is read and checked once, and reading ends at the
@@ -17,24 +17,31 @@ use std::ops::Range;
 use mcap::McapError;
 use mcap::records::op;
 
+use super::COMMANDS;
 use super::ros::{self, Found, array, string, take};
+use crate::carrier::mavlink::commander::CommandRecord;
 use crate::intake::Carried;
 
 /// The greatest length of a [`Recorder`](super::Recorder)'s chunk, bytes; a longer record ends the reading. Half a
 /// second of a thousand drones is 2 MB.
 pub(super) const LONGEST: u64 = 256 << 20;
 
+/// The greatest number of commands that are kept between two arrivals.
+const MOST_TOLD: usize = 1_000;
+
 const HEAD: usize = 1 + 8;
 
 const MESSAGE_HEAD: usize = 2 + 4 + 8 + 8;
 
 /// Bytes that arrived, with the recorded verdicts.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Record {
     /// The bytes that arrived.
     pub carried: Carried,
     /// The verdict on each object in the bytes.
     pub found: Vec<Found>,
+    /// The states of the station's commands to holds that were recorded since the arrival before.
+    pub commands: Vec<CommandRecord>,
 }
 
 enum Stop {
@@ -55,13 +62,21 @@ impl From<McapError> for Stop {
     }
 }
 
+#[derive(Default)]
+struct Channels {
+    arrivals: HashSet<u16>,
+    commands: HashSet<u16>,
+    /// The commands since the last arrival.
+    told: Vec<CommandRecord>,
+}
+
 /// Reads the arrivals of a recording, in order, and holds at most one chunk.
 pub struct Reader<R> {
     from: R,
     begun: bool,
     body: Vec<u8>,
     chunk: Range<usize>,
-    channels: HashSet<u16>,
+    channels: Channels,
     read: u64,
     torn: Option<String>,
     lost: Vec<String>,
@@ -76,7 +91,7 @@ impl<R: Read> Reader<R> {
             begun: false,
             body: vec![],
             chunk: 0..0,
-            channels: HashSet::new(),
+            channels: Channels::default(),
             read: 0,
             torn: None,
             lost: vec![],
@@ -223,25 +238,33 @@ fn chunk_head(body: &[u8]) -> Option<(u32, String, u64, &[u8])> {
     Some((crc, compression, u64::from_le_bytes(*take::<8>(&mut rest)?), rest))
 }
 
-/// Parses a record other than a chunk, and returns it if it is an arrival. The number of a channel of arrivals is added
-/// to `channels`. `is_lossy` means that an earlier chunk was lost, perhaps with definitions of channels. Then each
+/// Parses a record other than a chunk, and returns it if it is an arrival. The number of a channel of arrivals or of
+/// commands is added to `channels`, and so is a command. `is_lossy` means that an earlier chunk was lost, perhaps with definitions of channels. Then each
 /// message may be an arrival.
-fn look(channels: &mut HashSet<u16>, is_lossy: bool, opcode: u8, body: &[u8]) -> Result<Option<Record>, Stop> {
+fn look(channels: &mut Channels, is_lossy: bool, opcode: u8, body: &[u8]) -> Result<Option<Record>, Stop> {
     let malformed = |what: &str| Stop::Torn(format!("a {what} that is malformed"));
     match opcode {
         op::CHANNEL => {
             let (id, topic) = channel(body).ok_or_else(|| malformed("channel"))?;
             if topic == b"/carried" {
-                channels.insert(id);
+                channels.arrivals.insert(id);
+            } else if topic == COMMANDS.as_bytes() {
+                channels.commands.insert(id);
             }
             Ok(None)
         }
         op::MESSAGE => {
             let mut data = body;
             let [low, high, ..] = *take::<MESSAGE_HEAD>(&mut data).ok_or_else(|| malformed("message"))?;
-            let known = channels.contains(&u16::from_le_bytes([low, high])) || (is_lossy && channels.is_empty());
+            let Channels { arrivals, commands, told } = channels;
+            let channel = u16::from_le_bytes([low, high]);
+            if commands.contains(&channel) && told.len() < MOST_TOLD {
+                told.extend(ros::read_command(data));
+            }
+            let known = arrivals.contains(&channel) || (is_lossy && arrivals.is_empty());
             let carried = known.then(|| ros::read_carried(data));
-            Ok(carried.flatten().map(|(carried, found)| Record { carried, found }))
+            let record = |(carried, found)| Record { carried, found, commands: std::mem::take(told) };
+            Ok(carried.flatten().map(record))
         }
         _ => Ok(None),
     }

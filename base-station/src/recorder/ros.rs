@@ -1,8 +1,10 @@
 //! Encodes a recording's messages in the serialisation of ROS 1, which MCAP tools read with the schema in the file.
 //! Numbers are little-endian without padding. Strings and arrays follow their length, a u32.
 
-use profile::{LinkValues, ReportedValues};
+use profile::hold::{HoldCommand, Words};
+use profile::{HoldValues, LinkValues, ReportedValues};
 
+use crate::carrier::mavlink::commander::{CommandRecord, CommandState};
 use crate::carrier::mavlink::voice::UplinkChange;
 use crate::drone::words;
 use crate::intake::{Carried, Judged, Kind};
@@ -28,7 +30,7 @@ uint16 line         # which socket or port
 string from         # the datagram's sender, or STATION/DRONE of what another station published
 uint8[] bytes       # unchanged
 string[] drones     # of each object: which drone
-uint8[] places      # 0 Link-Status, 1 Reported-Position, 2 to 6 GPS1 to GPS5, 7 Port-Status, 8 uplink
+uint8[] places      # 0 Link-Status, 1 Reported-Position, 2 to 6 GPS1 to GPS5, 7 Port-Status, 8 uplink, 9 Hold-Status
 string[] verdicts   # new, duplicate, older, out-of-sequence, vacant, or why it was rejected
 ",
 };
@@ -109,6 +111,39 @@ string why                  # it was refused
 ",
 };
 
+pub(super) const HOLD: Schema = Schema {
+    name: "horus_msgs/Hold",
+    text: "# Hold-Status, as the active hold sealed it. What is not known is NaN.
+uint32 timestamp_ms         # since the hold's start
+uint16 status               # its bits
+float32 temperature         # deg C
+float32 humidity            # %
+float32 set_point           # deg C
+float32[3] vibration        # m/s2, RMS of the last second, x, y, z
+float32 greatest_shock      # m/s2
+float32 supply              # V
+float32 output              # -1 cooling to 1 heating
+uint16 base_station_number  # of the base station's last command that the hold acknowledged
+uint16 base_station_outcome # 0 none yet, 1 done, 2 refused, 3 unknown, 4 too old
+uint16 flight_controller_number
+uint16 flight_controller_outcome
+uint32 seconds              # since the hold's start
+",
+};
+
+pub(super) const COMMAND: Schema = Schema {
+    name: "horus_msgs/HoldCommand",
+    text: "# A command that this station sends to a drone's active hold, and what is known of it now.
+string drone
+uint16 number               # the command's sequence number
+uint16 word                 # 1 set-point, 2 lock, 3 unlock, 4 clear the greatest shock
+float32 value               # of a set-point, deg C
+string state                # pending, done, refused, unknown, too-old, lost
+uint64 since_us             # since 1970: when it was given
+uint64 at_us                # since 1970: when it came into this state
+",
+};
+
 fn put(out: &mut Vec<u8>, bytes: &[u8]) {
     // No array comes near 4 GiB. An array that did would be cut off, and the message would still be readable.
     let length = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
@@ -182,6 +217,49 @@ pub(super) fn uplink(told: &UplinkChange) -> Vec<u8> {
     put(&mut out, told.state.code().as_bytes());
     put(&mut out, told.state.why().unwrap_or_default().as_bytes());
     out
+}
+
+pub(super) fn hold(values: &HoldValues) -> Vec<u8> {
+    let mut out = values.timestamp.to_le_bytes().to_vec();
+    out.extend(values.status.bits().to_le_bytes());
+    let [x, y, z] = values.vibration;
+    let HoldValues { temperature, humidity, set_point, greatest_shock, supply, output, .. } = *values;
+    for value in [temperature, humidity, set_point, x, y, z, greatest_shock, supply, output] {
+        out.extend(value.to_le_bytes());
+    }
+    for acknowledged in values.acknowledged {
+        out.extend(acknowledged.number().to_le_bytes());
+        out.extend(acknowledged.code().to_le_bytes());
+    }
+    out.extend(values.seconds.to_le_bytes());
+    out
+}
+
+pub(super) fn command(told: &CommandRecord) -> Vec<u8> {
+    let mut out = vec![];
+    let (word, value) = told.command.encode();
+    put(&mut out, told.drone.as_bytes());
+    out.extend(told.number.to_le_bytes());
+    out.extend(word.to_le_bytes());
+    out.extend(value.to_le_bytes());
+    put(&mut out, told.state.code().as_bytes());
+    out.extend(told.since_us.to_le_bytes());
+    out.extend(told.at_us.to_le_bytes());
+    out
+}
+
+/// Decodes a [`COMMAND`] message; `None` if `data` are no such message.
+pub(super) fn read_command(data: &[u8]) -> Option<CommandRecord> {
+    let mut rest = data;
+    let drone = string(&mut rest)?;
+    let number = u16::from_le_bytes(*take::<2>(&mut rest)?);
+    let word = u16::from_le_bytes(*take::<2>(&mut rest)?);
+    let command = HoldCommand::decode(word, f32::from_le_bytes(*take::<4>(&mut rest)?))?;
+    let state = string(&mut rest)?;
+    let state = CommandState::ALL.into_iter().find(|known| known.code() == state)?;
+    let since_us = u64::from_le_bytes(*take::<8>(&mut rest)?);
+    let at_us = u64::from_le_bytes(*take::<8>(&mut rest)?);
+    rest.is_empty().then_some(CommandRecord { drone, number, command, state, since_us, at_us })
 }
 
 pub(super) fn fix(at_us: u64, [latitude, longitude, altitude]: [f64; 3]) -> Vec<u8> {
@@ -309,6 +387,7 @@ mod tests {
             "bool" | "uint8" => 1,
             "uint16" => 2,
             "uint32" | "float32" | "string" | "uint8[]" => 4,
+            "uint64" => 8,
             "float32[3]" => 12,
             other => panic!("{other}"),
         };
@@ -331,6 +410,23 @@ mod tests {
         let (drone, why) = (Who::System(7).first(), "why".to_owned());
         let made = uplink(&UplinkChange { drone, uplink: uplink_object, state: State::Refused(why) });
         assert_eq!(made.len(), length(UPLINK, "7".len() + 52 + "refused".len() + "why".len()));
+    }
+
+    #[test]
+    fn a_hold_and_its_command_have_the_lengths_that_their_schemas_give() {
+        let values = HoldValues { output: -0.5, seconds: 9, ..HoldValues::absent(0x0102_0304) };
+        let made = hold(&values);
+        assert_eq!(made.len(), length(HOLD, 0));
+        assert_eq!((&made[..4], &made[38..42]), (&[4, 3, 2, 1][..], &(-0.5_f32).to_le_bytes()[..]));
+        assert_eq!(made[50..], [9, 0, 0, 0]);
+        for (state, word) in CommandState::ALL.into_iter().zip([1_u16, 2, 3, 4, 1, 1]) {
+            let command = HoldCommand::decode(word, if word == 1 { 21.5 } else { 0.0 }).unwrap();
+            let told = CommandRecord { drone: "7-2".into(), number: 513, command, state, since_us: 5, at_us: 6 };
+            let made = super::command(&told);
+            assert_eq!(made.len(), length(COMMAND, "7-2".len() + state.code().len()));
+            assert_eq!(read_command(&made), Some(told));
+            assert!((0..made.len()).all(|end| read_command(&made[..end]).is_none()));
+        }
     }
 
     #[test]

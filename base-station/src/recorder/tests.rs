@@ -103,6 +103,55 @@ fn is_same(read: &Record, (carried, judged): &(Carried, Vec<Judged>)) -> bool {
 }
 
 #[test]
+fn hold_and_commands_are_in_a_recording_and_read_again() {
+    use profile::criticality::{ActiveLoad, Writer};
+    use profile::hold::HoldCommand;
+    use profile::{HoldStatus, Layout};
+
+    use crate::carrier::mavlink::commander::CommandState;
+
+    let disk = Disk::default();
+    let mut recorder = Recorder::new(disk.clone());
+    let mut intake = Intake::default();
+    let layout = Layout::for_receivers(1).unwrap().with_hold();
+    let told = |state, at_us| {
+        let (drone, command) = ("127.0.0.1:4000".to_owned(), HoldCommand::SetPoint(4.5));
+        CommandRecord { drone, number: 8, command, state, since_us: START, at_us }
+    };
+    for tenth in 0..3_u32 {
+        let mut bytes = vec![0; layout.map_len()];
+        bytes[32..layout.image_len()].copy_from_slice(profile(70_000 + 100 * tenth).as_bytes());
+        let hold = HoldStatus::seal(Writer::<ActiveLoad>::claim(), &HoldValues::absent(100 * tenth));
+        bytes[layout.hold().unwrap()].copy_from_slice(hold.as_bytes());
+        let from = "127.0.0.1:4000".to_owned();
+        let carried =
+            Carried { at_us: START + 100_000 * u64::from(tenth), kind: Kind::Datagrams, line: 0, from, bytes };
+        let judged = intake.take(&carried);
+        let samples = Sample::of(&judged, intake.fleet());
+        assert!(
+            samples.iter().any(|sample| matches!(sample, Sample::Hold(_, values) if values.timestamp == 100 * tenth))
+        );
+        recorder.carried(&carried, &judged, &samples);
+        let state = if tenth == 0 { CommandState::Pending } else { CommandState::Done };
+        recorder.command(&told(state, carried.at_us));
+    }
+    recorder.finish().unwrap();
+    let bytes = disk.parts.borrow()[0].clone();
+    let topics = ["/drone/127.0.0.1:4000/hold", "/hold-commands"].map(str::as_bytes);
+    assert!(topics.iter().all(|topic| bytes.windows(topic.len()).any(|window| window == *topic)));
+    let (records, torn) = read(&bytes);
+    assert_eq!((records.len(), torn), (3, None));
+    let of = |index: usize| records[index].commands.clone();
+    assert_eq!(of(0), []);
+    assert_eq!(of(1), [told(CommandState::Pending, START)]);
+    assert_eq!(of(2), [told(CommandState::Done, START + 100_000)]);
+    let mut again = Intake::default();
+    let judged: Vec<_> = records.iter().flat_map(|record| crate::export::judge(&mut again, record)).collect();
+    let new = |judged: &&Judged| judged.place == Place::Hold && judged.verdict == Verdict::New;
+    assert_eq!(judged.iter().filter(new).count(), 3);
+}
+
+#[test]
 fn judging_a_recording_again_gives_the_recorded_verdicts() {
     let disk = Disk::default();
     let mut recorder = Recorder::new(disk.clone());

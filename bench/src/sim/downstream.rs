@@ -204,6 +204,11 @@ impl<C: Cost> Link<C> {
         self.flight_controller.take_ports()
     }
 
+    /// Takes what was read in the place of the hold's object since the last call, with its instant (ns).
+    pub(super) fn take_holds(&mut self) -> Vec<(u64, Vec<u8>)> {
+        self.flight_controller.take_holds()
+    }
+
     pub(super) fn write(&mut self, uplink: &Uplink) {
         self.flight_controller.write(Written::BaseStation(uplink));
     }

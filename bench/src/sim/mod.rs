@@ -184,6 +184,12 @@ pub trait Observer {
         let _ = (virtual_ns, port);
     }
 
+    /// The flight controller has read the place of the hold's object (64 bytes), if there is a hold and
+    /// [`Setup::writes`] is set. The place may be vacant.
+    fn hold(&mut self, virtual_ns: u64, object: &[u8]) {
+        let _ = (virtual_ns, object);
+    }
+
     /// Returns an uplink of the base station that has arrived by radio, if any. Called after
     /// [`progress`](Self::progress).
     fn uplink(&mut self, virtual_ns: u64) -> Option<Uplink> {
@@ -404,6 +410,7 @@ impl<C: Cost> Bench<C> {
             link.take_marks(dpr);
             link.take_images();
             link.take_ports();
+            link.take_holds();
             Ok::<_, std::convert::Infallible>(())
         });
         let Ok(()) = run;
@@ -604,6 +611,9 @@ impl Outputs {
         }
         for (at, port) in link.take_ports() {
             observer.port(at, &port);
+        }
+        for (at, hold) in link.take_holds() {
+            observer.hold(at, &hold);
         }
         observer.progress(reached);
         if let Some(uplink) = observer.uplink(reached) {

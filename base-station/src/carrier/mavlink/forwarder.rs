@@ -5,7 +5,7 @@
 //! sent.
 //!
 //! - These objects share a message: {Link-Status, Reported-Position}, {GPS1, GPS2}, {GPS3, GPS4}, {GPS5} and, as the
-//!   answer to an uplink ([`inbound`](super::inbound)), {Port-Status, uplink}. A missing object is left out, or is
+//!   answer to an uplink ([`inbound`](super::inbound)), {Port-Status, uplink}. Hold-Status is alone. A missing object is left out, or is
 //!   zeros if it is between others.
 //! - Each message is sent once a period. If the budget does not suffice, Reported-Position is sent before every one of
 //!   the other messages, which take turns.
@@ -26,8 +26,14 @@ use super::tunnel::Tunnel;
 use crate::{Bundle, Place};
 
 /// The objects that share a message: the first object, and their number.
-const UNITS: [(Place, usize); 5] =
-    [(Place::LinkStatus, 2), (Place::Gps(1), 2), (Place::Gps(3), 2), (Place::Gps(5), 1), (Place::PortStatus, 2)];
+const UNITS: [(Place, usize); 6] = [
+    (Place::LinkStatus, 2),
+    (Place::Gps(1), 2),
+    (Place::Gps(3), 2),
+    (Place::Gps(5), 1),
+    (Place::PortStatus, 2),
+    (Place::Hold, 1),
+];
 
 const LONGEST: u64 = 12 + Tunnel::ENCODED_LEN as u64 + SIGNATURE_SIZE as u64;
 

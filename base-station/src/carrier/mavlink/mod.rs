@@ -1,5 +1,6 @@
 //! MAVLink 2: objects travel in TUNNEL messages, with standard messages beside them (decision 17).
 
+pub mod commander;
 pub mod forwarder;
 pub mod inbound;
 pub mod receiver;
@@ -8,6 +9,7 @@ pub mod standard;
 pub mod tunnel;
 pub mod voice;
 
+pub use commander::Commander;
 pub use forwarder::{Forwarder, Rates};
 pub use inbound::Inbound;
 pub use receiver::{Received, Receiver};

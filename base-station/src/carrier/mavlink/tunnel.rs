@@ -122,7 +122,7 @@ mod tests {
     #[test]
     fn payload_types_are_private_and_tell_the_first_object() {
         let types: Vec<_> = Place::ALL.iter().filter_map(|place| payload_type(*place)).collect();
-        assert_eq!(types, [0xC400, 0xC800, 0xC801, 0xC802, 0xC803, 0xC804, 0xC805, 0xC401, 0xC200]);
+        assert_eq!(types, [0xC400, 0xC800, 0xC801, 0xC802, 0xC803, 0xC804, 0xC805, 0xC401, 0xC200, 0xC100]);
         assert!(types.iter().all(|code| *code >= 32_768));
     }
 

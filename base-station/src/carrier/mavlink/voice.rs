@@ -1,4 +1,5 @@
-//! Sends the base station's own messages: HEARTBEAT, and uplink objects for drones. Both are off by default.
+//! Sends the base station's own messages: HEARTBEAT, uplink objects for drones, and [commands](super::commander) to
+//! their holds. All are off by default.
 //!
 //! **HEARTBEAT** is sent once a second over every serial line, to every UDP peer from which a message came within
 //! [`HEARD_US`], and to configured addresses. Some autopilots send nothing, or not MAVLink 2, before they receive it.
@@ -17,6 +18,9 @@
 //! | nothing | [sent](State::Sent), and finally [unanswered](State::Unanswered) |
 //!
 //! Until [`ANSWERS_US`] have passed, Port-Status may be the answer to an earlier uplink.
+//!
+//! **A command to a hold** begins the payload of uplinks, each with a later timestamp. It excludes uplinks of users,
+//! whose payload the hold could take for a command as well.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -25,9 +29,11 @@ use mavlink::consts::v2::IFLAG_SIGNED;
 use mavlink::dialects::common::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavState, MavType};
 use mavlink::{MAVLinkV2MessageRaw, MavHeader};
 use profile::criticality::{BaseStation, Writer};
+use profile::hold::HoldCommand;
 use profile::port_status::Violation;
 use profile::{PortValues, Uplink, UplinkStatus, UplinkValues};
 
+use super::commander::{CommandRecord, Commander};
 use super::signing::{self, Signer};
 use super::tunnel::Tunnel;
 use crate::{Bundle, DroneId, Fleet, Place, Source, Who};
@@ -132,6 +138,14 @@ pub enum NotSent {
     NoWay,
     /// Uplinks to [`MAX_SENDINGS`] other drones are under way already.
     TooMany,
+    /// This station sends no commands to holds.
+    NoCommands,
+    /// There is no present Hold-Status of this drone, so the command cannot be numbered.
+    NoHold,
+    /// Hold-Status has come for less than [`SETTLES_US`](super::commander::SETTLES_US).
+    HoldIsNew,
+    /// Another command to this hold waits for its acknowledgement.
+    CommandWaits,
 }
 
 impl std::fmt::Display for NotSent {
@@ -141,6 +155,10 @@ impl std::fmt::Display for NotSent {
             Self::UnknownDrone => "this drone is not known here",
             Self::NoWay => "this drone is not heard over MAVLink, so no uplink can be sent to it",
             Self::TooMany => "too many uplinks are under way",
+            Self::NoCommands => "this station sends no commands to holds: it was started without --hold-commands",
+            Self::NoHold => "there is no present Hold-Status of this drone",
+            Self::HoldIsNew => "the hold has been heard for less than 2 s: an earlier command may be under way",
+            Self::CommandWaits => "the command before this one is pending",
         })
     }
 }
@@ -169,15 +187,18 @@ pub struct Voice {
     signer: Option<Signer>,
     heartbeat: Option<Heartbeat>,
     uplinks: Option<BTreeMap<DroneId, Sending>>,
+    commander: Option<Commander>,
     sealed: Option<u32>,
     told: Vec<UplinkChange>,
+    commands: Vec<CommandRecord>,
 }
 
 impl Voice {
     /// Returns a sender of messages with this system id, which sends nothing yet; `signer` signs its messages.
     #[must_use]
     pub const fn new(system: u8, signer: Option<Signer>) -> Self {
-        Self { system, sequence: 0, signer, heartbeat: None, uplinks: None, sealed: None, told: vec![] }
+        let (heartbeat, uplinks, commander, sealed) = (None, None, None, None);
+        Self { system, sequence: 0, signer, heartbeat, uplinks, commander, sealed, told: vec![], commands: vec![] }
     }
 
     /// Enables HEARTBEAT, which is also sent to these addresses.
@@ -192,6 +213,45 @@ impl Voice {
     pub fn with_uplinks(mut self) -> Self {
         self.uplinks = self.signer.is_some().then(BTreeMap::new);
         self
+    }
+
+    /// Enables commands to holds in place of uplinks, if there is a signer for them.
+    #[must_use]
+    pub fn with_commands(mut self) -> Self {
+        self.uplinks = None;
+        self.commander = self.signer.is_some().then(Commander::default);
+        self
+    }
+
+    /// Returns whether commands to holds can be sent.
+    #[must_use]
+    pub const fn sends_commands(&self) -> bool {
+        self.commander.is_some()
+    }
+
+    /// Begins to send a command to a drone's hold. Returns the command with its number.
+    ///
+    /// # Errors
+    ///
+    /// Returns why the command cannot be sent.
+    pub fn command(
+        &mut self,
+        now_us: u64,
+        fleet: &Fleet,
+        drone: DroneId,
+        command: HoldCommand,
+    ) -> Result<CommandRecord, NotSent> {
+        let commander = self.commander.as_mut().ok_or(NotSent::NoCommands)?;
+        fleet.get(drone).ok_or(NotSent::UnknownDrone)?;
+        system_of(drone).ok_or(NotSent::NoWay)?;
+        let record = commander.send(now_us, fleet, drone, command)?;
+        self.commands.push(record.clone());
+        Ok(record)
+    }
+
+    /// Returns the changes of commands' states since the last call, in order.
+    pub fn take_commands(&mut self) -> Vec<CommandRecord> {
+        std::mem::take(&mut self.commands)
     }
 
     /// Returns whether uplinks can be sent.
@@ -232,14 +292,8 @@ impl Voice {
             let oldest = settled.min_by_key(|(_, sending)| sending.at_us).map(|(drone, _)| *drone);
             uplinks.remove(&oldest.ok_or(NotSent::TooMany)?);
         }
-        // The low 32 bits of the time wrap every 50 days. The DPR accepts a timestamp after it has wrapped.
-        let now_ms = (now_us / 1_000) as u32;
-        let timestamp = match self.sealed {
-            Some(sealed) if now_ms.wrapping_sub(sealed).cast_signed() <= 0 => sealed.wrapping_add(1),
-            _ => now_ms,
-        };
-        self.sealed = Some(timestamp);
-        let uplink = Uplink::seal(Writer::<BaseStation>::claim(), &UplinkValues { timestamp, status, payload });
+        let uplink = seal(&mut self.sealed, now_us, status, payload);
+        let timestamp = uplink.timestamp();
         let (since_us, at_us) = (now_us, now_us);
         self.told.push(UplinkChange { drone, uplink, state: State::Sent });
         uplinks.insert(drone, Sending { uplink, since_us, times: 0, state: State::Sent, at_us, first: None });
@@ -274,6 +328,13 @@ impl Voice {
             }
             if is_due && let Some((source, system)) = fleet.source(*drone).zip(system_of(*drone)) {
                 due.push((source, system, sending.uplink));
+            }
+        }
+        let Self { commander, commands, sealed, .. } = self;
+        let waiting = commander.as_mut().map(|commander| commander.tick(now_us, fleet, |told| commands.push(told)));
+        for (drone, payload) in waiting.into_iter().flatten() {
+            if let Some((source, system)) = fleet.source(drone).zip(system_of(drone)) {
+                due.push((source, system, seal(sealed, now_us, UplinkStatus::default(), payload)));
             }
         }
         for (Source { line, from, .. }, system, uplink) in due {
@@ -333,6 +394,18 @@ impl Voice {
         self.sequence = sequence.wrapping_add(1);
         MavHeader { system_id: u32::from(self.system), component_id: COMPONENT, sequence }
     }
+}
+
+/// Seals an uplink with a timestamp that is later than the one `sealed` before.
+fn seal(sealed: &mut Option<u32>, now_us: u64, status: UplinkStatus, payload: [u8; Uplink::PAYLOAD]) -> Uplink {
+    // The low 32 bits of the time wrap every 50 days. The DPR accepts a timestamp after it has wrapped.
+    let now_ms = (now_us / 1_000) as u32;
+    let timestamp = match *sealed {
+        Some(before) if now_ms.wrapping_sub(before).cast_signed() <= 0 => before.wrapping_add(1),
+        _ => now_ms,
+    };
+    *sealed = Some(timestamp);
+    Uplink::seal(Writer::<BaseStation>::claim(), &UplinkValues { timestamp, status, payload })
 }
 
 impl Sending {

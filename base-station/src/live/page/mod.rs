@@ -1,7 +1,7 @@
 //! Serves the page, which shows the station's state in a browser.
 //!
-//! **Read-only.** The page can only change the pace of a playback, and send an uplink if the station was started with
-//! uplinks enabled ([`voice`](crate::carrier::mavlink::voice)). A user of the page sees every drone; by default the
+//! **Read-only.** The page can only change the pace of a playback, and send an uplink or a command to a hold if the
+//! station was started with these enabled ([`voice`](crate::carrier::mavlink::voice)). A user of the page sees every drone; by default the
 //! page can be opened only on this machine.
 //!
 //! **Pushed.** Server-sent events come at most every [`PUSH`]. Each has a whole state, made when the connection can
@@ -14,6 +14,7 @@
 //! numbers. So no foreign page can reach the station through a name that resolves to this machine. Only this page may
 //! request changes.
 
+mod hold;
 mod state;
 #[cfg(test)]
 mod tests;
@@ -40,7 +41,9 @@ use tokio::time::{Instant, sleep};
 use super::playback::Player;
 use super::{Station, StationData};
 use crate::carrier::mavlink::Voice;
+use crate::carrier::mavlink::commander;
 use crate::carrier::mavlink::voice::NotSent;
+use crate::{DroneId, Fleet};
 use state::With;
 
 /// The shortest time between two states: about a screen's refresh.
@@ -98,13 +101,14 @@ struct Page {
 }
 
 /// Returns a station's page for clients with `access`. With a `player`, the page can set the pace of the playback.
-/// Uplinks can be sent while the station has them enabled.
+/// Uplinks and commands can be sent if the station has them enabled already.
 pub fn router(station: Station, player: Option<Arc<Player>>, access: impl Into<Access>) -> Router {
     let page = Page { station, player, watchers: Arc::new(Semaphore::new(MAX_WATCHERS)) };
     let mut router = Router::new()
         .route("/", get(|| file("text/html; charset=utf-8", include_str!("index.html"))))
         .route("/page.css", get(|| file("text/css; charset=utf-8", include_str!("page.css"))))
         .route("/page.js", get(|| file("text/javascript; charset=utf-8", include_str!("page.js"))))
+        .route("/hold.js", get(|| file("text/javascript; charset=utf-8", include_str!("hold.js"))))
         .route("/stream.js", get(|| file("text/javascript; charset=utf-8", include_str!("stream.js"))))
         .route("/icon.svg", get(|| file("image/svg+xml", include_str!("icon.svg"))))
         .route("/state", get(state_once))
@@ -114,6 +118,9 @@ pub fn router(station: Station, player: Option<Arc<Player>>, access: impl Into<A
     }
     if page.station.known().voice.as_ref().is_some_and(Voice::sends_uplinks) {
         router = router.route("/uplink", post(uplink));
+    }
+    if page.station.known().voice.as_ref().is_some_and(Voice::sends_commands) {
+        router = router.route("/hold", post(command));
     }
     guarded(router.with_state(page), access)
 }
@@ -287,16 +294,42 @@ async fn uplink(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
         let words = "wanted: drone=ID&payload=HEX, at most 104 hexadecimal digits, and status=0 to 65535";
         return (StatusCode::BAD_REQUEST, words).into_response();
     };
+    answer(speak(&page, drone, |voice, now_us, fleet, id| {
+        voice.send(now_us, fleet, id, UplinkStatus::from_bits(status), payload)
+    }))
+}
+
+/// Sends a command to a hold: `drone=ID` and `command=` `set-point`, `lock`, `unlock` or `clear-shock`; a set-point also
+/// has `value=`, °C. Returns the command's number.
+async fn command(State(page): State<Page>, RawQuery(query): RawQuery) -> Response {
+    let value = |name: &str| value(query.as_deref(), name);
+    let number = value("value").map(|value| value.parse::<f32>());
+    let named = value("command").zip(number.transpose().ok());
+    let named = named.and_then(|(name, value)| commander::command(&name, value.filter(|value| value.is_finite())));
+    let (Some(drone), Some(command)) = (value("drone"), named) else {
+        let words = "wanted: drone=ID&command=lock, unlock, clear-shock or set-point&value=CELSIUS";
+        return (StatusCode::BAD_REQUEST, words).into_response();
+    };
+    answer(speak(&page, &drone, |voice, now_us, fleet, id| {
+        voice.command(now_us, fleet, id, command).map(|record| u32::from(record.number))
+    }))
+}
+
+fn speak<T>(
+    page: &Page,
+    drone: &str,
+    say: impl FnOnce(&mut Voice, u64, &Fleet, DroneId) -> Result<T, NotSent>,
+) -> Result<T, NotSent> {
     let mut known = page.station.known();
     let StationData { intake, voice, now_us, .. } = &mut *known;
     let id = intake.fleet().iter().map(|(id, _)| id).find(|id| id.to_string() == drone);
-    let sent = match (voice, id) {
-        (None, _) => Err(NotSent::NotAllowed),
-        (_, None) => Err(NotSent::UnknownDrone),
-        (Some(voice), Some(id)) => voice.send(*now_us, intake.fleet(), id, UplinkStatus::from_bits(status), payload),
-    };
+    let voice = voice.as_mut().ok_or(NotSent::NotAllowed)?;
+    say(voice, *now_us, intake.fleet(), id.ok_or(NotSent::UnknownDrone)?)
+}
+
+fn answer(sent: Result<u32, NotSent>) -> Response {
     match sent {
-        Ok(timestamp) => (StatusCode::ACCEPTED, timestamp.to_string()).into_response(),
+        Ok(number) => (StatusCode::ACCEPTED, number.to_string()).into_response(),
         Err(why) => (StatusCode::CONFLICT, why.to_string()).into_response(),
     }
 }

@@ -81,6 +81,7 @@ function take(data) {
   opened = false;
   heard = now;
   keep();
+  keepHold();
   requestDraw();
   // The display changes at the instant at which the data are old, whatever comes.
   clearTimeout(staling);
@@ -764,9 +765,10 @@ function describe(id, words) {
   if (canvas.getAttribute("aria-label") !== words) canvas.setAttribute("aria-label", words);
 }
 
-function drawPlot(id, title, unit, pick, atLeast) {
+// Draws one line for each of `lines`: a function from a sample to a value, a colour, and a name if there are several.
+function drawPlot(id, title, unit, lines, atLeast, history) {
   const [to, width, height] = prepare(element(id));
-  const values = history.map(pick).filter((value) => value !== null);
+  const values = history.flatMap((point) => lines.map(([pick]) => pick(point))).filter((value) => value !== null);
   to.fillStyle = colour("--soft");
   if (!values.length) { to.fillText(title, 8, 16); return; }
   let low = Math.min(...values), high = Math.max(...values);
@@ -780,7 +782,15 @@ function drawPlot(id, title, unit, pick, atLeast) {
   const x = (at) => width - 8 - (end - at) / long * (width - 8 - left);
   const y = (value) => height - bottom - (value - low) / (high - low) * (height - bottom - top);
   const span = `last ${Math.round(long / 1000)} s`;
-  to.fillText(`${title}${unit ? "," + unit : ""}`, 8, 14);
+  const head = `${title}${unit ? "," + unit : ""}`;
+  to.fillText(head, 8, 14);
+  let beside = 8 + to.measureText(head).width + 12;
+  for (const [, stroke, name] of lines.filter((line) => line[2])) {
+    to.fillStyle = colour(stroke);
+    to.fillText("━ " + name, beside, 14);
+    beside += to.measureText("━ " + name).width + 12;
+  }
+  to.fillStyle = colour("--soft");
   describe(id, `${title}: ${Math.min(...values).toFixed(1)} to ${Math.max(...values).toFixed(1)}${unit}, ${span}`);
   to.strokeStyle = colour("--line");
   to.lineWidth = 1;
@@ -799,17 +809,19 @@ function drawPlot(id, title, unit, pick, atLeast) {
   }
   to.stroke();
   to.textAlign = "left";
-  to.strokeStyle = colour("--r1");
   to.lineWidth = 1.5;
-  to.beginPath();
-  let on = false;
-  for (const point of history) {
-    const value = pick(point);
-    if (value === null) { on = false; continue; }
-    if (on) to.lineTo(x(point.at), y(value)); else to.moveTo(x(point.at), y(value));
-    on = true;
+  for (const [pick, stroke] of lines) {
+    to.strokeStyle = colour(stroke);
+    to.beginPath();
+    let on = false;
+    for (const point of history) {
+      const value = pick(point);
+      if (value === null) { on = false; continue; }
+      if (on) to.lineTo(x(point.at), y(value)); else to.moveTo(x(point.at), y(value));
+      on = true;
+    }
+    to.stroke();
   }
-  to.stroke();
 }
 
 // ---- instants
@@ -827,15 +839,17 @@ function requestDraw() {
     drawAlarms();
     drawLog();
     drawNumbers();
+    drawHold();
     drawUplink();
     drawPlayback();
     // Pictures cost more time than text, so ten a second suffice.
     if (performance.now() - drawn > 95) {
       drawn = performance.now();
       drawMap();
-      drawPlot("plot-height", "Height", " m", (point) => point.height, 2);
-      drawPlot("plot-age", "Age", " s", (point) => point.age, 0.5);
-      drawPlot("plot-agree", "Receivers that agree", "", (point) => point.agree, 1);
+      drawPlot("plot-height", "Height", " m", [[(point) => point.height, "--r1"]], 2, history);
+      drawPlot("plot-age", "Age", " s", [[(point) => point.age, "--r1"]], 0.5, history);
+      drawPlot("plot-agree", "Receivers that agree", "", [[(point) => point.agree, "--r1"]], 1, history);
+      drawHoldPlots();
     }
   });
 }

@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use super::super::playback::Player;
 use super::super::{Station, StationData, history};
+use super::hold::{self, Hold};
 use crate::alarm::Alarms;
 use crate::carrier::mavlink::Voice;
 use crate::carrier::mavlink::voice::{Sending, State as Outcome};
@@ -22,6 +23,8 @@ struct State {
     drone: Option<Detail>,
     #[serde(skip_serializing_if = "Option::is_none")]
     history: Option<Vec<Sample>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    hold_history: Option<Vec<hold::Sample>>,
 }
 
 /// An alarm that began or ended: instant (ms since 1970), drone, alarm, whether it is critical, whether it began.
@@ -54,6 +57,7 @@ struct About {
     signed: bool,
     unread: Vec<(&'static str, u64)>,
     uplinks: bool,
+    commands: bool,
 }
 
 #[derive(Serialize)]
@@ -103,6 +107,7 @@ struct Detail {
     link: Option<Link>,
     port: Option<Port>,
     uplink: Option<Uplink>,
+    hold: Hold,
     alarms: Vec<Raised>,
     counts: Counts,
 }
@@ -273,6 +278,7 @@ fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Opti
                 ("other MAVLink messages", refused.foreign),
             ],
             uplinks: known.voice.as_ref().is_some_and(Voice::sends_uplinks),
+            commands: known.voice.as_ref().is_some_and(Voice::sends_commands),
         },
         drones: with.list.then(|| fleet.iter().map(line).collect()),
         log: with.list.then(|| known.alarms.iter().map(change).collect()),
@@ -284,6 +290,7 @@ fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Opti
             };
             known.history.of(id).map(sample).collect()
         }),
+        hold_history: shown.filter(|_| with.history).map(|(id, _)| hold::history(known, id)),
     }
 }
 
@@ -349,6 +356,7 @@ fn detail(known: &StationData, id: DroneId, drone: &Drone, now_us: u64) -> Detai
             last_refused: held.values.status.last_refused(),
         }),
         uplink: known.voice.as_ref().and_then(|voice| voice.sending(id)).map(|sending| Uplink::of(sending, now_us)),
+        hold: Hold::of(known, id, drone, now_us),
         alarms: alarms
             .iter()
             .map(|alarm| Raised {

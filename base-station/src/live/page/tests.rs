@@ -4,7 +4,9 @@ use std::sync::atomic::AtomicU64;
 use axum::body::{Body, to_bytes};
 use axum::http::Method;
 use futures_util::StreamExt;
-use profile::{GpsStatus, GpsValues, HorusState, Profile, ReportedStatus, ReportedValues};
+use profile::criticality::{ActiveLoad, Writer};
+use profile::hold::HoldCommand;
+use profile::{GpsStatus, GpsValues, HoldStatus, HoldValues, HorusState, Profile, ReportedStatus, ReportedValues};
 use serde_json::{Value, json};
 use tokio::sync::watch;
 use tower::ServiceExt;
@@ -15,7 +17,7 @@ use super::super::playback::Contents;
 use super::*;
 use crate::carrier::mavlink::{Forwarder, Key, Rates, Signer};
 use crate::intake::{Carried, Kind};
-use crate::{Bundle, Who};
+use crate::{Bundle, Place, Who};
 
 const START: u64 = 1_790_000_000_000_000;
 
@@ -83,15 +85,15 @@ async fn text(response: Response) -> String {
 fn every_answer_has_the_policy_and_nothing_is_fetched_from_elsewhere() {
     run(async {
         let router = router(station().0, None, local());
-        let paths = ["/", "/page.css", "/page.js", "/stream.js", "/state", "/events", "/nowhere", "/playback"];
-        for path in paths {
+        let served = ["/", "/page.css", "/page.js", "/stream.js", "/hold.js", "/state", "/events"];
+        for path in served.into_iter().chain(["/nowhere", "/playback", "/hold"]) {
             let answer = ask(&router, Method::GET, path, "127.0.0.1:8480").await;
             assert_eq!(answer.headers()[header::CONTENT_SECURITY_POLICY], POLICY, "{path}");
             assert_eq!(answer.headers()[header::X_CONTENT_TYPE_OPTIONS], "nosniff", "{path}");
-            let expected = if paths[..6].contains(&path) { StatusCode::OK } else { StatusCode::NOT_FOUND };
+            let expected = if served.contains(&path) { StatusCode::OK } else { StatusCode::NOT_FOUND };
             assert_eq!(answer.status(), expected, "{path}");
         }
-        for path in &paths[..4] {
+        for path in &served[..5] {
             let text = text(ask(&router, Method::GET, path, "localhost").await).await;
             assert!(text.len() > 500 && !text.contains("http://") && !text.contains("https://"), "{path}");
             // The content security policy would refuse inline styles and handlers.
@@ -348,6 +350,76 @@ fn nothing_can_be_written_but_the_pace_of_a_playback() {
         assert_eq!(set("speed=5").await, "3", "what is refused changes nothing");
         assert!((player.speed() - 5.0).abs() < 1e-9);
         assert_eq!(ask(&page, Method::POST, "/playback?speed=2", "example.org").await.status(), StatusCode::FORBIDDEN);
+    });
+}
+
+#[test]
+fn a_command_is_accepted_only_where_commands_are_allowed() {
+    run(async {
+        let post = async |page: &Router, query: &str| {
+            let answer = ask(page, Method::POST, &format!("/hold{query}"), "localhost").await;
+            (answer.status(), text(answer).await)
+        };
+        let signer = || Signer::new(Key::new([1; 32]), 254);
+        let (silent, uplinks, allowed) = (station().0, station().0, station().0);
+        uplinks.speak(Voice::new(254, Some(signer())).with_uplinks());
+        for without in [silent, uplinks] {
+            let page = router(without, None, local());
+            let (status, _) = post(&page, "?drone=3&command=lock").await;
+            assert_eq!(status, StatusCode::NOT_FOUND);
+            let state = text(ask(&page, Method::GET, "/state", "localhost").await).await;
+            assert!(state.contains(r#""commands":false"#), "{state}");
+        }
+        allowed.speak(Voice::new(254, Some(signer())).with_commands());
+        let page = router(allowed.clone(), None, local());
+        let (status, _) = ask(&page, Method::POST, "/uplink?drone=3&payload=01", "localhost").await.into_parts();
+        assert_eq!(status.status, StatusCode::NOT_FOUND, "no free payload beside commands");
+        for bad in ["", "?drone=3", "?command=lock", "?drone=3&command=open", "?drone=3&command=set-point"] {
+            assert_eq!(post(&page, bad).await.0, StatusCode::BAD_REQUEST, "{bad}");
+        }
+        for value in ["", "x", "NaN", "inf", "1e99"] {
+            let query = format!("?drone=3&command=set-point&value={value}");
+            assert_eq!(post(&page, &query).await.0, StatusCode::BAD_REQUEST, "{value}");
+        }
+        assert_eq!(post(&page, "?drone=3&command=lock&value=1").await.0, StatusCode::BAD_REQUEST);
+        let none = (StatusCode::CONFLICT, "this drone is not known here".to_owned());
+        assert_eq!(post(&page, "?drone=77&command=lock").await, none);
+        let none = (StatusCode::CONFLICT, "there is no present Hold-Status of this drone".to_owned());
+        assert_eq!(post(&page, "?drone=3&command=lock").await, none);
+
+        let mut known = allowed.known();
+        for tenth in 0..=30_u32 {
+            let values = HoldValues { temperature: 21.5, ..HoldValues::absent(100 * tenth) };
+            let hold = HoldStatus::seal(Writer::<ActiveLoad>::claim(), &values);
+            let at_us = START + 120_000 + 100_000 * u64::from(tenth);
+            let bundle = Bundle::new(Place::Hold, 1, hold.as_bytes()).unwrap();
+            let mut forwarder = Forwarder::new(3, 1, Rates { bytes_per_s: 100_000, period_us: 0, standard_us: 0 });
+            forwarder.offer(&bundle);
+            let bytes = forwarder.poll(1_000_000, 0).unwrap();
+            known.intake.take(&Carried { at_us, kind: Kind::MavlinkDatagrams, line: 0, from: String::new(), bytes });
+            known.now_us = at_us;
+            let StationData { voice, intake, .. } = &mut *known;
+            voice.as_mut().unwrap().tick(at_us, intake.fleet());
+        }
+        drop(known);
+        let sent = (StatusCode::ACCEPTED, "1".to_owned());
+        assert_eq!(post(&page, "?drone=3&command=set-point&value=-2.5").await, sent);
+        let commands = allowed.known().voice.as_mut().unwrap().take_commands();
+        assert_eq!(commands[0].command, HoldCommand::SetPoint(-2.5));
+        commands.into_iter().for_each(|told| allowed.known().note_command(told));
+        let waits = (StatusCode::CONFLICT, "the command before this one is pending".to_owned());
+        assert_eq!(post(&page, "?drone=3&command=lock").await, waits);
+        let state = text(ask(&page, Method::GET, "/state?drone=3", "localhost").await).await;
+        let hold = serde_json::from_str::<Value>(&state).unwrap()["drone"]["hold"].take();
+        assert_eq!((&hold["shown"], &hold["values"]["temperature"]), (&json!("valid"), &json!(21.5)));
+        assert_eq!((&hold["values"]["humidity"], &hold["commands"][0]["value"]), (&Value::Null, &json!(-2.5)));
+        assert_eq!(
+            (&hold["commands"][0]["name"], &hold["commands"][0]["state"]),
+            (&json!("set-point"), &json!("pending"))
+        );
+        let state = text(ask(&page, Method::GET, "/state?drone=9", "localhost").await).await;
+        let hold = serde_json::from_str::<Value>(&state).unwrap()["drone"]["hold"].take();
+        assert_eq!((&hold["shown"], &hold["values"], &hold["commands"]), (&json!("never"), &Value::Null, &json!([])));
     });
 }
 

@@ -42,7 +42,8 @@ pub struct Config {
     /// Whether the base station's uplinks come by radio ([`FlightController::write`](super::FlightController::write)).
     /// Otherwise the flight controller generates them.
     pub relays: bool,
-    /// The seed of the commands to the active hold that the DPR shows; `None` without a hold.
+    /// The seed of the commands to the active hold that the DPR shows; `None` without a hold. With
+    /// [`relays`](Self::relays) there are none, since the base station's come by radio.
     pub hold: Option<u64>,
     /// The seed of all random values while the flight controller misuses the SSI.
     pub seed: u64,

@@ -6,7 +6,7 @@
 //! acknowledged, or one before it, with another command, which the hold must not execute.
 
 use profile::criticality::{BaseStation, FlightController, WritesUplink};
-use profile::hold::{Acknowledged, HoldCommand, Sender, Sent, Words};
+use profile::hold::{Acknowledged, COMMAND_SIZE, HoldCommand, Sender, Sent, Words};
 use profile::ssi::client::{HoldReport, HoldShown, HoldTrack, Shown, View};
 use profile::{HoldStatus, Uplink};
 
@@ -117,6 +117,8 @@ pub struct HoldUser {
     timestamp: Option<u32>,
     base: Line<BaseStation>,
     own: Line<FlightController>,
+    /// Whether it commands the hold; otherwise it only reads.
+    commands: bool,
     /// The number of readings of the whole map in which there was a valid Hold-Status, and of those without one.
     pub shown: (u64, u64),
 }
@@ -127,7 +129,13 @@ impl HoldUser {
     pub fn new(seed: u64) -> Self {
         let rng = Rng::stream(seed, 0x4100);
         let (base, own) = (Line::new(), Line::new());
-        Self { rng, track: HoldTrack::new(), last: None, timestamp: None, base, own, shown: (0, 0) }
+        Self { rng, track: HoldTrack::new(), last: None, timestamp: None, base, own, commands: true, shown: (0, 0) }
+    }
+
+    /// A reader without commands: those of the base station come by radio.
+    #[must_use]
+    pub fn silent() -> Self {
+        Self { commands: false, ..Self::new(0) }
     }
 
     /// Takes the hold's object from a transaction that began at `own_us` on the flight controller's clock.
@@ -146,7 +154,9 @@ impl HoldUser {
 
     /// Puts commands into the payload of an uplink of `W` that is written at `own_ms` on the flight controller's clock.
     pub fn fill<W: WritesUplink>(&mut self, payload: &mut [u8; Uplink::PAYLOAD], own_ms: u64) {
-        if W::INDEX == BaseStation::INDEX {
+        if !self.commands {
+            payload[..COMMAND_SIZE].fill(0);
+        } else if W::INDEX == BaseStation::INDEX {
             self.base.fill(payload, own_ms, &mut self.rng);
         } else {
             self.own.fill(payload, own_ms, &mut self.rng);

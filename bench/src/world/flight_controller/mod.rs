@@ -94,6 +94,8 @@ pub struct FlightController {
     images: Vec<(u64, Vec<u8>)>,
     /// Each intact Port-Status with the base station's uplink, and the instant (ns) at which its transaction ended.
     ports: Vec<(u64, Vec<u8>)>,
+    /// The bytes in the place of the hold's object, each with the instant (ns) at which its transaction ended.
+    holds: Vec<(u64, Vec<u8>)>,
     stats: Stats,
 }
 
@@ -114,7 +116,7 @@ impl FlightController {
         let client = Client::new(client::Config { read_bytes, ..client::Config::new(config.layout()) });
         let mut controller = Self {
             client: client.expect("a transaction reads the image"),
-            hold: config.hold.map(HoldUser::new),
+            hold: config.hold.map(|seed| if config.relays { HoldUser::silent() } else { HoldUser::new(seed) }),
             config,
             crystal,
             master: SsiMaster::new(crystal),
@@ -131,6 +133,7 @@ impl FlightController {
             downlink: Vec::new(),
             images: Vec::new(),
             ports: Vec::new(),
+            holds: Vec::new(),
             stats: Stats::default(),
         };
         controller.plan();
@@ -262,6 +265,12 @@ impl FlightController {
         core::mem::take(&mut self.ports)
     }
 
+    /// Takes what was read in the place of the hold's object (64 bytes), each with its transaction's end (ns).
+    #[must_use]
+    pub fn take_holds(&mut self) -> Vec<(u64, Vec<u8>)> {
+        core::mem::take(&mut self.holds)
+    }
+
     /// The reader of the hold, if there is one.
     #[must_use]
     pub fn hold(&self) -> Option<&HoldUser> {
@@ -368,6 +377,8 @@ impl FlightController {
         }
         if let Some(hold) = self.hold.as_mut().filter(|_| view.window().offset == 0) {
             hold.read(&whole, own_us);
+            let read = layout.hold().and_then(|place| whole.find(place)).filter(|_| !whole.is_busy());
+            self.holds.extend(read.map(|hold| (transaction.deselected_ns, hold.to_vec())));
         }
         if reading.outcome == Outcome::Busy {
             if let Some(unheard) = self.asked.take() {
