@@ -373,6 +373,7 @@ fn sent(log: &bench_judge::Log) -> Vec<(u64, bool, ReportedStatus)> {
     frames.collect()
 }
 
+// Shows VOTE-9.
 #[test]
 fn a_receiver_excluded_before_the_watchdog_bites_is_still_excluded_after_it() {
     let off = Fault::Receiver(2, ReceiverFault::Offset { north: 200, east: 0, up: 0 });
@@ -505,6 +506,7 @@ fn so_long_after_its_start_each_boards_watchdog_runs() {
 
 /// Whatever instant of an image's publication the DPR hangs at, no expired data are read from it. The flight controller
 /// waits, and reads just after the image has expired.
+// Shows IMG-5.
 #[test]
 fn nothing_expired_is_read_if_the_dpr_hangs_during_a_publication() {
     let Some(setup) = setup(Faults::none(), BEGINS + 45 * MS) else { return };

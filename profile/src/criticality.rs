@@ -417,6 +417,7 @@ mod tests {
         table
     }
 
+    // Shows WAY-1.
     #[test]
     fn the_cells_are_those_of_the_papers_table_1() {
         let paper = "\
@@ -441,6 +442,7 @@ mod tests {
         assert_eq!(documentation, table());
     }
 
+    // Shows WAY-1.
     #[test]
     fn nobody_sends_to_horus_and_horus_sends_to_no_one_below() {
         for from in [Function::TABLE_1.as_slice(), &[Function::Dpr]].concat() {
