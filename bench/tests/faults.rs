@@ -164,6 +164,7 @@ fn the_dpr_restarts_when_a_task_dies_or_hangs_and_says_so() {
     }
 }
 
+// Shows SAFE-15.
 #[test]
 fn a_fault_in_a_dpr_task_leaves_nothing_readable_until_the_restart() {
     for (vector, task) in DPR_TASKS {

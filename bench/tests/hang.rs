@@ -355,6 +355,7 @@ fn sent(log: &bench_judge::Log) -> Vec<(u64, bool, ReportedStatus)> {
     frames.collect()
 }
 
+// Shows VOTE-9.
 #[test]
 fn a_receiver_excluded_before_the_watchdog_bites_is_still_excluded_after_it() {
     let off = Fault::Receiver(2, ReceiverFault::Offset { north: 200, east: 0, up: 0 });
@@ -485,6 +486,7 @@ fn so_long_after_its_start_each_boards_watchdog_runs() {
 }
 
 /// The DPR hangs at every instant of a publication, and the flight controller reads just after the image has expired.
+// Shows IMG-5.
 #[test]
 fn nothing_expired_is_read_if_the_dpr_hangs_during_a_publication() {
     let Some(setup) = setup(Faults::none(), BEGINS + 45 * MS) else { return };

@@ -142,6 +142,7 @@ fn a_bit_that_flips_in_the_dprs_flash_withholds_all_objects() {
     }
 }
 
+// Shows SAFE-9.
 #[test]
 fn a_flipped_bit_of_code_or_a_guard_word_stops_the_dpr() {
     let guards = ["_stack_end", "__guard_data", "__guard_bss", "__guard_uninit", "__guard_end"];
@@ -276,6 +277,7 @@ fn a_stuck_bit_of_horuss_ram_switches_the_field_off_for_good() {
     assert!(last_stop(&mut node).contains(Cause::Ram.name()));
 }
 
+// Shows SAFE-8.
 #[test]
 fn a_bit_that_flips_in_horus_memory_switches_the_field_off() {
     let guards = ["_stack_end", "__guard_data", "__guard_bss", "__guard_uninit", "__guard_end"];

@@ -146,6 +146,7 @@ fn selecting_beside_a_frames_end_delays_it_by_a_bounded_share() {
     begins_in_every_phase::<Pessimistic>(PESSIMISTIC_SHARE);
 }
 
+// Shows WAY-3, WAY-4.
 #[test]
 fn no_misconduct_of_the_flight_controller_changes_what_the_rfid_side_does() {
     changes_nothing::<Fast>(Conduct::ALL, FAST_SHARE);

@@ -40,6 +40,7 @@ fn one(fault: Fault, length: u64) -> Faults {
     Faults::none().with(BEGINS, BEGINS + length, fault)
 }
 
+// Shows TIME-9.
 #[test]
 fn the_link_recovers_from_any_fault_of_the_air_within_5_cycles() {
     let none = AirFaults::default();
@@ -83,6 +84,7 @@ fn the_link_recovers_from_each_front_end_fault_within_15_cycles() {
     }
 }
 
+// Shows TIME-9.
 #[test]
 fn the_link_recovers_from_any_restart_of_a_board_within_15_cycles() {
     for board in BOARDS {

@@ -39,6 +39,7 @@ fn names(lines: &[String], cause: Cause) -> bool {
     lines.iter().any(|line| line.contains(cause.name()))
 }
 
+// Shows SAFE-11.
 #[test]
 fn horus_with_the_option_bytes_as_delivered_stops_and_says_why() {
     let Some(mut node) = boards::horus_part(Stm32f429::new(Oscillators::default())) else { return };

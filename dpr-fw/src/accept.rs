@@ -385,6 +385,7 @@ mod tests {
         }
     }
 
+    // Shows SEQ-7.
     #[test]
     fn a_second_frame_that_was_held_back_is_not_accepted_however_long() {
         for (off, same) in [(-2_501_i64, false), (-2_500, true), (2_500, true), (2_501, false), (10_000, false)] {
@@ -432,6 +433,7 @@ mod tests {
         assert_eq!((verdict.cycle, verdict.accepted), (Cycle::Same, Objects::NONE));
     }
 
+    // Shows SEQ-8.
     #[test]
     fn objects_of_another_cycle_in_one_frame_are_rejected_by_themselves() {
         let mut payload = profile::<3>(50).as_bytes().to_vec();
@@ -453,6 +455,7 @@ mod tests {
     }
 
     proptest! {
+        // Shows OBJ-9.
         #[test]
         fn a_hit_costs_the_object_it_hits_and_no_other(byte in 0_usize..244, flip in 1_u8..) {
             let mut payload = profile::<3>(50).as_bytes().to_vec();
@@ -462,6 +465,7 @@ mod tests {
             prop_assert_eq!(verdict.expect("the length is right").rejected(), Objects(1 << hit));
         }
 
+        // Shows OBJ-10.
         #[test]
         fn no_other_length_is_judged(length in 0_usize..300) {
             let payload = vec![0; length];

@@ -526,6 +526,7 @@ mod tests {
         assert_eq!(shown, link.counters());
     }
 
+    // Shows LNK-10.
     #[test]
     fn the_link_is_out_of_sequence_until_the_sequence_is_found() {
         let mut link = Link::new();

@@ -108,6 +108,7 @@ mod tests {
     use super::*;
     use firmware_common::mpu::Access::{Execute, Read, Write};
 
+    // Shows SAFE-13.
     #[test]
     fn the_null_page_is_shut_and_the_program_is_not_writable() {
         for access in [Read, Write, Execute] {
@@ -120,6 +121,7 @@ mod tests {
         assert_eq!((area(4), area(0x400)), ("null page", "flash"));
     }
 
+    // Shows SAFE-13.
     #[test]
     fn all_ram_except_that_of_the_code_is_data_and_never_executed() {
         for address in [0x2001_0000, 0x2003_FFFF] {

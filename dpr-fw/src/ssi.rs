@@ -92,6 +92,7 @@ impl<const LEN: usize> Windows<LEN> {
 /// ([`ssi::timing::SPACING_NS`]) less the time in which the first of them is served.
 pub const PAUSE_US: u32 = 95;
 
+// Shows WAY-4.
 const _: () = assert!(PAUSE_US * 1_000 + ssi::timing::GAP_NS < ssi::timing::SPACING_NS);
 
 /// The number of transactions that are granted between two publications. A control cycle of 1 ms needs ten in 10 ms.
@@ -171,6 +172,7 @@ mod tests {
         assert_eq!(RECEIVE_BYTES, 8 + 64 + 8);
     }
 
+    // Shows SSI-2.
     #[test]
     fn a_request_opens_its_window_for_one_transaction() {
         let mut windows = Windows::<468>::new();
@@ -233,6 +235,7 @@ mod tests {
     }
 
     proptest! {
+        // Shows SSI-3.
         #[test]
         fn whatever_is_clocked_in_the_window_lies_in_the_map(
             offset: u16, length: u16, damage: bool, garbage: [u8; 8],
@@ -272,6 +275,7 @@ mod tests {
         assert!(sign.is_due(3, true));
     }
 
+    // Shows WAY-3.
     #[test]
     fn the_budget_ends_after_its_transactions_and_says_so_at_the_last() {
         let mut budget = Budget::new();

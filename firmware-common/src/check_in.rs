@@ -135,6 +135,7 @@ mod tests {
         }
     }
 
+    // Shows SAFE-2.
     #[test]
     fn the_watchdog_may_be_fed_only_after_every_task_checked_in() {
         let tasks = [Three::First, Three::Second, Three::Third];

@@ -39,6 +39,7 @@ pub const START_MS: u32 = POLLS * PAUSE_US / 1_000;
 /// internal oscillator may be 8 % slow, and the polls take some cycles too.
 pub const START_MAX_MS: u32 = START_MS * 5 / 2;
 
+// Shows SAFE-12.
 const _: () = assert!(START_MS == 10);
 
 /// The oscillator that feeds the PLL.
@@ -81,6 +82,7 @@ mod tests {
         assert_eq!(chosen(POLLS - 1), (Source::External, POLLS - 1));
     }
 
+    // Shows SAFE-12.
     #[test]
     fn the_start_goes_on_after_10_ms_without_an_external_clock() {
         assert_eq!(chosen(u32::MAX), (Source::Internal, POLLS));

@@ -41,6 +41,7 @@ pub fn from_words(words: [u32; WORDS], reason: ResetReason) -> u8 {
 mod tests {
     use super::*;
 
+    // Shows VOTE-9.
     #[test]
     fn what_was_written_is_read_after_every_reset_but_power_on() {
         for excluded in 0..=u8::MAX {

@@ -46,6 +46,7 @@ pub const GUARD_DETECT_US: u32 = SLICE_US + WAIT_US;
 /// The longest time from a bit of RAM in use that gets stuck until the field is off, µs: one pass over that RAM.
 pub const RAM_DETECT_US: u32 = RATE.ram_pass_us(RAM_BYTES) + WAIT_US;
 
+// Shows SAFE-4, SAFE-5.
 const _: () = assert!(FLASH_DETECT_US <= 9_100_000 && RAM_DETECT_US <= 3_500_000);
 
 /// Counts what a slice found. Returns cause and detail of a finding for which HORUS has to stop.
@@ -63,6 +64,7 @@ mod tests {
     use super::*;
     use firmware_common::program::Comparison;
 
+    // Shows SAFE-8.
     #[test]
     fn changed_flash_and_guard_words_and_faulty_ram_are_causes_to_stop() {
         let telemetry = Telemetry::new();

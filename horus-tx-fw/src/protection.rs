@@ -70,6 +70,7 @@ mod tests {
     use super::*;
     use firmware_common::mpu::Access::{Execute, Read, Write};
 
+    // Shows SAFE-13.
     #[test]
     fn the_null_page_is_shut_and_the_program_is_not_writable() {
         for access in [Read, Write, Execute] {
@@ -83,6 +84,7 @@ mod tests {
         }
     }
 
+    // Shows SAFE-13.
     #[test]
     fn all_ram_is_data_and_none_of_it_can_be_executed() {
         for table in [START.regions(), TASKS.regions()] {

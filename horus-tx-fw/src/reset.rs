@@ -54,6 +54,7 @@ pub const fn name(reason: ResetReason) -> &'static str {
 mod tests {
     use super::*;
 
+    // Shows STA-4.
     #[test]
     fn each_reset_reason_follows_from_its_combination_of_flags() {
         // By the manual every reset from inside also sets the pin's flag.

@@ -275,6 +275,7 @@ mod tests {
     use crate::ring::Reader;
     use std::vec::Vec;
 
+    // Shows REC-13.
     #[test]
     fn a_receiver_is_believed_once_it_was_read_empty_often_enough() {
         let mut backlog = Backlog::new(1);

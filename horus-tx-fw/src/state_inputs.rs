@@ -172,6 +172,7 @@ mod tests {
         assert_eq!(says(false, false), Contradiction);
     }
 
+    // Shows STA-1.
     #[test]
     fn what_three_samples_in_a_row_say_is_taken() {
         let [i, a, c] = [Inactive, Active, Contradiction];

@@ -20,6 +20,7 @@ pub const fn brown_out_level(optcr: u32) -> u32 {
 mod tests {
     use super::*;
 
+    // Shows SAFE-11.
     #[test]
     fn a_part_as_delivered_has_no_brown_out_level() {
         assert_eq!(brown_out_level(0x0FFF_AAED), 3, "RM0090: the reset value of FLASH_OPTCR");

@@ -125,6 +125,7 @@ const fn earliest_slot_us(frame: usize) -> u32 {
 }
 
 // The profile's slots are the earliest possible ones: the work before each slot fits, and no time is wasted.
+// Shows TIME-4.
 const _: () = {
     let mut frame = 0;
     while frame < FRAMES {
@@ -233,6 +234,7 @@ const _: () = assert!(QUIET_FROM_US < QUIET_UNTIL_US);
 mod tests {
     use super::*;
 
+    // Shows TIME-4.
     #[test]
     fn every_slot_is_that_of_the_profile() {
         for (frame, slot) in SLOT_US.into_iter().enumerate() {

@@ -249,6 +249,7 @@ fn status_at(arrived: impl Fn(u32) -> Solution, age: u32) -> (ReportedStatus, Gp
     (reported.status, gps.status)
 }
 
+// Shows REC-1.
 #[test]
 fn a_position_is_valid_for_one_period_and_150_ms() {
     // After one message the period is not known yet, so it is assumed to be one second.
@@ -264,6 +265,7 @@ fn a_position_is_valid_for_one_period_and_150_ms() {
     }
 }
 
+// Shows REC-2.
 #[test]
 fn a_solution_is_stale_after_one_period_and_50_ms() {
     for (age, stale) in [(0, false), (1_000, false), (1_049, false), (1_050, true), (1_051, true), (5_000, true)] {
@@ -271,6 +273,7 @@ fn a_solution_is_stale_after_one_period_and_50_ms() {
     }
 }
 
+// Shows REC-3.
 #[test]
 fn a_receiver_is_heard_for_250_ms() {
     assert!(status_at(all, 250).1.heard() && !status_at(all, 251).1.heard());
@@ -404,6 +407,7 @@ fn every_reported_position_says_why_horus_last_started() {
     }
 }
 
+// Shows STA-7.
 #[test]
 fn a_memory_fault_is_told_from_the_vote_after_it_on() {
     let mut cycle = Cycle::new();
@@ -437,6 +441,7 @@ fn who_was_excluded_before_a_restart_is_from_the_first_tick_on() {
     assert_eq!(excluded(&profile), [false; 3]);
 }
 
+// Shows REC-4.
 #[test]
 fn a_solution_tells_its_age_in_steps_of_25_ms() {
     let told = |age| status_at(all, age).1.solution_age_ms();
@@ -483,6 +488,7 @@ fn a_message_between_a_tick_and_its_cycle_is_not_old() {
 }
 
 proptest! {
+    // Shows OBJ-8.
     #[test]
     fn a_set_bit_and_a_number_always_go_together(
         fix in 0u8..8,

@@ -83,6 +83,7 @@ proptest! {
         }
     }
 
+    // Shows REC-12.
     #[test]
     fn no_position_is_valid_longer_than_1150_ms_after_its_arrival(
         messages in proptest::collection::vec((any::<u32>(), 0u32..3_000), 1..60),
@@ -160,6 +161,7 @@ fn nmea_and_damage_are_passed_over_and_counted() {
     assert_eq!(counts.skipped() as usize, stream.len() - good.len());
 }
 
+// Shows REC-11.
 #[test]
 fn zeros_behind_a_sync_do_not_tell_that_a_receiver_is_heard() {
     let receiver = fed(&[0xB5, 0x62, 0, 0, 0, 0, 0, 0, 0, 0]);
@@ -217,6 +219,7 @@ fn a_false_start_hides_a_message_only_until_the_line_is_silent() {
     assert_eq!(receiver.counts().skipped(), 6, "what is filled in is nobody's bytes");
 }
 
+// Shows REC-10.
 #[test]
 fn only_a_fix_that_the_receiver_vouches_for_is_a_position() {
     let with = |fix, flags, flags3| {
@@ -238,6 +241,7 @@ fn only_a_fix_that_the_receiver_vouches_for_is_a_position() {
     assert_eq!(fed(&NavPvt::GOOD.bytes()).solution().position.fix, Some(FixType::Fix3D));
 }
 
+// Shows REC-6.
 #[test]
 fn only_a_plausible_position_is_valid_to_the_last_unit() {
     let valid = |message: NavPvt| fed(&message.bytes()).solution().position.valid;

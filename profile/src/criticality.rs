@@ -413,6 +413,7 @@ mod tests {
         table
     }
 
+    // Shows WAY-1.
     #[test]
     fn the_cells_are_those_of_the_papers_table_1() {
         let paper = "\
@@ -437,6 +438,7 @@ mod tests {
         assert_eq!(documentation, table());
     }
 
+    // Shows WAY-1.
     #[test]
     fn nobody_sends_to_horus_and_horus_sends_to_no_one_below() {
         for from in [Function::TABLE_1.as_slice(), &[Function::Dpr]].concat() {

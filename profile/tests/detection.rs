@@ -59,6 +59,7 @@ fn burst(start: usize, length: usize, pattern: u32) -> impl Iterator<Item = usiz
     (0..length).filter(move |at| *at == 0 || *at == length - 1 || pattern >> at & 1 == 1).map(move |at| start + at)
 }
 
+// Shows OBJ-4.
 #[test]
 fn a_burst_of_up_to_32_bits_is_rejected_wherever_it_starts() {
     let mut pattern = 0x9E37_79B9_u32;
@@ -150,6 +151,7 @@ fn any_equal(mut sums: Vec<u32>) -> bool {
     sums.windows(2).any(|pair| pair[0] == pair[1])
 }
 
+// Shows OBJ-2.
 #[test]
 fn the_frame_crc_has_hamming_distance_8_over_the_longest_object() {
     // The generator polynomial, x³² included, has an even number of terms. So x + 1 divides it, and every odd number of
@@ -170,6 +172,7 @@ fn the_frame_crc_has_hamming_distance_8_over_the_longest_object() {
     assert!(!any_equal(sums));
 }
 
+// Shows OBJ-3.
 #[test]
 fn the_position_crc_has_hamming_distance_9_over_latitude_and_longitude() {
     // If no two different sets of up to four bits have the same sum, every error of up to 8 bits is detected.
@@ -215,6 +218,7 @@ fn one_pass_over_any_whole_object_ends_in_the_fixed_residue() {
     }
 }
 
+// Shows OBJ-6.
 #[test]
 fn a_valid_object_in_anothers_place_is_rejected() {
     let profile = seeds::profile::<5>(70);
@@ -236,6 +240,7 @@ fn a_valid_object_in_anothers_place_is_rejected() {
     assert_eq!(LinkStatus::verify(&link), Err(Rejection::Identifier));
 }
 
+// Shows OBJ-5.
 #[test]
 fn a_buffer_of_one_byte_repeated_never_verifies() {
     for byte in 0..=u8::MAX {

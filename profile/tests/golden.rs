@@ -113,6 +113,7 @@ fn koopmans_notation_names_the_same_polynomials() {
     assert_eq!(0x9D7F_97D6_u32 << 1 | 1, crc::POSITION.poly);
 }
 
+// Shows OBJ-7.
 #[test]
 fn a_gps_object_is_these_bytes() {
     assert_eq!(GPS1[56..], reference::crc(reference::FRAME, &GPS1[..56]).to_be_bytes());
@@ -134,6 +135,7 @@ fn these_bytes_are_a_gps_object() {
     assert_eq!(read.acceleration[1].to_bits(), 0x7FC0_0000);
 }
 
+// Shows OBJ-7.
 #[test]
 fn reported_position_is_these_bytes() {
     let position = reference::crc(reference::POSITION, &REPORTED_POSITION[8..24]);
@@ -158,6 +160,7 @@ fn these_bytes_are_a_reported_position() {
     assert_eq!(read.acceleration[1].to_bits(), 0x7FC0_0000);
 }
 
+// Shows OBJ-7.
 #[test]
 fn link_status_is_these_bytes() {
     assert_eq!(LINK_STATUS[28..], reference::crc(reference::FRAME, &LINK_STATUS[..28]).to_be_bytes());

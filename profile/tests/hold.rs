@@ -144,6 +144,7 @@ fn of_all_identifiers_256_are_the_holds() {
     assert_eq!(Identifier(0x4101).to_string(), "object 0x4101");
 }
 
+// Shows HOLD-1.
 #[test]
 #[should_panic(expected = "GPS1 is no identifier of an active load")]
 fn a_hold_cannot_seal_an_object_of_horus() {

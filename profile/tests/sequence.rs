@@ -20,6 +20,7 @@ fn step(step_ms: u32, passed_us: i64) -> Judgement {
     held(5_000, start_us).judge(5_000_u32.wrapping_add(step_ms), start_us.wrapping_add_signed(passed_us))
 }
 
+// Shows SEQ-3.
 #[test]
 fn the_fourth_cycle_is_the_first_in_sequence() {
     let mut sequence = Sequence::new();
@@ -36,6 +37,7 @@ fn the_fourth_cycle_is_the_first_in_sequence() {
     assert_eq!(sequence.last().map(|last| (last.timestamp, last.sampled_us)), Some((40, 40_500)));
 }
 
+// Shows SEQ-6.
 #[test]
 fn a_restart_of_horus_is_shown_again_from_its_fourth_cycle_on() {
     let mut sequence = held(90_000, 1_000_000);
@@ -45,6 +47,7 @@ fn a_restart_of_horus_is_shown_again_from_its_fourth_cycle_on() {
     assert_eq!(shown.iter().position(|judgement| judgement.is_in_sequence()), Some(3));
 }
 
+// Shows SEQ-5.
 #[test]
 fn a_clock_off_by_exactly_2_percent_is_plausible() {
     for (cycles, window_us, implausible) in
@@ -60,6 +63,7 @@ fn a_clock_off_by_exactly_2_percent_is_plausible() {
     }
 }
 
+// Shows SEQ-4.
 #[test]
 fn two_timestamps_in_turn_are_never_in_sequence() {
     for apart_us in [10_000, 5_000, 1_000, 9_600] {
@@ -73,6 +77,7 @@ fn two_timestamps_in_turn_are_never_in_sequence() {
     }
 }
 
+// Shows SEQ-1.
 #[test]
 fn twenty_five_missed_cycles_are_in_sequence_and_twenty_six_are_not() {
     for missed in 0..=30 {
@@ -82,6 +87,7 @@ fn twenty_five_missed_cycles_are_in_sequence_and_twenty_six_are_not() {
     assert_eq!(MAX_MISSED, 25);
 }
 
+// Shows SEQ-2.
 #[test]
 fn two_cycles_may_be_off_by_2_5_ms_and_2_percent() {
     // The columns are the step, ms, and the least and the most time, µs, that may pass in this step.
@@ -100,6 +106,7 @@ fn two_cycles_may_be_off_by_2_5_ms_and_2_percent() {
     assert_eq!(step(10, i64::MAX), Judgement::Late);
 }
 
+// Shows SEQ-3.
 #[test]
 fn the_search_accepts_only_steps_of_one_cycle_within_half_a_millisecond() {
     let third = |step_ms: u32, passed_us: u64| {
@@ -123,6 +130,7 @@ fn the_search_accepts_only_steps_of_one_cycle_within_half_a_millisecond() {
     assert_eq!(third(15, 15_000), Judgement::Irregular);
 }
 
+// Shows SEQ-3.
 #[test]
 fn any_other_step_requires_three_exact_steps_anew() {
     for (step_ms, passed_us) in [(0, 10_000), (10, 5_000), (10, 15_000), (13, 13_000), (-10, 10_000), (270, 270_000)] {
@@ -228,6 +236,7 @@ fn a_clock_off_by_over_2_percent_is_reported_within_two_windows() {
     }
 }
 
+// Shows SEQ-5.
 #[test]
 fn the_clocks_are_compared_over_one_second_and_not_less() {
     let mut sequence = held(5_000, 40_000);
@@ -365,6 +374,7 @@ proptest! {
         prop_assert_eq!(sequence.is_clock_implausible(), oracle::clock_implausible(&history));
     }
 
+    // Shows SEQ-4.
     #[test]
     fn no_misplaced_frame_is_judged_in_sequence(
         error in 0_u8..4, after_us in 100_u64..7_000, back in 1_u32..40,

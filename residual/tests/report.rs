@@ -115,6 +115,7 @@ fn every_compared_code_is_in_the_json_by_length() {
     }
 }
 
+// Shows OBJ-11.
 #[test]
 fn the_papers_claims_hold_except_the_failure_rate_at_1e_2() {
     let claims = REPORT.claims();

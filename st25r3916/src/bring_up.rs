@@ -785,6 +785,7 @@ mod tests {
         }
     }
 
+    // Shows FE-3.
     #[test]
     fn back_off_doubles_from_1_ms_and_stays_at_64_ms() {
         let mut list = BringUp::new(Role::Listener);

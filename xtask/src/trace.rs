@@ -157,7 +157,11 @@ impl Trace {
             let text = read(&path)?;
             sources.insert(path, text);
         }
-        Ok(Self::of(&read(REQUIREMENTS)?, &sources, &shown(), &read(mutants::TABLE)?))
+        let mut trace = Self::of(&read(REQUIREMENTS)?, &sources, &shown(), &read(mutants::TABLE)?);
+        for page in tracked()?.iter().filter(|path| path.starts_with("docs/safety/") && path.ends_with(".md")) {
+            trace.take_page(page, &read(page)?);
+        }
+        Ok(trace)
     }
 
     /// Traces `requirements` through `sources` (path and text), through the defects (name, and the variant of
@@ -298,6 +302,16 @@ impl Trace {
             }
             self.mutants.push(mutant);
         }
+    }
+
+    /// Takes the identifiers that a page cites: those of the requirements' groups.
+    fn take_page(&mut self, path: &str, text: &str) {
+        let group = |id: &str| id.split_once('-').map_or(String::new(), |(group, _)| group.to_owned());
+        let groups: BTreeSet<String> = self.requirements.iter().map(|it| group(&it.id)).collect();
+        let words = text.split(|c: char| !c.is_ascii_alphanumeric() && c != '-').filter(|word| is_id(word));
+        let cited: BTreeSet<&str> = words.filter(|word| groups.contains(&group(word))).collect();
+        let unknown = cited.into_iter().filter(|id| !self.requirements.iter().any(|it| it.id == **id));
+        self.gaps.extend(unknown.map(|id| format!("{path} cites {id}, which is no requirement")));
     }
 
     /// Fails if there is a gap, and prints each.

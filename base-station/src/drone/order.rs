@@ -228,6 +228,7 @@ mod tests {
         }
     }
 
+    // Shows GND-8.
     #[test]
     fn forward_is_newer_back_is_older_and_the_same_is_the_same() {
         let mut order = Sender::default();

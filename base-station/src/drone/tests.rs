@@ -92,6 +92,7 @@ fn each_verdict_has_a_name_of_its_own() {
     );
 }
 
+// Shows GND-2.
 #[test]
 fn any_damaged_bit_costs_its_object_and_no_other() {
     let good = profile(10);

@@ -54,8 +54,10 @@ violations! {
     // Shows TIME-3.
     TimestampWrong = "HORUS's timestamp is not its tick's",
     /// The spread, peak to peak, of the time from a tick to the transmit command exceeds the bound.
+    // Shows TIME-5.
     CommandJitter = "the time from tick to command is not constant",
     /// The spread, peak to peak, of the time from a tick to the first bit on the air exceeds the bound.
+    // Shows TIME-5.
     AirJitter = "the time from tick to air is not constant",
     /// HORUS's carrier went off while HORUS ran.
     FieldDropped = "the field dropped",
@@ -95,23 +97,26 @@ violations! {
     /// HORUS has no position although enough receivers work, and no other violation explains the absence.
     NoPosition = "HORUS has no position in a sound run",
     /// Reported-Position shows a valid position that is too far from where the aircraft was.
+    // Shows VOTE-8.
     PositionOff = "a position far from where the aircraft is",
     /// HORUS states wrongly whether it runs without its crystal.
     // Shows STA-3.
     CrystalWrong = "HORUS tells wrongly whether it runs without its crystal",
     /// A bit of program memory changed, a bit of a buffer is stuck, or a supply falls. The board neither reports the
     /// fault nor stops within the required time.
-    // Shows IMG-4, SAFE-3.
+    // Shows IMG-4, SAFE-3, SAFE-15.
     FaultUnnoticed = "a fault has no consequence",
     // ---- DPR and SSI
 
     /// The DPR's front end sent something, although it must only receive.
+    // Shows WAY-2.
     Answered = "the listener answered",
     /// The flight controller made no transaction for longer than its control cycle allows.
     NoTransaction = "the flight controller reads nothing",
     /// Nothing could be read although the DPR's start-up time after power-on or reset had passed.
     NeverReady = "the DPR never got ready for a transaction",
     /// After the end of a transaction the DPR could not serve the next one within the bound.
+    // Shows SSI-5.
     NotReady = "the SSI was not ready in time",
     /// A transaction read 0xFF throughout although an image was readable.
     // Shows SSI-1.
@@ -143,15 +148,19 @@ violations! {
     // Shows IMG-1.
     ShownStale = "stale data shown past its deadline",
     /// An object is shown although its image was not replaced within 25 ms.
+    // Shows IMG-5.
     ShownExpired = "an expired image can be read",
     /// An object is shown that is older than an object with the same identifier shown before.
+    // Shows IMG-7.
     Regression = "old data shown after new",
     /// The bytes that one transaction read come from several images, even within an object.
+    // Shows IMG-7.
     Torn = "a torn read",
     /// The bytes of an object are neither intact nor empty nor torn.
     // Shows OBJ-1.
     Damaged = "damaged data in the image",
     /// An object is intact, but at another object's offset.
+    // Shows OBJ-6.
     Misplaced = "a valid object in another's place",
     /// A transaction at the rise of FRESH would have found the DPR busy, or would have read an unsound image.
     // Shows IMG-3.
@@ -163,10 +172,12 @@ violations! {
     // Shows IMG-3.
     FreshMissing = "an image readable without FRESH",
     /// A frame was readable too late after its last bit.
+    // Shows TIME-6.
     LateReadable = "a frame was readable too late after its last bit",
     /// A sample was readable too late after its tick.
     LateSample = "a sample was readable too late",
     /// After a disturbance the flight controller reads no new valid object within the cycles of a recovery.
+    // Shows TIME-9.
     RecoversLate = "the link recovers too late",
     /// The age of the sample in Link-Status does not fit the tick at which the sample was taken.
     // Shows LNK-1.
@@ -240,8 +251,10 @@ violations! {
     /// A front end was used against its data sheet. The description names the board whose firmware did it.
     FrontEndMisuse = "a front end was used against its data sheet",
     /// HORUS's processor is awake for a greater share of the time than is allowed.
+    // Shows TIME-8.
     HorusOverloaded = "HORUS's processor is loaded too much",
     /// The DPR's processor is awake for a greater share of the time than is allowed.
+    // Shows TIME-8.
     DprOverloaded = "the DPR's processor is loaded too much",
     /// A fault counter of HORUS's firmware is not zero, and nothing observed from outside explains the count.
     HorusComplains = "HORUS counts faults that have no cause",

@@ -38,6 +38,7 @@ const RECEIVER: &str = "horus-tx-fw/src/receiver.rs";
 const CONFIGURATION: &str = "horus-tx-fw/src/configuration.rs";
 const INPUTS: &str = "horus-tx-fw/src/state_inputs.rs";
 const VOTER: &str = "horus-tx-fw/voter/src/lib.rs";
+const DPR: &str = "dpr-fw/src/main.rs";
 const COMMIT: &str = "dpr-fw/src/commit.rs";
 const ACCEPT: &str = "dpr-fw/src/accept.rs";
 const LINK: &str = "dpr-fw/src/link.rs";
@@ -298,6 +299,12 @@ pub(crate) const DEFECTS: &[Defect] = &[
           "if !DEFECT || tick % 2 == 0 {\n            cx.shared.transmitter.lock(|transmitter| \
           transmitter.offer(tick, &profile));\n        }"),
         PLAIN, By(V::NoFrame)),
+    row("slot-by-parity", "the command of every other slot leaves 2 microseconds late",
+        edit("horus-tx-fw/src/hw/cycle_timer.rs",
+          "radio::select();\n                radio::put(command);",
+          "if DEFECT && tick % 2 == 0 {\n                    cortex_m::asm::delay(300);\n                }\n                \
+          radio::select();\n                radio::put(command);"),
+        PLAIN, By(V::CommandJitter)),
     // Breaks SAFE-3.
     row("field-stays-on", "the safe state leaves the field on",
         edit("horus-tx-fw/src/hw/mod.rs", "    radio::field_off();", "    {}"),
@@ -361,6 +368,23 @@ pub(crate) const DEFECTS: &[Defect] = &[
           "let mask = black_box(if verdict.accepted.has(index) { u32::MAX } else { 0 });",
           "let mask = black_box(if verdict.accepted.has(index) && !(DEFECT && index == 1) { u32::MAX } else { 0 });"),
         PLAIN, By(V::Vacant)),
+    row("commit-late", "an image waits for 100 microseconds before it is published",
+        edit(DPR,
+          "let notices = Notices {",
+          "if DEFECT {\n            cortex_m::asm::delay(6_400);\n        }\n        let notices = Notices {"),
+        PLAIN, By(V::LateReadable)),
+    // Breaks SAFE-15.
+    row("image-stays-in-safe-state", "the safe state leaves the image readable",
+        edit("dpr-fw/src/hw/mod.rs", "let _ = SsiDoorbell.request();", "let _ = DEFECT || SsiDoorbell.request();"),
+        POWER, By(V::FaultUnnoticed)),
+    row("dpr-never-sleeps", "the DPR's idle loop never sleeps",
+        edit(DPR, "cortex_m::asm::wfi();", "if !DEFECT {\n                    cortex_m::asm::wfi();\n                }"),
+        PLAIN, By(V::DprOverloaded)),
+    row("back-off-of-a-second", "a front end that has failed is tried again a second later",
+        edit("st25r3916/src/listener.rs",
+          "Step::Delay { us: self.bring_up.back_off_us() }",
+          "Step::Delay { us: if DEFECT { 1_000_000 } else { self.bring_up.back_off_us() } }"),
+        AIR, By(V::RecoversLate)),
     // Breaks IMG-4.
     row("scrub-without-check", "a bit that is stuck is never found",
         edit("dpr-fw/src/triple/types.rs", "stuck_bits += self.0.differing_bits(pattern);", "stuck_bits += 0;"),
@@ -436,6 +460,12 @@ pub(crate) const DEFECTS: &[Defect] = &[
     row("fresh-for-every-release", "FRESH rises for an image that was read before",
         edit(SERVER, "let announce = newer && !announced;", "let announce = (DEFECT || newer) && !announced;"),
         PLAIN, By(V::FreshNotNew)),
+    row("ssi-served-late", "the end of a transaction is served 10 microseconds later",
+        edit(DPR,
+          "cx.local.server.serve(cx.local.ssi, cx.shared.mailbox, &TELEMETRY);",
+          "if DEFECT {\n            cortex_m::asm::delay(640);\n        }\n        \
+          cx.local.server.serve(cx.local.ssi, cx.shared.mailbox, &TELEMETRY);"),
+        PLAIN, By(V::NotReady)),
     row("budget-not-renewed", "after sixteen transactions nothing is granted any more",
         edit(SERVER, "self.budget = Budget::new();", "{}"),
         PLAIN, By(V::Silent)),

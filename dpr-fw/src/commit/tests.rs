@@ -231,6 +231,7 @@ fn an_image_that_holds_a_newer_cycle_is_not_withdrawn() {
     assert!(!bench.commit.withdraw(end::<5>(60_000, 0) + 300, &Health::default(), &mut bench.album));
 }
 
+// Shows SAFE-10.
 #[test]
 fn while_flash_is_changed_every_object_is_rejected_and_none_is_shown() {
     let mut bench = Bench::<3>::in_sequence();
@@ -275,6 +276,7 @@ fn a_frame_of_wrong_length_does_not_postpone_the_deadline() {
     assert_eq!(bench.commit.link().counters(), [4, 12, 4, 1]);
 }
 
+// Shows IMG-1.
 #[test]
 fn the_deadline_counts_from_the_end_of_the_frame() {
     let mut bench = Bench::<1>::in_sequence();
@@ -460,6 +462,7 @@ fn five_receivers_a_lost_first_frame_costs_its_own_objects_only() {
     assert_eq!(bench.missed(), 1);
 }
 
+// Shows SEQ-8.
 #[test]
 fn five_receivers_the_halves_of_two_cycles_are_never_shown_together() {
     let mut bench = Bench::<5>::in_sequence();

@@ -131,6 +131,7 @@ fn the_times_to_detect_are_those_that_are_stated() {
 }
 
 proptest! {
+    // Shows IMG-8.
     #[test]
     fn any_bit_of_the_image_that_flips_is_found_within_one_round(
         byte in 0..Map::<N>::LEN, bit in 0_u32..8, shown: bool,
@@ -194,6 +195,7 @@ fn a_damaged_image_is_withdrawn_once_and_only_while_it_is_shown() {
     assert!(!integrity.take_withdrawal(0));
 }
 
+// Shows SAFE-10.
 #[test]
 fn changed_flash_withdraws_the_shown_image_once() {
     let (integrity, telemetry, mut judge) = (Integrity::new(), Telemetry::new(), Judge::new());
@@ -211,6 +213,7 @@ fn changed_flash_withdraws_the_shown_image_once() {
     assert_eq!((telemetry.flash_passes.get(), telemetry.flash_faults.get()), (5, 3));
 }
 
+// Shows SAFE-9.
 #[test]
 fn changed_code_or_guard_words_stop_the_board() {
     let (integrity, telemetry, mut judge) = (Integrity::new(), Telemetry::new(), Judge::new());

@@ -50,6 +50,7 @@ mod tests {
         timestamps.iter().map(|&timestamp| known.accept(timestamp)).collect()
     }
 
+    // Shows PORT-5.
     #[test]
     fn only_a_newer_timestamp_is_accepted() {
         assert_eq!(accepted(&[700, 701, 701, 700, 690, 9_000]), [true, true, false, false, false, true]);
@@ -62,6 +63,7 @@ mod tests {
         assert_eq!(accepted(&[5, 5 + (1 << 31)]), [true, false]);
     }
 
+    // Shows PORT-6.
     #[test]
     fn a_restarted_writer_is_accepted_at_its_third_object_in_a_row() {
         assert_eq!(accepted(&[9_000, 10, 20, 30, 40, 30]), [true, false, false, true, true, false]);

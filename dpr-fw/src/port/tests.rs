@@ -86,6 +86,7 @@ impl Bench {
     }
 }
 
+// Shows PORT-4.
 #[test]
 fn an_uplink_is_shown_in_its_writers_place_for_500_ms() {
     let mut bench = Bench::new();
@@ -241,6 +242,7 @@ fn what_the_ssi_task_refused_is_counted_as_too_many_once() {
     assert_eq!(bench.counted(), Some((Violation::TooMany, 5)));
 }
 
+// Shows PORT-5.
 #[test]
 fn a_repeated_or_older_uplink_is_refused_and_the_newest_stays() {
     let mut bench = Bench::new();
@@ -322,6 +324,7 @@ fn clear_counters_clears_what_the_port_counts_and_nothing_else() {
     assert_eq!(bench.area().uplink::<BaseStation>(), &uplink(BASE, 7), "an uplink is no counter");
 }
 
+// Shows PORT-5.
 #[test]
 fn a_repeated_command_is_not_carried_out_again() {
     let mut bench = Bench::new();

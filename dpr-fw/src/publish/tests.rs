@@ -467,6 +467,7 @@ fn the_next_image_is_scrubbed_before_its_frame_comes() {
     assert_eq!(board.scrub(), 2, "of four, one is streamed and one is to be filled");
 }
 
+// Shows IMG-5.
 #[test]
 fn an_expired_image_is_not_released_again_and_a_newer_one_is() {
     let board = Board::new();
@@ -508,6 +509,7 @@ fn an_image_announced_and_expired_within_a_transaction_is_never_read() {
     assert_eq!(board.read(&[0; 8]), Read::Image(3));
 }
 
+// Shows WAY-3.
 #[test]
 fn an_image_is_read_until_its_budget_of_transactions_is_spent() {
     let board = Board::new();

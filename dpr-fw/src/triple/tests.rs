@@ -77,6 +77,7 @@ fn memory_behind_a_reference_is_scrubbed_as_well() {
     assert_eq!(ram.words, [0, 1 << 9, 0, 0]);
 }
 
+// Shows IMG-6.
 #[test]
 fn a_scrub_fills_with_ones_and_with_zeros_and_reads_each_back() {
     #[derive(Debug, Default)]
@@ -416,6 +417,7 @@ fn the_third_frame_that_nobody_reads_is_an_overrun() {
 proptest! {
     /// The commit, SSI and scrub tasks run in any order. The streamed image is whole, was the newest when it was taken,
     /// and is never older than the one before. There is always a buffer to fill.
+    // Shows IMG-7.
     #[test]
     fn the_streamed_image_is_whole_and_never_older_than_the_last(
         steps in prop::collection::vec(0_u8..5, 0..400),

@@ -131,6 +131,7 @@ fn breaks(mutation: Mutation, bounds: Bounds, rule: &str) {
     assert_eq!(counterexample.broken, rule, "{counterexample:?}");
 }
 
+// Shows IMG-7.
 #[test]
 fn a_transaction_reads_the_announced_image_whole_and_in_time_or_nothing() {
     has_no_counterexample(HAND_OVER, 719_412);
@@ -146,6 +147,7 @@ fn an_image_whose_bit_gets_stuck_is_not_filled_again() {
     has_no_counterexample(Bounds { transactions: 1, expiries: 0, sticks: 1, ..HAND_OVER }, 76_398);
 }
 
+// Shows IMG-6.
 #[test]
 fn every_frame_is_received_into_zeros_and_read_once_in_order() {
     has_no_counterexample(ROTATION, 9_641);
@@ -234,6 +236,7 @@ fn a_transactions_end_that_calls_the_task_within_the_pause_is_found() {
     breaks(Mutation::OldPauseEndKept, HAND_OVER, rule);
 }
 
+// Shows WAY-4.
 #[test]
 fn a_pause_without_an_end_is_found() {
     breaks(Mutation::PauseWithoutEnd, HAND_OVER, "a pause has no end");

@@ -25,11 +25,13 @@ fn any_stop() -> impl Strategy<Value = Stop> {
 }
 
 proptest! {
+    // Shows SAFE-14.
     #[test]
     fn what_was_recorded_is_what_is_read(stop in any_stop()) {
         prop_assert_eq!(Stop::from_words(&stop.to_words()), Some(stop));
     }
 
+    // Shows SAFE-14.
     #[test]
     fn a_record_with_a_wrong_bit_is_none(stop in any_stop(), word in 0..WORDS, bit in 0_u32..32) {
         let mut words = stop.to_words();

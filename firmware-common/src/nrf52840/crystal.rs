@@ -49,6 +49,7 @@ mod tests {
         assert_eq!(started(POLLS - 1), (true, POLLS - 1));
     }
 
+    // Shows SAFE-12.
     #[test]
     fn an_oscillator_is_given_up_after_ten_milliseconds_of_pauses() {
         assert_eq!(started(u32::MAX), (false, POLLS));

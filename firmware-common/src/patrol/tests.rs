@@ -184,6 +184,7 @@ fn a_pass_tests_every_word_in_use_but_those_left_out() {
 }
 
 proptest! {
+    // Shows SAFE-4.
     #[test]
     fn a_bit_of_flash_that_flips_is_found_in_time(
         word in 0..=PROGRAM_WORDS, bit in 0_u32..32, after in 0_u32..40,
@@ -198,6 +199,7 @@ proptest! {
         slices_until(&mut patrol, &mut ram, most, |slice| slice.flash.is_some_and(Comparison::is_intact));
     }
 
+    // Shows SAFE-6.
     #[test]
     fn a_bit_of_code_in_ram_that_flips_is_found_in_time(
         word in 0..CODE_WORDS, bit in 0_u32..32, after in 0_u32..40,
@@ -209,6 +211,7 @@ proptest! {
         slices_until(&mut patrol, &mut ram, most, |slice| slice.code == Some(CODE + 4 * word));
     }
 
+    // Shows SAFE-7.
     #[test]
     fn a_guard_that_changes_is_found_by_the_next_slice(
         which in 0..guard::COUNT, word in 0_u32..2, bit in 0_u32..32, after in 0_u32..40,
@@ -219,6 +222,7 @@ proptest! {
         prop_assert_eq!(patrol.slice(&mut ram).guard, Some(which as u32));
     }
 
+    // Shows SAFE-5.
     #[test]
     fn a_faulty_bit_of_ram_is_found_within_a_pass(
         word in prop::sample::select(tested()), bit in 0_u32..32, level: bool, stuck: bool, after in 0_u32..40,

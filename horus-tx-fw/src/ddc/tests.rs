@@ -252,6 +252,7 @@ fn a_bus_that_stays_stuck_is_recovered_ten_times_a_second() {
     assert_eq!(rig.delivered, [4, 5]);
 }
 
+// Shows REC-13.
 #[test]
 fn bytes_that_waited_before_the_first_read_are_dropped() {
     let mut rig = Rig::with_backlog();

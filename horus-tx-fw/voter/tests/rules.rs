@@ -34,6 +34,7 @@ fn degrees(report: &Report) -> (f64, f64) {
     (f64::from(report.stated.latitude_e7) / 1e7, f64::from(report.stated.longitude_e7) / 1e7)
 }
 
+// Shows VOTE-1.
 #[test]
 fn quorums_are_1oo1_1oo2_2oo3_3oo5() {
     assert_eq!([1, 2, 3, 5].map(quorum), [1, 1, 2, 3]);
@@ -355,6 +356,7 @@ fn who_was_excluded_before_a_restart_returns_after_agreeing_for_1000_ms() {
     assert_eq!((verdict.members, verdict.excluded, voter.excluded()), (0, 0b100, 0b100));
 }
 
+// Shows VOTE-10.
 #[test]
 fn a_mask_of_exclusions_that_no_voter_comes_to_counts_as_none() {
     fn kept<const N: usize>() -> Vec<u8> {
@@ -861,6 +863,7 @@ proptest! {
     #![proptest_config(seeded(4_000))]
 
     /// The result lies between the right receivers, or as far from one of them as two that agree can be apart.
+    // Shows VOTE-8.
     #[test]
     fn one_wrong_receiver_of_three_moves_the_position_within_bounds(
         wrongs in prop::collection::vec(wrong(), 1..6),

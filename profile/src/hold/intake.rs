@@ -92,6 +92,7 @@ mod tests {
         assert!(!intake.is_shown(0));
     }
 
+    // Shows HOLD-2.
     #[test]
     fn an_object_is_shown_for_less_than_300_ms() {
         let mut intake = Intake::new();
@@ -101,6 +102,7 @@ mod tests {
         assert_eq!(bits(&intake, 305_000), (false, true, 1, 0));
     }
 
+    // Shows HOLD-3.
     #[test]
     fn a_repeated_object_is_rejected_and_does_not_prolong_the_first() {
         let mut intake = Intake::new();

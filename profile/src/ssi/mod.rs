@@ -200,6 +200,7 @@ mod tests {
         }
     }
 
+    // Shows SSI-4.
     #[test]
     fn a_request_with_any_wrong_bit_is_rejected() {
         assert_eq!(parse(&[0x00; 8], 276), Ok(Parsed::Nothing));

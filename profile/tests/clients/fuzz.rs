@@ -325,6 +325,7 @@ fn drawn(seed: u64, transactions: usize) -> Vec<u8> {
 const TAPES: u64 = 50;
 const TRANSACTIONS: usize = 4_000;
 
+// Shows CLI-5.
 #[test]
 fn two_hundred_thousand_random_transactions_are_the_same_to_both_clients() {
     let mut seen = [0_u32; Verdict::ALL.len() + 1];

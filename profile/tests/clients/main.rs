@@ -14,6 +14,7 @@ mod support;
 use c::{Build, WARNINGS, compile, folder};
 use support::tape::play;
 
+// Shows CLI-4, CLI-5.
 #[test]
 fn both_clients_reproduce_the_recordings() {
     let recorded = folder().join("tests/recorded");

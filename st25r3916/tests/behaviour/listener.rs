@@ -45,6 +45,7 @@ fn bring_up_log(chip: Chip) -> Vec<String> {
     rig.log()
 }
 
+// Shows WAY-2.
 #[test]
 fn an_st25r3916_is_brought_up_byte_by_byte() {
     assert_eq!(
@@ -1007,6 +1008,7 @@ fn a_byte_not_whole_on_the_way_is_no_flag() {
     assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 244, flags: CLEAN });
 }
 
+// Shows FE-1.
 #[test]
 fn every_flipped_setting_is_told_within_one_rotation() {
     for variant in [Variant::A, Variant::B] {
@@ -1059,6 +1061,7 @@ fn silences(rig: &mut Rig, listener: &mut Listener, count: usize, field: bool) -
     instants
 }
 
+// Shows FE-2.
 #[test]
 fn a_listener_that_hears_nothing_is_brought_up_anew_ever_more_rarely() {
     for field in [true, false] {

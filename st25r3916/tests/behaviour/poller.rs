@@ -159,6 +159,7 @@ fn every_allowed_supply_is_accepted_with_sup3v_below_3_6_volts() {
     }
 }
 
+// Shows FE-4.
 #[test]
 fn a_supply_out_of_range_keeps_the_field_off() {
     for (supply_mv, millivolts) in [(0, 0), (1_200, 1_193), (2_380, 2_387), (5_530, 5_522), (5_900, 5_897)] {
@@ -732,6 +733,7 @@ fn a_frame_that_the_chip_did_not_take_is_no_unconfirmed_one() {
     }
 }
 
+// Shows FE-1.
 #[test]
 fn every_flipped_setting_is_told_within_one_rotation() {
     for (variant, settings) in [(Variant::A, 13), (Variant::B, 15)] {

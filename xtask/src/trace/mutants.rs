@@ -7,9 +7,10 @@
 //! `cargo xtask trace --mutants` makes a copy of the workspace below the target folder and applies one change at a
 //! time. The test must pass before, and fail with the change.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail, ensure};
 
@@ -54,23 +55,21 @@ impl Mutant {
     pub(super) fn applied(&self, text: &str) -> Result<String> {
         let Self { name, file, item, old, new, .. } = self;
         ensure!(old != new, "mutant {name} changes nothing");
-        let (mut at, mut found, mut end) = (0, vec![], None::<String>);
+        let (mut at, mut found, mut inside) = (0, vec![], None::<(&str, bool)>);
         for line in text.split_inclusive('\n') {
-            if end.is_none() && is_item(line, item) {
-                end = Some(line[..line.len() - line.trim_start().len()].to_owned());
-                if line.trim_end().ends_with(';') {
-                    found.extend(line.match_indices(old).map(|(column, _)| at + column));
-                    end = None;
-                }
+            let indent = &line[..line.len() - line.trim_start().len()];
+            if inside.is_none() && is_item(line, item) {
+                let has_body = line.contains("fn ") || line.trim_end().ends_with('{');
+                inside = Some((indent, has_body));
             }
-            if let Some(indent) = &end {
+            if let Some((outer, has_body)) = inside {
                 found.extend(line.match_indices(old).map(|(column, _)| at + column));
-                if line
-                    .strip_prefix(indent)
-                    .is_some_and(|rest| rest.starts_with(['}', ']', ')']) && !rest.contains('{'))
-                {
-                    end = None;
-                }
+                let is_last = if has_body {
+                    indent == outer && line[indent.len()..].starts_with('}')
+                } else {
+                    line.trim_end().ends_with(';')
+                };
+                inside = inside.filter(|_| !is_last);
             }
             at += line.len();
         }
@@ -104,53 +103,69 @@ fn write_changed(path: &Path, bytes: &[u8]) -> Result<()> {
     fs::write(path, bytes).with_context(|| format!("could not write {}", path.display()))
 }
 
-/// The command that runs, in the copy, the test that this evidence is, or that compiles what asserts it.
-fn test(evidence: &Evidence) -> Result<Command> {
+/// What cargo builds to run a piece of evidence: the package's folder, and the target's selection.
+type Suite = (PathBuf, Vec<String>);
+
+/// The suite that has this evidence.
+fn suite(evidence: &Evidence) -> Result<Suite> {
     let file = Path::new(&evidence.file);
     let folder = file.ancestors().skip(1).find(|folder| root().join(folder).join("Cargo.toml").exists());
     let folder = folder.unwrap_or(Path::new(""));
-    let mut command = cargo();
-    command.args(["test", "--manifest-path"]).arg(copy_folder().join(folder).join("Cargo.toml"));
-    command.arg("--target-dir").arg(target_dir());
-    let suite = file.strip_prefix(folder)?.strip_prefix("tests").ok().and_then(|rest| rest.iter().next());
-    match suite {
-        Some(suite) => drop(command.args(["--test", suite.to_string_lossy().trim_end_matches(".rs")])),
-        None if root().join(folder).join("src/lib.rs").exists() => drop(command.arg("--lib")),
-        None => drop(command.arg("--bins")),
-    }
-    match evidence.kind {
-        Kind::Assertion => drop(command.arg("--no-run")),
-        _ => drop(command.args(["--", &evidence.name])),
-    }
-    Ok(command)
+    let package = root().join(folder);
+    let within = file.strip_prefix(folder)?.strip_prefix("tests").ok().and_then(|rest| rest.iter().next());
+    let target = match within.map(|name| name.to_string_lossy()) {
+        // A file beside tests/main.rs is a module of that target.
+        Some(name) if name.ends_with(".rs") && package.join("tests/main.rs").exists() => {
+            let manifest = fs::read_to_string(package.join("Cargo.toml")).context("could not read a manifest")?;
+            let before = manifest.split("\"\npath = \"tests/main.rs\"").next().filter(|before| *before != manifest);
+            before.and_then(|before| before.rsplit('"').next()).unwrap_or("main").to_owned()
+        }
+        Some(name) => name.trim_end_matches(".rs").to_owned(),
+        None if package.join("src/lib.rs").exists() => return Ok((folder.to_owned(), vec!["--lib".into()])),
+        None => return Ok((folder.to_owned(), vec!["--bins".into()])),
+    };
+    Ok((folder.to_owned(), vec!["--test".into(), target]))
 }
 
-/// Runs a command, and returns whether it succeeded, and what it said.
-fn said(mut command: Command) -> Result<(bool, String)> {
+/// Builds a suite in the copy and runs its tests of these names, or only builds it if there are none. Returns whether
+/// all of that succeeded, and what was said. Nothing is optimised, since building takes longer than running.
+fn cargo_test((folder, target): &Suite, names: &[&str]) -> Result<(bool, String)> {
+    let mut command = cargo();
+    command.args(["test", "--manifest-path"]).arg(copy_folder().join(folder).join("Cargo.toml")).args(target);
+    command.arg("--target-dir").arg(target_dir().join("mutants-target"));
+    command.envs([("CARGO_INCREMENTAL", "1"), ("CARGO_PROFILE_DEV_OPT_LEVEL", "0"), ("CARGO_PROFILE_DEV_DEBUG", "0")]);
+    match names {
+        [] => command.arg("--no-run"),
+        names => command.arg("--").args(names),
+    };
     let output = command.output().with_context(|| format!("could not start {command:?}"))?;
     let text = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
     Ok((output.status.success(), text))
 }
 
-/// Tries a mutant. It is an error if its test does not pass without the change, or does not fail with it.
-fn attempt(mutant: &Mutant, trace: &Trace) -> Result<()> {
-    let Mutant { breaks, file, found_by, .. } = mutant;
-    let finds = |it: &&Evidence| mutant.is_found_by(it) && breaks.iter().all(|id| it.ids.contains(id));
-    let finder = trace.evidence.iter().find(finds);
-    let finder = finder.with_context(|| format!("`{found_by}` does not show {}", breaks.join(", ")))?;
-    let (passes, before) = said(test(finder)?)?;
-    let last = |text: &str| text.lines().rev().take(9).collect::<Vec<_>>().join(" / ");
-    ensure!(passes, "without the change: {}", last(&before));
-    let ran = finder.kind == Kind::Assertion || before.contains(&format!("{found_by} ... ok"));
-    ensure!(ran, "there is no test `{found_by}`: {}", last(&before));
+/// The last lines of `text`, in one.
+fn last(text: &str) -> String {
+    let lines: Vec<&str> = text.lines().collect();
+    lines[lines.len().saturating_sub(9)..].join(" / ")
+}
+
+/// The name by which cargo selects a piece of evidence; none for a constant assertion.
+fn names(evidence: &Evidence) -> Vec<&str> {
+    if evidence.kind == Kind::Assertion { vec![] } else { vec![&evidence.name] }
+}
+
+/// Tries a mutant. It is an error if its evidence does not fail.
+fn attempt(mutant: &Mutant, finder: &Evidence) -> Result<()> {
+    let Mutant { file, found_by, .. } = mutant;
     let text = fs::read_to_string(root().join(file)).with_context(|| format!("could not read {file}"))?;
     let copy = copy_folder().join(file);
     write_changed(&copy, mutant.applied(&text)?.as_bytes())?;
-    let with = said(test(finder)?);
+    let with = cargo_test(&suite(finder)?, &names(finder));
     write_changed(&copy, text.as_bytes())?;
     let (passes, with) = with?;
-    let sign = if finder.kind == Kind::Assertion { "E0080".to_owned() } else { format!("{found_by} ... FAILED") };
-    ensure!(!passes && with.contains(&sign), "not found by `{found_by}`: {}", last(&with));
+    let failed = |line: &str| line.contains(found_by.as_str()) && line.ends_with("FAILED");
+    let found = if finder.kind == Kind::Assertion { with.contains("E0080") } else { with.lines().any(failed) };
+    ensure!(!passes && found, "not found by `{found_by}`: {}", last(&with));
     Ok(())
 }
 
@@ -162,15 +177,29 @@ pub(super) fn run(trace: &Trace, names: &[String]) -> Result<ExitCode> {
         let bytes = fs::read(root().join(&path)).with_context(|| format!("could not read {path}"))?;
         write_changed(&copy_folder().join(&path), &bytes)?;
     }
-    let chosen = trace.mutants.iter().filter(|mutant| names.is_empty() || names.contains(&mutant.name));
+    let mut suites: BTreeMap<Suite, Vec<(&Mutant, &Evidence)>> = BTreeMap::new();
+    for mutant in trace.mutants.iter().filter(|mutant| names.is_empty() || names.contains(&mutant.name)) {
+        let finds = |it: &&Evidence| mutant.is_found_by(it) && mutant.breaks.iter().all(|id| it.ids.contains(id));
+        let finder = trace.evidence.iter().find(finds);
+        let finder = finder.with_context(|| format!("{}: `{}` does not show it", mutant.name, mutant.found_by))?;
+        suites.entry(suite(finder)?).or_default().push((mutant, finder));
+    }
     let (mut tried, mut wrong) = (0, 0);
-    for mutant in chosen {
-        tried += 1;
-        match attempt(mutant, trace) {
-            Ok(()) => println!("{:<32} found by {}", mutant.name, mutant.found_by),
-            Err(error) => {
-                wrong += 1;
-                println!("{:<32} WRONG: {error:#}", mutant.name);
+    for (suite, mutants) in suites {
+        let all: Vec<&str> = mutants.iter().flat_map(|(_, finder)| self::names(finder)).collect();
+        let (passes, said) = cargo_test(&suite, &all)?;
+        ensure!(passes, "without any change {} fails: {}", suite.0.display(), last(&said));
+        let ran = |name: &&str| said.lines().any(|line| line.contains(name) && line.ends_with("ok"));
+        let missing = all.iter().find(|name| !ran(name));
+        ensure!(missing.is_none(), "there is no test {} in {}", missing.unwrap_or(&""), suite.0.display());
+        for (mutant, finder) in mutants {
+            tried += 1;
+            match attempt(mutant, finder) {
+                Ok(()) => println!("{:<32} found by {}", mutant.name, mutant.found_by),
+                Err(error) => {
+                    wrong += 1;
+                    println!("{:<32} WRONG: {error:#}", mutant.name);
+                }
             }
         }
     }

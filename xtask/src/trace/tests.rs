@@ -113,6 +113,15 @@ fn a_mutant_that_fits_no_source_or_no_test_is_a_gap() {
 }
 
 #[test]
+fn a_page_may_cite_requirements_and_other_words_alone() {
+    let mut trace = small().trace();
+    trace.take_page("page.md", "A-1, CRC-16 and B-1: see IEC-7.");
+    assert_eq!(trace.gaps, [""; 0]);
+    trace.take_page("page.md", "(A-9)");
+    assert_eq!(trace.gaps, ["page.md cites A-9, which is no requirement"]);
+}
+
+#[test]
 fn a_row_chooses_among_the_requirements_of_its_rule() {
     let mut chosen = small()
         .with(RULES, "// ^Shows A-1, A-2.\nLate = \"it is late\",\n")

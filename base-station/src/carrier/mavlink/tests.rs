@@ -236,6 +236,7 @@ fn key(byte: u8) -> Key {
     Key::new([byte; 32])
 }
 
+// Shows GND-10.
 #[test]
 fn what_is_signed_is_believed_once_and_nothing_else_is() {
     let frames = |signer: Option<Signer>| {

@@ -68,6 +68,7 @@ impl Hold {
     }
 }
 
+// Shows HOLD-4.
 #[test]
 fn a_command_is_executed_once_and_the_next_number_again() {
     let mut hold = Hold::started();
@@ -134,6 +135,7 @@ fn an_uplink_without_a_command_uses_no_number() {
     assert_eq!(hold.executed, [(Function::BaseStation, HoldCommand::Unlock)]);
 }
 
+// Shows HOLD-6.
 #[test]
 fn the_first_uplink_waits_for_a_later_timestamp_of_its_writer() {
     let mut hold = Hold::default();
@@ -144,6 +146,7 @@ fn the_first_uplink_waits_for_a_later_timestamp_of_its_writer() {
     assert_eq!(hold.base(51, 1, 2, 200), Acknowledged::new(1, Outcome::Done));
 }
 
+// Shows HOLD-5.
 #[test]
 fn a_timestamp_is_too_old_after_more_than_1000_ms() {
     for (mut hold, timestamp, at_limit) in
@@ -351,6 +354,7 @@ proptest! {
         prop_assert!(executed < 12);
     }
 
+    // Shows HOLD-4.
     #[test]
     fn a_command_is_executed_at_most_once_whatever_the_link_does(periods in periods(), first: u16) {
         let mut flight = Flight::new(first);

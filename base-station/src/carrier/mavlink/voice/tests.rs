@@ -183,6 +183,7 @@ fn an_uplink_that_nobody_answers_is_said_to_be_unanswered() {
     assert!(scene.voice.tick(scene.now + SECOND, scene.intake.fleet()).is_empty());
 }
 
+// Shows GND-9.
 #[test]
 fn who_may_not_sends_no_uplink() {
     let mut scene = Scene::new(0, 1);
