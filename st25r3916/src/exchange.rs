@@ -457,14 +457,14 @@ impl Default for Exchange {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bring_up::NO_RESPONSE_ExchangeS;
+    use crate::bring_up::NO_RESPONSE_STEPS;
 
     #[test]
     fn the_no_response_timer_covers_window_preamble_and_sync() {
         // 3 ms are 40 680 carrier periods. With preamble, sync (2 048) and one step of jitter, they are 669 steps of
         // 64.
-        assert_eq!(NO_RESPONSE_ExchangeS, 669);
-        let after_us = u32::from(NO_RESPONSE_ExchangeS) * 64 * 100 / 1_356;
+        assert_eq!(NO_RESPONSE_STEPS, 669);
+        let after_us = u32::from(NO_RESPONSE_STEPS) * 64 * 100 / 1_356;
         assert!(after_us < OPENS_US + AWAIT_US, "I_nre comes before the driver's own limit");
     }
 
