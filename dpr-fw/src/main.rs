@@ -77,7 +77,7 @@ mod app {
     #[cfg(feature = "hold")]
     use crate::hw::DPR_HOLD_TELEMETRY as HOLD_TELEMETRY;
     #[cfg(feature = "hold")]
-    use dpr_fw::hold::{AnswerMemory, ANSWER_MEMORY};
+    use dpr_fw::hold::SpiMemory;
 
     use crate::board;
     use crate::hw::{
@@ -148,11 +148,7 @@ mod app {
         #[cfg(feature = "hold")]
         hold_receive: [ReceiveMemory; RECEIVE_BUFFERS] = [[0; RECEIVE_WORDS]; RECEIVE_BUFFERS],
         #[cfg(feature = "hold")]
-        hold_spi_tx: [u8; Short::MAX] = [0; Short::MAX],
-        #[cfg(feature = "hold")]
-        hold_spi_rx: [u8; Short::MAX] = [0; Short::MAX],
-        #[cfg(feature = "hold")]
-        hold_answer: AnswerMemory = ANSWER_MEMORY,
+        hold_spi: SpiMemory = SpiMemory::NEW,
     ])]
     fn init(cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let mut core = cx.core;
@@ -167,9 +163,8 @@ mod app {
         #[cfg(feature = "hold")]
         {
             shared[6] = memory::span(cx.local.hold_receive);
-            shared[7] = memory::span(cx.local.hold_spi_tx);
-            shared[8] = memory::span(cx.local.hold_spi_rx);
-            shared[9] = memory::span(cx.local.hold_answer);
+            shared[7] = memory::span(cx.local.hold_spi);
+            shared[8] = memory::span(&HOLD_TELEMETRY);
         }
         let (filling, rotation, found) = Rotation::new(cx.local.receive.each_mut());
         TELEMETRY.scrubbed(found);
@@ -189,12 +184,7 @@ mod app {
             spi_rx: cx.local.spi_rx,
             ssi_rx: (area, ssi_end),
             #[cfg(feature = "hold")]
-            hold: hw::HoldDma {
-                spi_tx: cx.local.hold_spi_tx,
-                spi_rx: cx.local.hold_spi_rx,
-                answer: cx.local.hold_answer,
-                receive: hold_filling,
-            },
+            hold: hw::HoldDma { spi: cx.local.hold_spi, receive: hold_filling },
         };
         let board = hw::init(&mut core, cx.device, memory, filling);
         defmt::info!(

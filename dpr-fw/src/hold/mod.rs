@@ -42,7 +42,7 @@ pub use shared::{Area, Shared, SHOWN};
 pub use telemetry::HoldTelemetry;
 
 use profile::hold::{Answer, ANSWER_WINDOW_US};
-use st25r3916::answerer::EARLIEST_US;
+use st25r3916::{answerer::EARLIEST_US, Short};
 
 use crate::rf::LEAD;
 
@@ -55,6 +55,21 @@ const _: () = assert!(ANSWER_US >= EARLIEST_US && ANSWER_US + 100 <= ANSWER_WIND
 
 /// The memory of an answer, which begins behind [`LEAD`] bytes and a byte for the command that loads it.
 pub type AnswerMemory = [u32; (LEAD + 1 + Answer::SIZE) / 4];
-/// The memory of an answer before the first one.
-pub const ANSWER_MEMORY: AnswerMemory = [0; (LEAD + 1 + Answer::SIZE) / 4];
+
+/// The memory that the port's SPI reads and writes, beside the receive buffers.
+#[derive(Debug)]
+pub struct SpiMemory {
+    /// The bytes that a short transfer sends, or the command of a read.
+    pub tx: [u8; Short::MAX],
+    /// The bytes that a short transfer receives.
+    pub rx: [u8; Short::MAX],
+    /// The answer.
+    pub answer: AnswerMemory,
+}
+
+impl SpiMemory {
+    /// The memory before the first transfer.
+    pub const NEW: Self = Self { tx: [0; Short::MAX], rx: [0; Short::MAX], answer: [0; (LEAD + 1 + Answer::SIZE) / 4] };
+}
+
 const _: () = assert!((LEAD + 1).is_multiple_of(4) && Answer::SIZE.is_multiple_of(4));

@@ -67,6 +67,14 @@ fn park() {
     timer.cc[HOLD_ANSWER_COMPARE].write(|w| unsafe { w.bits(Hold::now_us().wrapping_sub(1)) });
 }
 
+/// Stops the timer that starts answers, for the safe state.
+pub(super) fn stop() {
+    // SAFETY: the pointer to the peripheral is valid for ever, and nothing of the port runs any more.
+    let timer = unsafe { &*pac::TIMER4::ptr() };
+    // SAFETY: 1 is a valid value of a task register.
+    timer.tasks_stop.write(|w| unsafe { w.bits(1) });
+}
+
 /// Chip select of the hold's front end, which GPIOTE drives. It also rises by itself at the end of a transfer.
 pub(crate) struct HoldSelect;
 

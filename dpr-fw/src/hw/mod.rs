@@ -128,12 +128,10 @@ pub(crate) struct DmaMemory {
     pub(crate) hold: HoldDma,
 }
 
-/// The static memory that the DMA of the second port uses, beside its receive buffers.
+/// The static memory that the DMA of the second port uses.
 #[cfg(feature = "hold")]
 pub(crate) struct HoldDma {
-    pub(crate) spi_tx: &'static mut [u8; Short::MAX],
-    pub(crate) spi_rx: &'static mut [u8; Short::MAX],
-    pub(crate) answer: &'static mut dpr_fw::hold::AnswerMemory,
+    pub(crate) spi: &'static mut dpr_fw::hold::SpiMemory,
     pub(crate) receive: Filling<ReceiveBuffer>,
 }
 
@@ -194,11 +192,11 @@ pub(crate) fn init(
     let rf = RfPort::new(p.SPIM0, p.TIMER0, (), rf_pins, memory.spi_tx, memory.spi_rx, receive);
     #[cfg(feature = "hold")]
     let hold = {
-        let HoldDma { spi_tx, spi_rx, answer, receive } = memory.hold;
+        let HoldDma { spi: dpr_fw::hold::SpiMemory { tx, rx, answer }, receive } = memory.hold;
         let pins = board::connect_hold(&gpiote, _ppi, hold_pins, &p.TIMER4, &p.SPIM2, &p.EGU3);
         nrf52840::start_counter(&p.TIMER4);
         let answers = hold::Answers::new(answer);
-        let port = hold::HoldPort::new(p.SPIM2, p.TIMER4, answers, pins, spi_tx, spi_rx, receive);
+        let port = hold::HoldPort::new(p.SPIM2, p.TIMER4, answers, pins, tx, rx, receive);
         (port, HoldEdge::new(p.EGU3))
     };
     let ssi = SsiPort::new(p.SPIS1, (p.TIMER2, p.TIMER3), ssi_pins, memory.ssi_rx);
@@ -230,6 +228,9 @@ fn POWER_CLOCK() -> ! {
 /// Takes the SSI's buffers back, so that the flight controller reads 0xFF. A transaction under way still ends with its
 /// image. Before the SSI is set up, every transaction reads 0xFF anyway.
 pub(crate) fn safe_state() {
+    // An answer to the hold that has not begun is not sent.
+    #[cfg(feature = "hold")]
+    hold::stop();
     if SsiDoorbell::is_enabled() {
         let _ = SsiDoorbell.request();
     }
