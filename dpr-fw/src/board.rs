@@ -34,8 +34,9 @@
 //! | SWI0, SWI1, SWI2 | calls from other tasks | `commit`, `scrub`, `port` |
 //! | SPIM2 | second front end | `hold_spi` |
 //! | GPIOTE channel 3 | chip select of the second front end | – |
-//! | GPIOTE channel 2, EGU3 channel 0 | rising edge of the second front end's IRQ, without GPIOTE's interrupt | `hold_irq` |
-//! | TIMER4 | µs counter; compare 0: a wait of the driver, 2: start of the answer; capture 1: IRQ edge, 3: now | `hold_timer` |
+//! | GPIOTE channel 2 | rising edge of the second front end's IRQ, without an interrupt | – |
+//! | EGU3 channel 0 | the same edge, with an interrupt | `hold_irq` |
+//! | TIMER4 | as TIMER0 for the second front end; compare 2: start of the answer | `hold_timer` |
 //! | WDT | watchdog | – |
 //!
 //! | PPI channel | event | task |

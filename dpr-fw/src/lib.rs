@@ -67,8 +67,13 @@ pub const RECEIVERS: usize = if cfg!(feature = "gps-1") {
 
 /// The words of a receive buffer: [`rf::LEAD`] bytes, then LEN, payload and CRC-16 of the longest NFC-F frame.
 pub const RECEIVE_WORDS: usize = (rf::LEAD + st25r3916::listener::BUFFER).div_ceil(4);
-/// The number of words of an image buffer: it holds the map for five receivers, which is the longest.
-pub const IMAGE_WORDS: usize = (profile::map::Map::<5>::LEN + hold::SHOWN).div_ceil(4);
+/// The number of words of an image buffer: it holds the map for five receivers, which is the longest. With a hold it
+/// holds the profile's own on the target, where a scrub of the longest would take half as long again.
+pub const IMAGE_WORDS: usize = if cfg!(all(feature = "hold", target_os = "none")) {
+    MAP_BYTES.div_ceil(4)
+} else {
+    (profile::map::Map::<5>::LEN + hold::SHOWN).div_ceil(4)
+};
 /// The number of bytes of the map that the flight controller can read: with the hold's place if there is a hold.
 pub const MAP_BYTES: usize = profile::map::Map::<RECEIVERS>::LEN + hold::SHOWN;
 

@@ -9,7 +9,7 @@
 //! | `commit`, `deadline` | a frame is in its buffer; 12.5 ms without one | 0.1 ms |
 //! | `scrub` | a buffer was read | 10 ms |
 //! | `port` | a transaction has brought something; an image was published | 10 ms |
-//! | `hold_spi`, `hold_irq`, `hold_timer` | as `rf_spi` and so on, for the front end of a hold (feature `hold`) | 1 ms |
+//! | `hold_spi`, `hold_irq`, `hold_timer` | the same as `rf_…` for the front end of a hold (feature `hold`) | 1 ms |
 //! | `idle` | nothing else wants to run | 100 ms |
 //!
 //! The most urgent tasks come first. Only a task's attribute states its priority and vector; `build.rs` makes the table
@@ -17,12 +17,13 @@
 //!
 //! The bounds have these reasons. After 10 µs the flight controller may select again. 40 µs are two bytes on the air; a
 //! task that verifies an object early takes about 30 µs, and the front end's FIFO holds what arrives meanwhile. 0.1 ms
-//! is what the design allows from the last bit to a readable image. After 10 ms the next frame needs the buffer. 1 ms is
-//! what an answer has in hand ([`dpr_fw::hold::ANSWER_US`]). After 100 ms the watchdog resets the part.
+//! is what the design allows from the last bit to a readable image. After 10 ms the next frame needs the buffer. 1 ms
+//! is what an answer has in hand ([`dpr_fw::hold::ANSWER_US`]). After 100 ms the watchdog resets the part.
 //!
-//! The priorities fall in the order SSI, RFID, commit, scrub, port, hold, idle. A flight controller that makes transactions
-//! without end cannot keep the other tasks from running: the pause between two transactions that are served, and the
-//! number that is granted between two images, bound how often the SSI tasks run ([`dpr_fw::ssi`]).
+//! The priorities fall in the order SSI, RFID, commit, scrub, port, hold, idle. A flight controller that makes
+//! transactions without end cannot keep the other tasks from running: the pause between two transactions that are
+//! served, and the number that is granted between two images, bound how often the SSI tasks run ([`dpr_fw::ssi`]). A
+//! hold's front end that never rests cannot keep `idle` from running either ([`dpr_fw::hold`]).
 //!
 //! Only `idle` writes to the log, and no task masks interrupts for the log ([`firmware_common::log_section`]).
 #![cfg_attr(target_os = "none", no_std, no_main)]
@@ -431,7 +432,8 @@ mod app {
 
     /// Runs when a transaction has brought something or an image was published: judges what came in and prepares
     /// Port-Status and uplinks for the next image.
-    #[task(binds = SWI2_EGU2, priority = 2, local = [port, areas, spare, prepared_for: u32 = 0], shared = [prepared, hold])]
+    #[task(binds = SWI2_EGU2, priority = 2, local = [port, areas, spare, prepared_for: u32 = 0],
+        shared = [prepared, hold])]
     fn port(mut cx: port::Context) {
         let start = DWT::cycle_count();
         let port::LocalResources { port, areas, spare, prepared_for } = cx.local;

@@ -33,14 +33,17 @@ pub(crate) fn lint() -> Result<ExitCode> {
         "warnings",
     ];
     step("clippy (host)".into(), &host);
-    for board in Board::ALL {
+    let with_hold = ["clippy", "--quiet", "--package", "dpr-fw", "--all-targets", "--features", "hold"];
+    let what = "clippy (host, the DPR with the port of a hold)";
+    step(what.into(), &[&with_hold[..], &["--", "-D", "warnings"]].concat());
+    for (board, more) in [(Board::Dpr, ""), (Board::Horus, ""), (Board::Dpr, ",hold")] {
         for gps in Receivers::ALL {
-            let feature = gps.feature();
+            let features = gps.feature() + more;
             let on_target = ["--release", "--target", TARGET, "--no-default-features", "--features"];
             let mut args = vec!["clippy", "--quiet", "--package", board.package()];
             args.extend(on_target);
-            args.extend([&feature, "--", "-D", "warnings"]);
-            step(format!("clippy ({} for {TARGET}, {feature})", board.package()), &args);
+            args.extend([&features, "--", "-D", "warnings"]);
+            step(format!("clippy ({} for {TARGET}, {features})", board.package()), &args);
         }
     }
     // Each suite has a feature with the suite's name; the last suite fails on purpose.

@@ -8,7 +8,7 @@
 //!
 //! | step | where |
 //! |---|---|
-//! | The driver's [`Answerer`] receives a frame into a scrubbed buffer. | [`Responder`] |
+//! | The driver's [`Answerer`](st25r3916::Answerer) receives a frame into a scrubbed buffer. | [`Responder`] |
 //! | The frame is judged. An accepted object waits for the next image. | [`Shared::receive`] |
 //! | The uplinks that may be handed on are put into the answer, zeros in place of others. | [`Shared::answer`] |
 //! | A timer starts the answer [`ANSWER_US`] after the frame's end, whatever tasks run then. | [`AnswerPort::arm`] |

@@ -88,10 +88,14 @@ where
                 self.executor.port().rest();
                 return;
             }
-            Turn::Wake => self.executor.port().wake(),
+            Turn::Begin { rested } => {
+                self.executor.port().park();
+                if rested {
+                    self.executor.port().wake();
+                }
+            }
             Turn::Work => {}
         }
-        self.executor.port().park();
         if self.drive(shared, &now_us, telemetry).is_none() {
             telemetry.out_of_use.set(1);
             self.executor.port().rest();
@@ -100,6 +104,9 @@ where
         telemetry.scrubbed(scrub_waiting(Alone(&mut self.rotation)));
         let carried = self.executor.port().take_carried();
         self.budget.carry(carried);
+        let (calls, bytes) = self.budget.spent();
+        telemetry.calls_most.record_max(calls);
+        telemetry.bytes_most.record_max(bytes);
     }
 
     /// Serves every event of the driver. Returns `None` if the port broke.

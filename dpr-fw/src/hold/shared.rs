@@ -79,7 +79,7 @@ impl Shared {
     ///
     /// # Errors
     ///
-    /// As for [`Intake::receive`].
+    /// The errors are those of [`Intake::receive`].
     pub fn receive(&mut self, payload: &[u8], ended_us: u32, now_us: u32) -> Result<(), Rejection> {
         self.clock.advance(now_us);
         self.object = *self.intake.receive(payload, self.clock.instant_us(ended_us))?;

@@ -34,6 +34,10 @@ firmware_common::counters! {
         buffers_out_of_use,
         /// 1 if the port is out of use because its SPI did not stop, otherwise 0.
         out_of_use,
+        /// The most calls of the port's tasks in a window of the budget.
+        calls_most,
+        /// The most bytes on the port's SPI in a window of the budget.
+        bytes_most,
         /// The longest run of a task of the port, processor cycles, including what preempted it.
         worst_cycles,
         /// The longest time from a frame's end until the answer waited for its instant, µs.

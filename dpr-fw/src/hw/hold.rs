@@ -3,10 +3,13 @@
 //! The IRQ's edge calls the task `hold_irq` by GPIOTE without an interrupt, PPI and EGU3. So the front end cannot call
 //! a task of HORUS's, and once EGU3's interrupt is masked it calls none.
 //!
-//! An answer starts at a fixed instant: the transmit command is set up in SPIM2 with the chip selected, and a compare of
-//! TIMER4 starts the transfer through PPI. The chip carries out a command when chip select rises; the transfer's end
-//! lets it rise, also through PPI. So no task comes between. That PPI channel is always enabled, so the compare register holds a past
-//! instant except while an answer is armed ([`AnswerPort::park`]).
+//! An answer starts at a fixed instant: the transmit command is set up in SPIM2 with the chip selected, and a compare
+//! of TIMER4 starts the transfer through PPI. The chip carries out a command when chip select rises; the transfer's end
+//! lets it rise, also through PPI. So no task comes between. The tasks cannot reach the PPI, whose channels are always
+//! enabled; so the compare register holds a past instant except while an answer is armed ([`AnswerPort::park`]).
+//!
+//! `tests/interleavings/hold.rs` makes the same register accesses in the same order on a model, and every order of
+//! events is explored there. Whoever changes this file has to change that file, too.
 
 use core::convert::Infallible;
 
@@ -52,6 +55,16 @@ impl Wiring for Hold {
         timer.tasks_capture[NOW_CAPTURE].write(|w| unsafe { w.bits(1) });
         timer.cc[NOW_CAPTURE].read().bits()
     }
+}
+
+/// Sets the compare that starts an answer to an instant that has just passed. The counter comes back to it after 71
+/// minutes.
+fn park() {
+    // SAFETY: the pointer to the peripheral is valid for ever; only the hold's tasks, which do not interrupt each other,
+    // use this register.
+    let timer = unsafe { &*pac::TIMER4::ptr() };
+    // SAFETY: the compare register takes any value.
+    timer.cc[HOLD_ANSWER_COMPARE].write(|w| unsafe { w.bits(Hold::now_us().wrapping_sub(1)) });
 }
 
 /// Chip select of the hold's front end, which GPIOTE drives. It also rises by itself at the end of a transfer.
@@ -112,7 +125,9 @@ impl Sends for Answers {
     }
 
     fn disarm(&mut self) {
-        self.armed = None;
+        if self.armed.take().is_some() {
+            park();
+        }
     }
 
     fn limit_us(&self, us: u32, now_us: u32) -> u32 {
@@ -145,7 +160,7 @@ impl AnswerPort for HoldPort {
         self.timer.cc[HOLD_ANSWER_COMPARE].write(|w| unsafe { w.bits(at_us) });
         if is_passed(0) && self.timer.events_compare[HOLD_ANSWER_COMPARE].read().bits() == 0 {
             // Another task was longer than was left, and the counter has passed the value before it was set.
-            self.park();
+            park();
             self.finish();
             return false;
         }
@@ -155,8 +170,7 @@ impl AnswerPort for HoldPort {
 
     fn park(&mut self) {
         if !self.sends.is_armed() {
-            // SAFETY: the compare register takes any value. The counter comes back to it after 71 minutes.
-            self.timer.cc[HOLD_ANSWER_COMPARE].write(|w| unsafe { w.bits(Hold::now_us().wrapping_sub(1)) });
+            park();
         }
     }
 

@@ -71,7 +71,7 @@ pub(crate) trait Sends {
     fn is_armed(&self) -> bool;
     /// Takes note of a transfer of so many bytes.
     fn carries(&mut self, bytes: usize);
-    /// Takes note that the present transfer is over.
+    /// Takes note that the present transfer is over or is about to be stopped, so that no timer may start it any more.
     fn disarm(&mut self);
     /// Returns the time limit of a transfer that has `us` from its start, counted from `now_us` on.
     fn limit_us(&self, us: u32, now_us: u32) -> u32;
@@ -185,7 +185,7 @@ impl<W: Wiring> Port<W> {
         }
     }
 
-    /// Sets the SPIM up to send `send` bytes from `from` and to receive `receive` bytes at `into`, and selects the chip.
+    /// Sets the SPIM up to send `send` bytes from `from` and receive `receive` bytes at `into`, and selects the chip.
     ///
     /// # Safety
     ///
@@ -294,6 +294,7 @@ impl<W: Wiring> executor::Port for Port<W> {
     }
 
     fn abort(&mut self) {
+        self.sends.disarm();
         self.spim.events_stopped.reset();
         // SAFETY: 1 is a valid value of a task register.
         self.spim.tasks_stop.write(|w| unsafe { w.bits(1) });

@@ -38,6 +38,7 @@
 mod board;
 mod explorer;
 mod hardware;
+mod hold;
 
 use board::OneRun;
 use explorer::{Counterexample, Explored, Explorer};

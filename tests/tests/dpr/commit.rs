@@ -6,6 +6,7 @@ use core::hint::black_box;
 use dpr_fw::{
     accept::{Acceptance, Early, Objects},
     commit::{Commit, Frame},
+    hold::Area,
     intake,
     link::{Health, Link, FRAME_DEADLINE_US},
     publish::{Doorbell, Mailbox, Outbox},
@@ -15,7 +16,7 @@ use dpr_fw::{
     ImageMemory, ReceiveMemory, IMAGE_WORDS, RECEIVERS, RECEIVE_WORDS,
 };
 use on_target_tests::cycles::{bounds, Cycles, Taken};
-use profile::{air, map::PortArea};
+use profile::air;
 use rtic_core::Mutex;
 
 use super::frames::{Case, CASES, CLASSES, SIZE};
@@ -54,14 +55,14 @@ type ImageBuffer<'a> = &'a mut ImageMemory;
 struct Publishing<'a> {
     mailbox: Mailbox<ImageBuffer<'a>>,
     filling: Option<Filling<ImageBuffer<'a>>>,
-    port: PortArea,
+    port: Area,
     telemetry: Telemetry,
 }
 
 impl<'a> Publishing<'a> {
     fn new(images: &'a mut [ImageMemory; IMAGES]) -> Self {
         let mailbox = Mailbox::new(images.each_mut());
-        Self { mailbox, filling: None, port: PortArea::EMPTY, telemetry: Telemetry::new() }
+        Self { mailbox, filling: None, port: Area::EMPTY, telemetry: Telemetry::new() }
     }
 
     fn outbox(&mut self, busy: bool) -> Outbox<'_, Own<'_, Mailbox<ImageBuffer<'a>>>, ImageBuffer<'a>, Bell> {
