@@ -14,8 +14,8 @@
 //! | without a valid temperature, or with faulty memory | output 0: [`Climate::is_safe`] |
 //!
 //! *No windup*: the integral changes only while the output that follows from it is within its limits, or if that change
-//! brings it back; its own range is that of the output. Another set-point leaves it as it is. While the output is held
-//! at 0 for safety the integral is 0, so that the control begins anew afterwards.
+//! brings it back. Another set-point leaves it as it is. While the output is held at 0 for safety the integral is 0, so
+//! that the control begins anew afterwards.
 //!
 //! *Dead band*: while the error is less than [`DEAD_BAND`], the proportional part is 0, so that the noise of the sensor
 //! does not switch heater and cooler.
@@ -101,7 +101,7 @@ impl Climate {
             let coldest = if temperature < *WORKING.start() { 0.0 } else { *OUTPUTS.start() };
             bound(output, coldest, hottest)
         };
-        let integral = may(self.integral + INTEGRAL * error * STEP_S);
+        let integral = self.integral + INTEGRAL * error * STEP_S;
         let wanted = proportional + integral;
         // Beyond a limit only a change that leads back to it counts.
         if may(wanted) == wanted || (wanted > 0.0) == (integral < self.integral) {

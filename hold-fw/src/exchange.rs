@@ -7,9 +7,9 @@
 //! the answers. No task ever waits for the SPI.
 //!
 //! The command that starts a frame is the one transfer that must happen at an exact instant. When the frame's head is
-//! loaded, the link *arms* a [`Ticket`], which says for which cycle the head was loaded. The slot's interrupt, which has
-//! the highest priority, asks [`Ticket::due`] and starts the transfer of the command. A slot without a ticket, or with
-//! that of another cycle, sends nothing: no frame is sent late.
+//! loaded, the link *arms* a [`Ticket`], which says for which cycle the head was loaded. The slot's interrupt, which
+//! has the highest priority, asks [`Ticket::is_due`] and makes the transfer of the command. A slot without a ticket, or
+//! with that of another cycle, sends nothing: no frame is sent late.
 //!
 //! The state machine recovers from a fault of the chip by itself, and the cycle goes on.
 

@@ -6,8 +6,8 @@
 //! | RAM in use does not hold what is written to it, also at the start | the same |
 //! | a guard word has changed | safe state, [`Cause::GuardWord`] |
 //!
-//! The hold goes on after the first two, so that somebody learns of them, and keeps the output off until its next start.
-//! A program that differs at the start is not run at all.
+//! The hold goes on after the first two, so that somebody learns of them, and keeps the output off until its next
+//! start. A program that differs at the start is not run at all.
 
 use firmware_common::{
     last_stop::Cause,

@@ -3,7 +3,7 @@
 //!
 //! | task | when it is called | has to be done within |
 //! |---|---|---|
-//! | `slot` | a beat; the slot, in which the frame is fired | 1 µs |
+//! | `slot` | a beat; the slot, in which the frame is fired | 5 µs |
 //! | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a wait is over | 0.1 ms |
 //! | `cycle` | the tick | 0.3 ms |
 //! | `answer` | an answer has come | 10 ms |
@@ -18,8 +18,8 @@
 //! 0.2 ms after the frame at the earliest. The frame's head is loaded before the slot. The next exchange comes after
 //! 90 ms. A beat lasts 25 ms, and after 100 ms the watchdog resets the part.
 //!
-//! Only `sensors` waits for anything, namely for the bus, with a bound, and below all other tasks: nothing on the bus can
-//! delay the cycle. Only `idle` writes to the log, and no task masks interrupts for the log
+//! Only `sensors` waits for anything, namely for the bus, with a bound, and below all other tasks: nothing on the bus
+//! can delay the cycle. Only `idle` writes to the log, and no task masks interrupts for the log
 //! ([`firmware_common::log_section`]).
 #![cfg_attr(target_os = "none", no_std, no_main)]
 #![deny(unsafe_code)]

@@ -141,10 +141,4 @@ impl Hold {
         let outputs = Outputs { output, locked: self.kept.locked };
         (HoldStatus::seal(Writer::<ActiveLoad>::claim(), &values), outputs)
     }
-
-    /// Whether the hold is locked, for the lock's output before the first cycle.
-    #[must_use]
-    pub const fn is_locked(&self) -> bool {
-        self.kept.locked
-    }
 }

@@ -46,6 +46,8 @@ pub(crate) fn lint() -> Result<ExitCode> {
             step(format!("clippy ({} for {TARGET}, {features})", board.package()), &args);
         }
     }
+    let hold = ["clippy", "--quiet", "--package", "hold-fw", "--release", "--target", TARGET, "--", "-D", "warnings"];
+    step(format!("clippy (hold-fw for {TARGET})"), &hold);
     // Each suite has a feature with the suite's name; the last suite fails on purpose.
     for name in Board::ALL.map(Board::name).into_iter().chain(["failing"]) {
         let args = [

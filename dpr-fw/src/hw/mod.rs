@@ -75,7 +75,7 @@ use nrf52840_hal::{
 use profile::ResetReason;
 use st25r3916::Short;
 
-pub(crate) use firmware_common::nrf52840::now_us;
+pub(crate) use firmware_common::{nrf52840::now_us, take_event};
 #[cfg(feature = "hold")]
 pub(crate) use hold::HoldSelect;
 pub(crate) use hold::{HoldEdge, HoldResponder, HoldShared};
@@ -104,21 +104,6 @@ pub(crate) type ReceiveBuffer = &'static mut ReceiveMemory;
 pub(crate) type ImageBuffer = &'static mut ImageMemory;
 /// A receive area of the SSI in static memory.
 pub(crate) type AreaBuffer = &'static mut ReceiveArea;
-
-/// Reads and clears an event register, and waits until the write is through the bus bridge, so that the event does not
-/// call its interrupt again (PS v1.7, 6.1.8).
-macro_rules! take_event {
-    ($event:expr) => {{
-        let event = &$event;
-        let set = event.read().bits() != 0;
-        if set {
-            event.reset();
-            let _ = event.read();
-        }
-        set
-    }};
-}
-pub(crate) use take_event;
 
 /// The hardware that the tasks own once it is set up.
 pub(crate) struct Board {

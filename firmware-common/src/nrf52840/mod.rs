@@ -8,6 +8,21 @@
 //! | [`crystal`] | the wait for the 32 MHz crystal |
 //! | `registers.rs` | the registers of these, and the µs counter; with the feature `nrf52840` |
 
+/// Reads and clears an event register, and waits until the write is through the bus bridge, so that the event does not
+/// call its interrupt again (PS v1.7, 6.1.8).
+#[macro_export]
+macro_rules! take_event {
+    ($event:expr) => {{
+        let event = &$event;
+        let set = event.read().bits() != 0;
+        if set {
+            event.reset();
+            let _ = event.read();
+        }
+        set
+    }};
+}
+
 pub mod crystal;
 pub mod debug_port;
 #[cfg(all(target_os = "none", feature = "nrf52840"))]

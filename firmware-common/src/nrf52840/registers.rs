@@ -105,6 +105,7 @@ pub fn start_counter(timer: &impl Instance) {
 }
 
 /// Returns the value of TIMER0, the µs counter; any task may call this. It wraps after 71 minutes.
+#[inline]
 #[must_use]
 pub fn now_us() -> u32 {
     // SAFETY: the pointer to the peripheral is valid for ever, and only this function uses this capture register. If

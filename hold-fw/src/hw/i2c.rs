@@ -1,8 +1,8 @@
 //! The bus of the sensors: TWIM1 as embedded-hal's `I2c`.
 //!
-//! The HAL's TWIM waits without a bound, which a bus that a sensor holds would make last for ever. Here every wait has a
-//! bound: a transfer that has not ended in time is given up, and the bus is recovered. All of it is for one task of the
-//! lowest priority, which waits for the bus.
+//! The HAL's TWIM waits without a bound, so a sensor that holds the bus would make it wait for ever. Here every wait has
+//! a bound: a transfer that has not ended in time is given up, and the bus is recovered. All of it is for one task of
+//! the lowest priority, which waits for the bus.
 //!
 //! The bus works at 390 kbit/s: at 400 kbit/s the TWIM's SCL is low for 1.25 µs only (anomaly 219), and the
 //! accelerometer wants 1.3 µs.

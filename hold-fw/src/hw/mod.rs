@@ -17,8 +17,8 @@
 //!
 //! # Anomalies
 //!
-//! Those of nRF52840 revisions 1 to 3 that `dpr-fw/src/hw/mod.rs` lists for peripherals that this firmware uses as well,
-//! and these:
+//! The anomalies that concern this firmware are those that `dpr-fw/src/hw/mod.rs` lists for peripherals that are used
+//! here as well, and these:
 //!
 //! | no. | what | measure |
 //! |---|---|---|
@@ -50,7 +50,7 @@ use nrf52840_hal::{
 use profile::ResetReason;
 
 pub(crate) use beats::{beat, tick, Beat, Beats};
-pub(crate) use firmware_common::nrf52840::now_us;
+pub(crate) use firmware_common::{nrf52840::now_us, take_event};
 pub(crate) use i2c::{Bus, Memory as BusMemory, Pause};
 pub(crate) use outputs::Outputs;
 pub(crate) use radio::{Memory as RfMemory, RfEdge, RfPort};
@@ -68,21 +68,6 @@ pub(crate) static HOLD_TELEMETRY: Telemetry = Telemetry::new();
 /// The memory of what is kept over a reset.
 #[link_section = ".uninit.KEPT"]
 static KEPT: kept::Memory = [const { [const { AtomicU32::new(0) }; kept::WORDS] }; 2];
-
-/// Reads and clears an event register, and waits until the write is through the bus bridge, so that the event does not
-/// call its interrupt again (PS v1.7, 6.1.8).
-macro_rules! take_event {
-    ($event:expr) => {{
-        let event = &$event;
-        let set = event.read().bits() != 0;
-        if set {
-            event.reset();
-            let _ = event.read();
-        }
-        set
-    }};
-}
-pub(crate) use take_event;
 
 /// The hardware that the tasks own once it is set up.
 pub(crate) struct Board {

@@ -35,8 +35,12 @@ static ARMED: AtomicU32 = AtomicU32::new(0);
 /// The bit of chip select in port 1, for the slot.
 const SELECT: u32 = 1 << 12;
 
-/// Fires the frame of cycle `tick`, if it is loaded: lowers chip select and starts the transfer of the command, which
-/// [`FrontEndPort::arm`] has set up.
+/// The number of polls that last longer than the transfer of one byte, 1 µs.
+const BYTE_POLLS: u32 = 50;
+
+/// Fires the frame of cycle `tick`, if it is loaded: makes the transfer of the command, which [`FrontEndPort::arm`] has
+/// set up, and waits for its end, since the command counts from chip select's rise on. The transfer's event stays set
+/// and calls the task that goes on.
 #[inline(always)]
 pub(super) fn fire(tick: u32) {
     if !Ticket::is_due(ARMED.load(Ordering::Acquire), tick) {
@@ -44,12 +48,19 @@ pub(super) fn fire(tick: u32) {
     }
     ARMED.store(0, Ordering::Relaxed);
     // SAFETY: a register block is always there, and from `arm` to the ticket's end only this function uses the SPI and
-    // chip select; OUTCLR changes only the pins whose bits are ones.
+    // chip select; OUTCLR and OUTSET change only the pins whose bits are ones.
     let (port, spim) = unsafe { (&*pac::P1::ptr(), &*pac::SPIM0::ptr()) };
     // SAFETY: the bit is that of chip select.
     port.outclr.write(|w| unsafe { w.bits(SELECT) });
     // SAFETY: 1 is a valid value of a task register; `arm` has set up pointers and counts.
     spim.tasks_start.write(|w| unsafe { w.bits(1) });
+    for _ in 0..BYTE_POLLS {
+        if spim.events_end.read().bits() != 0 {
+            break;
+        }
+    }
+    // SAFETY: the bit is that of chip select.
+    port.outset.write(|w| unsafe { w.bits(SELECT) });
 }
 
 /// The interrupt of the front end's IRQ pin, which its rising edge raises.
@@ -71,8 +82,8 @@ impl RfEdge {
 pub(crate) struct Memory {
     /// The bytes to send: a short transfer, or the command of a load with the bytes of the frame behind it.
     send: [u8; LEAD + HoldObject::SIZE],
-    /// The bytes that a short transfer brings. They must not overwrite an answer, of which the driver reports only after
-    /// it has masked the receiver again.
+    /// The bytes that a short transfer brings. They must not overwrite an answer: the driver masks the receiver before
+    /// it reports one.
     short: [u8; Short::MAX],
     /// The byte under the command of a read, and the answer behind it.
     answer: [u8; LEAD + BUFFER],

@@ -26,9 +26,6 @@ pub fn recover(lines: &mut impl Lines) -> bool {
     lines.set_scl(true);
     lines.pause();
     for _ in 0..CLOCKS {
-        if lines.sda() {
-            break;
-        }
         lines.set_scl(false);
         lines.pause();
         lines.set_scl(true);

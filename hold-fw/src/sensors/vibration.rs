@@ -9,8 +9,9 @@ use super::SAMPLES_PER_SECOND;
 /// The number of readings of the sensor in a second.
 pub const READINGS: usize = 20;
 
-/// The fewest samples in a second that make a result; the sensor's clock may be some percent slow.
-const FEWEST: u32 = SAMPLES_PER_SECOND * 3 / 4;
+/// The fewest samples in a second that make a result: the sensor's clock may be 10 % slow (LIS3DH data sheet, 2.1), and
+/// a reading may come late.
+const FEWEST: u32 = SAMPLES_PER_SECOND * 17 / 20;
 
 /// A sample: x, y, z in [digits](DIGIT).
 pub type Sample = [i16; 3];
@@ -130,7 +131,7 @@ mod tests {
     #[test]
     fn the_vibration_is_unknown_until_a_second_of_samples_is_there() {
         let mut vibration = Vibration::new();
-        for reading in 0..15 {
+        for reading in 0..17 {
             assert_eq!(vibration.rms(), None, "{reading}");
             vibration.take(&[[1, 2, 3]; 20]);
         }
@@ -139,7 +140,7 @@ mod tests {
         assert_eq!(vibration.rms(), None);
         // Readings that find nothing push the samples of a second ago out.
         let mut vibration = second(|_| [0, 0, 62]);
-        (0..6).for_each(|_| vibration.take(&[]));
+        (0..4).for_each(|_| vibration.take(&[]));
         assert_eq!(vibration.rms(), None);
     }
 
@@ -161,7 +162,7 @@ mod tests {
     proptest! {
         #[test]
         fn the_rms_is_that_of_the_definition(
-            samples in prop::collection::vec([-512_i16..512, -512_i16..512, -512_i16..512], 310..640)
+            samples in prop::collection::vec([-512_i16..512, -512_i16..512, -512_i16..512], 340..640)
         ) {
             let mut vibration = Vibration::new();
             samples.chunks(32).for_each(|reading| vibration.take(reading));

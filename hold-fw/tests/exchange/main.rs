@@ -2,6 +2,7 @@
 
 mod world;
 
+use firmware_common::counter::Counter;
 use hold_fw::{
     kept::{Keeper, Memory, WORDS},
     sensors::Readings,
@@ -49,7 +50,7 @@ fn each_cycle_sends_one_frame_and_gets_one_answer() {
         assert_eq!(heard, (1..=30).map(timestamp).collect::<Vec<_>>());
         assert_eq!(world.answers.len(), 30);
         let counts = [&telemetry.frames_sent, &telemetry.answers, &telemetry.silences, &telemetry.frames_skipped];
-        assert_eq!(counts.map(|counter| counter.get()), [30, 30, 0, 0]);
+        assert_eq!(counts.map(Counter::get), [30, 30, 0, 0]);
         assert_eq!((telemetry.rf_faults.get(), world.link.take_fault()), (0, None));
         assert_eq!(world.link.port().chip.reports(), &[]);
     }
@@ -85,7 +86,7 @@ fn a_bad_way_back_costs_no_frame() {
     assert!(sent.len() >= 299, "{}", sent.len());
     assert!(world.answers.len() > 50, "{}", world.answers.len());
     let ended = [&telemetry.answers, &telemetry.silences, &telemetry.answers_dropped, &telemetry.rf_faults];
-    assert_eq!(ended.map(|counter| counter.get()).iter().sum::<u32>(), 300);
+    assert_eq!(ended.map(Counter::get).iter().sum::<u32>(), 300);
 }
 
 #[test]
@@ -99,6 +100,21 @@ fn a_frame_that_is_offered_too_late_is_not_sent() {
     sent.extend(ticks(&world.run(3, status), &config));
     assert_eq!(sent, [1, 2, 3, 6, 7, 8]);
     assert_eq!(telemetry.frames_skipped.get(), 2);
+}
+
+#[test]
+fn a_frame_is_never_changed_while_it_is_loaded() {
+    let (telemetry, config) = (Telemetry::new(), Config::default());
+    let mut world = World::new(&telemetry, config.clone(), AnswerFaults::default());
+    world.run(2, status);
+    // The first frame is offered so late that its load goes on at the next tick, at which the second is offered.
+    world.late_ns = PERIOD_NS - 10_000;
+    world.run(1, status);
+    world.late_ns = 0;
+    assert_eq!(world.run(1, status).len(), 0);
+    assert_eq!(telemetry.frames_skipped.get(), 2);
+    world.late_ns = 50_000;
+    assert_eq!(ticks(&world.run(3, status), &config), [5, 6, 7]);
 }
 
 #[test]
@@ -129,7 +145,7 @@ fn whichever_transfer_hangs_the_frames_come_back_on_time() {
         // A frame whose load hangs breaks off on the air.
         frames.retain(|frame| frame.whole);
         let sent = ticks(&frames, &config);
-        assert!(world.link.port().aborted == 1, "transfer {hang_in}");
+        assert_eq!((world.link.port().aborted, telemetry.rf_faults.get()), (1, 1), "transfer {hang_in}");
         assert!(sent.len() >= 9 && sent.last() == Some(&15), "transfer {hang_in}: {sent:?}");
     }
 }
