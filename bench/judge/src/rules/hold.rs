@@ -391,7 +391,8 @@ impl Hold {
     }
 
     fn payload(&self, at: u64, on: [u16; 2], (temperature, humidity): (i32, u32), findings: &mut Findings) {
-        if at < self.hold_calm || self.statuses.len() < 3 {
+        // What a silent hold does is not known.
+        if at < self.hold_calm || self.statuses.len() < 3 || self.sent + LONGEST_GAP < at {
             return;
         }
         let outputs = self.statuses.iter().map(|status| status.output);
