@@ -207,6 +207,7 @@ pub(crate) const SIGNALS: usize = 212;
 
 impl Signal {
     /// A number below [`SIGNALS`] that no other signal has.
+    #[inline(always)]
     pub(crate) const fn index(self) -> usize {
         match self {
             Self::Spi(n, pin) => (n as usize - 1) * 5 + pin as usize,
@@ -254,6 +255,7 @@ impl Pads {
 
     /// The pins in alternate function mode whose selected function is `signal`. If there are more than two, the lowest
     /// two by port and number.
+    #[inline(always)]
     pub(crate) fn pins(&self, signal: Signal) -> [Option<Pin>; 2] {
         self.routes[signal.index()]
     }
@@ -323,6 +325,7 @@ impl Cx<'_> {
     }
 
     /// Returns the pins that are connected to `signal`, see [`Pads::pins`].
+    #[inline(always)]
     pub(crate) fn pins(&self, signal: Signal) -> [Option<Pin>; 2] {
         self.pads.pins(signal)
     }

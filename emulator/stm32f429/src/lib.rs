@@ -218,6 +218,8 @@ pub struct Stm32f429 {
     hungry: u64,
     /// The streams of each controller that listen to a request.
     listening: [u8; 2],
+    /// The two streams that exchange bytes with each SPI, where there are such streams.
+    pairs: [Option<frames::Pair>; 6],
     /// The interrupt lines of TIM9 to TIM14, which share lines with TIM1 and TIM8. The next field is all other lines.
     shared: [u64; 4],
     own: [u64; 4],
@@ -313,6 +315,7 @@ macro_rules! cx {
 
 // The modules here use the macros above, so their declarations come after them.
 mod bus;
+mod frames;
 mod part;
 mod reactions;
 mod transfers;
@@ -375,6 +378,7 @@ impl Stm32f429 {
             listened: [0; id::SCHEDULED],
             hungry: 0,
             listening: [0; 2],
+            pairs: [None; 6],
             shared: [0; 4],
             own: [0; 4],
             out: Effects::default(),

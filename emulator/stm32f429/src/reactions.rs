@@ -155,6 +155,7 @@ impl Stm32f429 {
         for at in 0..usize::from(id::INSTANCES) {
             self.set_hungry(at);
         }
+        self.pair_streams();
     }
 
     /// Passes a possible change of the clock tree on to the instances.
