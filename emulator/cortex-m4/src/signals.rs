@@ -10,6 +10,8 @@ pub struct Signals {
     nmi: bool,
     event: bool,
     changed: bool,
+    /// Whether only [`crate::Bus::due`] moved.
+    moved: bool,
     code_changed: bool,
     stop: bool,
     stalled_until: u64,
@@ -23,11 +25,18 @@ impl Signals {
         self.changed = true;
     }
 
+    /// Announces that [`crate::Bus::due`] moved and nothing else changed. It costs the core less than
+    /// [`Signals::announce`].
+    #[inline]
+    pub fn announce_due(&mut self) {
+        self.moved = true;
+    }
+
     /// Whether an announcement waits for the core.
     #[inline]
     #[must_use]
     pub fn is_announced(&self) -> bool {
-        self.changed
+        self.changed | self.moved
     }
 
     /// The levels of the interrupt lines: line n is bit n % 64 of word n / 64.
@@ -105,11 +114,13 @@ impl Signals {
     /// Takes the changes that were announced since the last call. Afterwards nothing is announced.
     #[inline]
     pub(crate) fn take_change(&mut self) -> Option<Change> {
-        if !std::mem::take(&mut self.changed) {
+        let signals = std::mem::take(&mut self.changed);
+        if !std::mem::take(&mut self.moved) && !signals {
             return None;
         }
         let forget_code = std::mem::take(&mut self.code_changed);
-        Some(Change { stalled_until: self.stalled_until, forget_code, stop: std::mem::take(&mut self.stop) })
+        let stop = std::mem::take(&mut self.stop);
+        Some(Change { signals, stalled_until: self.stalled_until, forget_code, stop })
     }
 
     /// Returns whether an event for `WFE` came since the last call, and clears the event.
@@ -122,6 +133,8 @@ impl Signals {
 /// The announced changes on which the core has to act.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Change {
+    /// Whether more than [`crate::Bus::due`] changed, so that exceptions have to be checked.
+    pub(crate) signals: bool,
     /// The core must not execute anything before this cycle.
     pub(crate) stalled_until: u64,
     /// Whether memory no longer matches the decoded instructions.

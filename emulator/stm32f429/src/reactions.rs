@@ -36,7 +36,7 @@ impl Stm32f429 {
         let next = earliest(&self.group_due);
         if next != self.next {
             self.next = next;
-            self.signals.announce();
+            self.signals.announce_due();
         }
     }
 
