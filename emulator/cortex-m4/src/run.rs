@@ -2,9 +2,9 @@
 //!
 //! | what | when the loop checks it |
 //! |---|---|
-//! | the caller's `until`, [`Bus::due`], SysTick | each instruction compares the cycle with the nearest of them |
+//! | the caller's `until`, [`Bus::due`], SysTick | each instruction compares its cycle, on the fast clock its address |
 //! | [`crate::Signals`] | after an access that announced a change, and after each [`Bus::advance`] |
-//! | exceptions | after each event above, and after an instruction that may have changed a priority |
+//! | exceptions | after each change of a signal or by a timer, and after an instruction that may have changed a priority |
 //! | the MPU's rights to execute | once for each page, or at each instruction of a page that is not open as a whole |
 //!
 //! An instruction executes as a whole. Its accesses take place at the cycle at which it began. If the clock counts wait
@@ -72,7 +72,7 @@ impl<C: Cost> Core<C> {
                 due = bus.due().min(self.system_due());
             }
             if let Some(change) = bus.signals().take_change() {
-                self.attention = true;
+                self.attention |= change.signals;
                 self.stalled_until = change.stalled_until;
                 if change.forget_code {
                     code.forget();

@@ -131,7 +131,7 @@ impl<B: Board> Side<B> {
             let due = self.time.cycle(event);
             if due != self.board_due {
                 self.board_due = due;
-                self.part.signals().announce();
+                self.part.signals().announce_due();
             }
         }
     }

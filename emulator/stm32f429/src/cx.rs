@@ -188,7 +188,8 @@ pub(crate) enum Signal {
 pub(crate) const SIGNALS: usize = 212;
 
 impl Signal {
-    /// The signal's own number, below [`SIGNALS`].
+    /// A number below [`SIGNALS`] that no other signal has.
+    #[inline(always)]
     pub(crate) const fn index(self) -> usize {
         match self {
             Self::Spi(n, pin) => (n as usize - 1) * 5 + pin as usize,
@@ -232,7 +233,9 @@ impl Pads {
     pub(crate) const OPEN: Self =
         Self { routes: [[None; 2]; SIGNALS], levels: [0; 11], open_drain: [0; 11], dac: [None; 2] };
 
-    /// The pins in alternate function mode with the function `signal`, at most the lowest two by port and number.
+    /// The pins in alternate function mode whose selected function is `signal`. If there are more than two, the lowest
+    /// two by port and number.
+    #[inline(always)]
     pub(crate) fn pins(&self, signal: Signal) -> [Option<Pin>; 2] {
         self.routes[signal.index()]
     }
@@ -294,6 +297,8 @@ impl Cx<'_> {
         self.out.notes.push(Note { kind, at: self.now, pc: self.pc, place: self.name, text, value: Some(value) });
     }
 
+    /// Returns the pins that are connected to `signal`, see [`Pads::pins`].
+    #[inline(always)]
     pub(crate) fn pins(&self, signal: Signal) -> [Option<Pin>; 2] {
         self.pads.pins(signal)
     }

@@ -235,10 +235,61 @@ impl Stream {
         self.ahead >= width && u32::from(self.filled) + width <= room
     }
 
+    /// The address of the register that the present transfer began with.
+    pub(crate) fn register(&self) -> u32 {
+        self.par
+    }
+
+    /// Whether the stream is on and moves single bytes between memory and one register, without its FIFO: into memory
+    /// (`to_memory`) or out of it.
+    pub(crate) fn moves_bytes(&self, to_memory: bool) -> bool {
+        let direction = if to_memory { Direction::FromPeripheral } else { Direction::ToPeripheral };
+        self.is_on()
+            && self.direction() == direction
+            && self.is_direct()
+            && self.peripheral_width() == Width::Byte
+            && self.cr & PINC == 0
+    }
+
+    /// Whether the next item is neither the last of the present transfer nor that at its half. A stream of
+    /// [`Stream::moves_bytes`] then has no data of its own if it receives, and one byte if it sends.
+    #[inline]
+    pub(crate) fn is_amid(&self) -> bool {
+        self.left > 1
+            && self.left - 1 != self.total / 2
+            && u32::from(self.filled) == u32::from(self.direction() == Direction::ToPeripheral)
+    }
+
+    /// Passes one byte from the peripheral on to memory while [`Stream::is_amid`].
+    #[inline]
+    pub(crate) fn pass_byte(&mut self) {
+        self.fifo >>= 8;
+        self.left -= 1;
+        self.step_memory();
+    }
+
+    /// Returns the stream's byte while [`Stream::is_amid`], and takes the next one from memory, if it has to send one.
+    #[inline(always)]
+    pub(crate) fn next_byte(&mut self, read: impl FnOnce() -> u32) -> u32 {
+        let value = self.fifo as u32 & 0xFF;
+        self.fifo >>= 8;
+        self.left -= 1;
+        if self.ahead == 0 {
+            self.filled = 0;
+        } else {
+            self.fifo = self.fifo & !0xFF | u128::from(read() & 0xFF);
+            self.ahead -= 1;
+            self.step_memory();
+        }
+        value
+    }
+
+    /// Counts an item that was read from memory.
     pub(crate) fn filled_from_memory(&mut self) {
         self.ahead -= self.memory_width().bytes();
     }
 
+    #[inline]
     pub(crate) fn step_memory(&mut self) {
         if self.cr & MINC != 0 {
             self.memory = self.memory.wrapping_add(self.memory_width().bytes());

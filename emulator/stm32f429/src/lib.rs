@@ -213,7 +213,9 @@ pub struct Stm32f429 {
     listened: [u8; id::SCHEDULED],
     hungry: u64,
     listening: [u8; 2],
-    /// The lines that TIM9 to TIM14 share with TIM1 and TIM8, as TIM9 to TIM14 drive them.
+    /// The two streams that exchange bytes with each SPI, where there are such streams.
+    pairs: [Option<frames::Pair>; 6],
+    /// The interrupt lines of TIM9 to TIM14, which share lines with TIM1 and TIM8. The next field is all other lines.
     shared: [u64; 4],
     own: [u64; 4],
     out: Effects,
@@ -304,6 +306,7 @@ macro_rules! cx {
 
 // These modules use the macros above.
 mod bus;
+mod frames;
 mod part;
 mod reactions;
 mod transfers;
@@ -366,6 +369,7 @@ impl Stm32f429 {
             listened: [0; id::SCHEDULED],
             hungry: 0,
             listening: [0; 2],
+            pairs: [None; 6],
             shared: [0; 4],
             own: [0; 4],
             out: Effects::default(),

@@ -109,6 +109,9 @@ impl Part for Stm32f429 {
             match number {
                 0..id::INSTANCES => {
                     with!(self, number, p => p.advance(cx!(self, number, at, None), &mut Outward(outside)));
+                    if number < id::USART && self.exchange(number, at) {
+                        continue;
+                    }
                     self.dirty |= 1 << number;
                 }
                 id::IWDG => {

@@ -34,7 +34,7 @@ impl Stm32f429 {
         let next = earliest(&self.group_due);
         if next != self.next {
             self.next = next;
-            self.signals.announce();
+            self.signals.announce_due();
         }
     }
 
@@ -151,6 +151,7 @@ impl Stm32f429 {
         for at in 0..usize::from(id::INSTANCES) {
             self.set_hungry(at);
         }
+        self.pair_streams();
     }
 
     /// Tells the instances a possible change of the clock tree.

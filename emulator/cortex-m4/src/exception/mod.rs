@@ -99,6 +99,9 @@ impl<C: Cost> Core<C> {
                     return false;
                 }
                 self.debug_event(DFSR_HALTED);
+            } else {
+                // The step ends after the next instruction, whether or not anything else happens then.
+                self.attention = self.waiting.is_none();
             }
         }
         if self.hung {

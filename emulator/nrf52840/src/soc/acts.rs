@@ -93,7 +93,7 @@ impl Soc {
             self.next = if looks { self.nexts[COMP] } else { NEVER };
         }
         if self.next != was_next {
-            self.signals.announce();
+            self.signals.announce_due();
         }
     }
 

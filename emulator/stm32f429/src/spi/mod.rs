@@ -28,6 +28,9 @@ use emulator_part::{Cycle, FindingKind, NEVER, SpiFrame, SpiMode};
 
 use crate::cx::{Clocks, Cx, Peripheral, Signal, SpiPin, Wires};
 
+/// The offset of the data register.
+pub(crate) const DATA: u32 = 0x0C;
+
 const CPHA: u32 = 1 << 0;
 const CPOL: u32 = 1 << 1;
 const MSTR: u32 = 1 << 2;
@@ -208,6 +211,31 @@ impl Spi {
         }
         self.drive((before, self.cr2), cx);
         self.begin(self.edge(cx.now));
+    }
+
+    /// Whether a frame of a byte has ended and the next one has begun, so that both DMA requests are up and nothing
+    /// else is.
+    #[inline]
+    pub(crate) fn awaits_dma(&self) -> bool {
+        self.cr1 & (DFF | CRCEN) == 0
+            && self.cr2 & (RXDMAEN | TXDMAEN | RXNEIE | TXEIE) == RXDMAEN | TXDMAEN
+            && self.sr & (RXNE | TXE | OVR | MODF | CRCERR) == RXNE | TXE
+            && self.flight.is_some()
+    }
+
+    /// Reads the byte that came, as a read of DR does while [`Spi::awaits_dma`].
+    #[inline]
+    pub(crate) fn take_byte(&mut self) -> u32 {
+        self.sr &= !RXNE;
+        self.overrun_read = false;
+        u32::from(self.rx & 0xFF)
+    }
+
+    /// Writes the byte of the frame after the present one, as a write of DR does while [`Spi::awaits_dma`].
+    #[inline]
+    pub(crate) fn put_byte(&mut self, value: u32) {
+        self.tx = (value & 0xFF) as u16;
+        self.sr &= !TXE;
     }
 
     fn read_register(&self, offset: u32) -> Option<u32> {

@@ -53,6 +53,16 @@ fn a_step_executes_one_instruction() {
 }
 
 #[test]
+fn a_step_in_a_run_halts_after_one_instruction() {
+    let (mut core, mut board) = debugged();
+    core.debug_write(&mut board, DHCSR, KEY | 3).unwrap();
+    let retired = core.retired;
+    core.debug_write(&mut board, DHCSR, KEY | 5).unwrap();
+    assert_eq!(core.run(&mut board, core.cycle + 100), crate::Exit::Halted);
+    assert_eq!((core.halted, core.retired - retired), (true, 1));
+}
+
+#[test]
 fn a_debugger_halts_steps_and_resets_a_core_that_hangs() {
     let (mut core, mut board) = debugged();
     core.hang();
