@@ -14,8 +14,9 @@ use bench::faults::Board as Side;
 use bench::gdb::serve;
 use bench::sim::{self, Images, Outcome, Setup};
 use boards::{image, not_run};
-use emulator_gdb::{Ended, serve_alone};
-use emulator_node::{AnyRun, Clock, Connected, Drive, Event, FindingKind, Firmware, Limits, Target};
+use emulator::Session;
+use emulator_gdb::{Ended, World};
+use emulator_node::{self as node, AnyRun, Clock, Connected, Drive, Event, FindingKind, Firmware, Limits, Target};
 use emulator_part::Pin;
 use gdbstub::conn::{Connection, ConnectionExt};
 use object::{Object as _, ObjectSymbol as _};
@@ -327,6 +328,21 @@ fn dpr_alone(clock: Clock, run: impl FnOnce(&dyn Fn() -> Box<dyn AnyRun>, &Path)
     run(&|| Target::Nrf52840.start(clock, &firmware, connected.clone(), limits).unwrap(), &path);
 }
 
+fn alone(
+    run: Box<dyn AnyRun>,
+    connection: InMemory,
+    event: &mut dyn FnMut(Event<'_>),
+    lost: &mut dyn FnMut(String),
+) -> Ended<node::Outcome> {
+    let mut say = |_: &str| {};
+    let mut session = Session::new(run, true, event, &mut say);
+    session.node().halt_at_end(true);
+    match emulator_gdb::serve(session, connection, lost).unwrap() {
+        Ended::Finished(session) => Ended::Finished(Box::new(session.finish().unwrap().0)),
+        Ended::Killed(at) => Ended::Killed(at),
+    }
+}
+
 fn shown(to: &mut Vec<String>) -> impl FnMut(Event<'_>) + '_ {
     |event| {
         if let Event::Line(_) | Event::Pin(_) = event {
@@ -363,7 +379,7 @@ fn a_debugger_at_a_board_alone_leaves_its_run_unchanged() {
                 assert_eq!(gdb.ask("D"), "OK");
             };
             let with = finished(attended(script, |connection, lost| {
-                serve_alone(start(), true, connection, &mut shown(&mut seen_with), lost)
+                alone(start(), connection, &mut shown(&mut seen_with), lost)
             }));
             assert!(with == without, "{clock} clock:\n{with:#?}\n{without:#?}");
             assert!(seen_with == seen_without, "{clock} clock:\n{seen_with:#?}\n{seen_without:#?}");
@@ -390,7 +406,7 @@ fn a_board_alone_halts_where_its_firmware_ends() {
             assert_eq!(gdb.pc(), gdb.word("mc,4") & !1, "before the HardFault handler's first instruction");
             assert_eq!(gdb.ask("c"), "W65", "exited with code 101");
         };
-        let ended = attended(script, |connection, lost| serve_alone(start(), true, connection, &mut |_| {}, lost));
+        let ended = attended(script, |connection, lost| alone(start(), connection, &mut |_| {}, lost));
         let outcome = finished(ended);
         assert!(outcome.died && outcome.status() == 101, "{outcome:#?}");
         assert_eq!(outcome.resets, 1);

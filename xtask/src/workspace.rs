@@ -137,7 +137,7 @@ mod tests {
         let packages = metadata["packages"].as_array().unwrap();
         let inside: Vec<_> =
             packages.iter().filter(|package| is_inside(package["manifest_path"].as_str().unwrap())).collect();
-        assert_eq!(inside.len(), 9);
+        assert_eq!(inside.len(), 10);
         for package in inside {
             for dependency in package["dependencies"].as_array().unwrap() {
                 let outside = of(dependency, "path").filter(|path| !is_inside(path));

@@ -1,9 +1,8 @@
 //! A gdb server for one board.
 //!
-//! [`serve_alone`] runs one firmware alone on one board ([`emulator_node::Target::start`]); [`serve`] runs any other
-//! [`World`] with a board in it. The debugger uses gdb's remote protocol over any connection. A board that the debugger
-//! halts also halts the rest of its world ([`emulator_node::Halt`]). Nothing moves and no watchdog time passes meanwhile,
-//! so inspection does not change the run's outcome.
+//! [`serve`] runs a [`World`] with a board in it, and a debugger at that board. The debugger uses gdb's remote protocol
+//! over any connection. A board that the debugger halts also halts the rest of its world ([`emulator_node::Halt`]).
+//! Nothing moves and no watchdog time passes meanwhile, so inspection does not change the run's outcome.
 //!
 //! | gdb | here |
 //! |---|---|
@@ -29,7 +28,6 @@
 
 mod arch;
 mod monitor;
-mod solo;
 mod target;
 mod wait;
 
@@ -40,7 +38,6 @@ use gdbstub::conn::ConnectionExt;
 use gdbstub::stub::run_blocking::{BlockingEventLoop, Event as Incoming, WaitForStopReasonError};
 use gdbstub::stub::{DisconnectReason, GdbStub, SingleThreadStopReason};
 
-pub use solo::serve_alone;
 use target::Debuggee;
 pub use wait::{PORT, say_killed, say_lost, wait};
 

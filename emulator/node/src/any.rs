@@ -47,6 +47,24 @@ pub trait AnyNode {
     fn instructions(&self) -> u64;
     /// See [`Node::doing`].
     fn doing(&self) -> String;
+    /// The number of the exception of the part's interrupt called `name`, see [`Part::exception`].
+    fn exception(&self, name: &str) -> Option<u16>;
+    /// The names of the part's interrupts, see [`Part::INTERRUPTS`].
+    fn interrupts(&self) -> &'static [&'static str];
+    /// See [`Node::exceptions_of`].
+    fn exceptions_of(&self, handler: &str) -> Vec<u16>;
+    /// See [`Node::has_handler`].
+    fn has_handler(&self, exception: u16) -> bool;
+    /// See [`Node::exception_priority`].
+    fn exception_priority(&mut self, exception: u16) -> i16;
+    /// See [`Node::watch_tasks`].
+    fn watch_tasks(&mut self, on: bool);
+    /// See [`Node::take_tasks`].
+    fn take_tasks(&mut self) -> Vec<(u64, u16)>;
+    /// See [`Node::take_sleeps`].
+    fn take_sleeps(&mut self) -> Vec<(u64, bool)>;
+    /// See [`Node::exit_status`].
+    fn exit_status(&self) -> Option<u32>;
     /// See [`Node::pin`].
     fn pin(&self, pin: Pin) -> bool;
     /// See [`Node::drive`].
@@ -126,6 +144,42 @@ impl<B: Board, C: Cost> AnyNode for Node<B, C> {
         self.doing()
     }
 
+    fn exception(&self, name: &str) -> Option<u16> {
+        B::Part::exception(name)
+    }
+
+    fn interrupts(&self) -> &'static [&'static str] {
+        B::Part::INTERRUPTS
+    }
+
+    fn exceptions_of(&self, handler: &str) -> Vec<u16> {
+        self.exceptions_of(handler)
+    }
+
+    fn has_handler(&self, exception: u16) -> bool {
+        self.has_handler(exception)
+    }
+
+    fn exception_priority(&mut self, exception: u16) -> i16 {
+        self.exception_priority(exception)
+    }
+
+    fn watch_tasks(&mut self, on: bool) {
+        self.watch_tasks(on);
+    }
+
+    fn take_tasks(&mut self) -> Vec<(u64, u16)> {
+        self.take_tasks()
+    }
+
+    fn take_sleeps(&mut self) -> Vec<(u64, bool)> {
+        self.take_sleeps()
+    }
+
+    fn exit_status(&self) -> Option<u32> {
+        self.exit_status()
+    }
+
     fn pin(&self, pin: Pin) -> bool {
         self.pin(pin)
     }
@@ -139,6 +193,16 @@ impl<B: Board, C: Cost> AnyNode for Node<B, C> {
 pub trait AnyRun {
     /// See [`Running::go`].
     fn go(&mut self, event: &mut dyn FnMut(Event<'_>));
+    /// See [`Running::go_to`].
+    fn go_to(&mut self, to: u64, event: &mut dyn FnMut(Event<'_>));
+    /// See [`super::Leads::watch`].
+    fn watch(&mut self, pin: Pin);
+    /// See [`super::Leads::wait_for`].
+    fn wait_for(&mut self, pin: Option<Pin>);
+    /// Drives `pin` from now on (`Some`), or stops driving it (`None`).
+    fn drive(&mut self, pin: Pin, level: Option<bool>);
+    /// Sends bytes to a UART's pin from now on, see [`super::Leads::send`].
+    fn send(&mut self, pin: Pin, baud: u32, bytes: &[u8]);
     /// See [`Running::is_over`].
     fn is_over(&self) -> bool;
     /// See [`Running::node`].
@@ -154,6 +218,28 @@ pub trait AnyRun {
 impl<P: Part, C: Cost> AnyRun for Running<P, C> {
     fn go(&mut self, event: &mut dyn FnMut(Event<'_>)) {
         self.go(event);
+    }
+
+    fn go_to(&mut self, to: u64, event: &mut dyn FnMut(Event<'_>)) {
+        self.go_to(to, event);
+    }
+
+    fn watch(&mut self, pin: Pin) {
+        self.node().board_mut(|leads| leads.watch(pin));
+    }
+
+    fn wait_for(&mut self, pin: Option<Pin>) {
+        self.node().board_mut(|leads| leads.wait_for(pin));
+    }
+
+    fn drive(&mut self, pin: Pin, level: Option<bool>) {
+        let now = self.node().now();
+        self.node().board_mut(|leads| leads.drive(now, pin, level));
+    }
+
+    fn send(&mut self, pin: Pin, baud: u32, bytes: &[u8]) {
+        let now = self.node().now();
+        self.node().board_mut(|leads| leads.send(now, pin, baud, bytes));
     }
 
     fn is_over(&self) -> bool {

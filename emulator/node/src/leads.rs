@@ -18,6 +18,17 @@ pub struct PinEdge {
     pub pad: Pad,
 }
 
+/// A change of what the outside drives onto a watched pin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DrivenEdge {
+    /// The instant of the change, in virtual nanoseconds.
+    pub at: u64,
+    /// The pin that is driven.
+    pub pin: Pin,
+    /// The level from then on; `None` if the outside drives the pin no longer.
+    pub level: Option<bool>,
+}
+
 /// A level that the outside drives onto a pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Drive {
@@ -76,9 +87,15 @@ pub struct Leads<P> {
     connected: Connected,
     pads: BTreeMap<Pin, Pad>,
     edges: Vec<PinEdge>,
+    driven: Vec<DrivenEdge>,
     heard: Vec<SentByte>,
-    /// The inputs that are still to come, latest first, each with its instant.
-    plan: Vec<(u64, Input)>,
+    /// The inputs that are still to come, by instant, and in order at one instant.
+    plan: BTreeMap<(u64, u64), Input>,
+    planned: u64,
+    /// For each pin to which bytes were sent, the instant at which the line is free for the next one.
+    free_at: BTreeMap<Pin, u64>,
+    awaited: Option<Pin>,
+    arrived: bool,
     part: PhantomData<P>,
 }
 
@@ -86,32 +103,88 @@ impl<P> Leads<P> {
     /// Makes a board with these leads.
     #[must_use]
     pub fn new(connected: Connected) -> Self {
-        let mut plan: Vec<(u64, Input)> =
-            connected.driven.iter().map(|drive| (drive.at, Input::Level(drive.pin, Some(drive.level)))).collect();
-        for sending in &connected.sent {
-            let mut at = sending.at;
-            for &byte in &sending.bytes {
-                let frame = UartFrame::eight_n_one(byte, sending.baud.max(1));
-                // [`Input::Frame`] is due at the frame's end, with the instant at which the frame begins.
-                plan.push((at + frame.ns(), Input::Frame(sending.pin, at, frame)));
-                at += frame.ns();
-            }
-            plan.push((0, Input::Level(sending.pin, Some(true))));
+        let mut leads = Self {
+            connected,
+            pads: BTreeMap::new(),
+            edges: vec![],
+            driven: vec![],
+            heard: vec![],
+            plan: BTreeMap::new(),
+            planned: 0,
+            free_at: BTreeMap::new(),
+            awaited: None,
+            arrived: false,
+            part: PhantomData,
+        };
+        for Sending { at, pin, baud, bytes } in std::mem::take(&mut leads.connected.sent) {
+            leads.plan(0, Input::Level(pin, Some(true)));
+            leads.send(at, pin, baud, &bytes);
         }
-        plan.sort_by_key(|&(at, _)| std::cmp::Reverse(at));
-        Self { connected, pads: BTreeMap::new(), edges: vec![], heard: vec![], plan, part: PhantomData }
+        for Drive { at, pin, level } in std::mem::take(&mut leads.connected.driven) {
+            leads.plan(at, Input::Level(pin, Some(level)));
+        }
+        leads
+    }
+
+    fn plan(&mut self, at: u64, input: Input) {
+        self.plan.insert((at, self.planned), input);
+        self.planned += 1;
+    }
+
+    /// Drives `pin` from `at` (ns) on (`Some`), or stops driving it (`None`).
+    pub fn drive(&mut self, at: u64, pin: Pin, level: Option<bool>) {
+        self.plan(at, Input::Level(pin, level));
+    }
+
+    /// Sends bytes to a UART's pin as [`Sending`] says, from `at` (ns) on or once all earlier bytes are sent.
+    pub fn send(&mut self, at: u64, pin: Pin, baud: u32, bytes: &[u8]) {
+        let mut at = at.max(self.free_at.get(&pin).copied().unwrap_or(0));
+        for &byte in bytes {
+            let frame = UartFrame::eight_n_one(byte, baud.max(1));
+            // [`Input::Frame`] is due at the frame's end, with the instant at which the frame begins.
+            self.plan(at + frame.ns(), Input::Frame(pin, at, frame));
+            at += frame.ns();
+        }
+        self.free_at.insert(pin, at);
+    }
+
+    /// Watches `pin` from now on, as those in [`Connected::watched`].
+    pub fn watch(&mut self, pin: Pin) {
+        if !self.connected.watched.contains(&pin) {
+            self.connected.watched.push(pin);
+        }
+    }
+
+    /// Makes the node return from [`super::Node::advance`] at each change of `pin` and each byte sent on it, of those
+    /// that are watched and listened to.
+    pub fn wait_for(&mut self, pin: Option<Pin>) {
+        self.awaited = pin;
     }
 
     /// Takes the changes of watched pins since the last call, in order.
     pub fn take_edges(&mut self) -> Vec<PinEdge> {
+        self.arrived = false;
         self.edges.sort_by_key(|edge| edge.at);
         std::mem::take(&mut self.edges)
     }
 
+    /// Takes the changes of what the outside drives onto watched pins since the last call, in order.
+    pub fn take_driven(&mut self) -> Vec<DrivenEdge> {
+        self.driven.sort_by_key(|edge| edge.at);
+        std::mem::take(&mut self.driven)
+    }
+
     /// Records the state of `pin` from `at` (ns) on, if the pin is watched and its state changes.
-    fn watch(&mut self, at: u64, pin: Pin, pad: Pad) {
-        if self.connected.watched.contains(&pin) && self.pads.insert(pin, pad) != Some(pad) {
+    fn note(&mut self, at: u64, pin: Pin, pad: Pad) {
+        if self.pads.insert(pin, pad) != Some(pad) && self.connected.watched.contains(&pin) {
             self.edges.push(PinEdge { at, pin, pad });
+            self.arrived |= self.awaited == Some(pin);
+        }
+    }
+
+    fn note_driven(&mut self, at: u64, pin: Pin, level: Option<bool>) {
+        if self.connected.watched.contains(&pin) {
+            self.driven.push(DrivenEdge { at, pin, level });
         }
     }
 
@@ -122,11 +195,11 @@ impl<P> Leads<P> {
 
     /// Carries an input over the wires to the pins that are joined to `pin`.
     fn carry(&mut self, at: u64, pin: Pin, input: impl Fn(Pin) -> Input) {
-        for [one, other] in &self.connected.wires {
-            for (from, to) in [(*one, *other), (*other, *one)] {
+        for index in 0..self.connected.wires.len() {
+            let [one, other] = self.connected.wires[index];
+            for (from, to) in [(one, other), (other, one)] {
                 if from == pin {
-                    let place = self.plan.partition_point(|(due, _)| *due > at);
-                    self.plan.insert(place, (at, input(to)));
+                    self.plan(at, input(to));
                 }
             }
         }
@@ -137,7 +210,7 @@ impl<P: Part> Board for Leads<P> {
     type Part = P;
 
     fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
-        self.watch(at, pin, pad);
+        self.note(at, pin, pad);
         let level = match pad {
             Pad::Driven(level) => Some(level),
             Pad::Pulled(_) | Pad::Floating => None,
@@ -149,10 +222,10 @@ impl<P: Part> Board for Leads<P> {
         let halves = 2 * u64::from(frame.bits.max(1));
         let at = |half: i64| begins.saturating_add_signed((ends - begins) as i64 * half / halves as i64);
         for pin in frame.mosi.into_iter().flatten() {
-            frame.mosi_levels().for_each(|(half, level)| self.watch(at(half), pin, Pad::Driven(level)));
+            frame.mosi_levels().for_each(|(half, level)| self.note(at(half), pin, Pad::Driven(level)));
         }
         for pin in frame.sck.into_iter().flatten() {
-            frame.clock_levels().for_each(|(half, level)| self.watch(at(half as i64), pin, Pad::Driven(level)));
+            frame.clock_levels().for_each(|(half, level)| self.note(at(half as i64), pin, Pad::Driven(level)));
         }
         None
     }
@@ -160,22 +233,36 @@ impl<P: Part> Board for Leads<P> {
     fn uart(&mut self, at: u64, pin: Pin, frame: &UartFrame) {
         let began = at.saturating_sub(frame.ns());
         for (after_ps, level) in frame.levels() {
-            self.watch(began + (after_ps + 500) / 1_000, pin, Pad::Driven(level));
+            self.note(began + (after_ps + 500) / 1_000, pin, Pad::Driven(level));
         }
         if self.connected.listened.contains(&pin) {
             self.heard.push(SentByte { at, pin, byte: (frame.data & 0xFF) as u8 });
+            self.arrived |= self.awaited == Some(pin);
         }
         self.carry(at, pin, |to| Input::Frame(to, at.saturating_sub(frame.ns()), *frame));
     }
 
     fn next_event(&self) -> u64 {
-        self.plan.last().map_or(u64::MAX, |&(at, _)| at)
+        self.plan.first_key_value().map_or(u64::MAX, |(&(at, _), _)| at)
     }
 
     fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) {
-        while let Some((_, input)) = self.plan.pop_if(|&mut (due, _)| due <= at) {
+        while self.next_event() <= at
+            && let Some((_, input)) = self.plan.pop_first()
+        {
+            match input {
+                Input::Level(pin, level) => self.note_driven(at, pin, level),
+                Input::Frame(pin, began, frame) => {
+                    let level = |(after_ps, level): (u64, bool)| (began + (after_ps + 500) / 1_000, Some(level));
+                    frame.levels().map(level).for_each(|(at, level)| self.note_driven(at, pin, level));
+                }
+            }
             inputs.push(input);
         }
+    }
+
+    fn outgoing(&self) -> bool {
+        self.arrived
     }
 }
 

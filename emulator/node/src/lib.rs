@@ -75,7 +75,7 @@ pub use finding::{Finding, FindingKind};
 pub use firmware::{Firmware, Symbol};
 use hold::Hold;
 pub use hold::{Halt, Resume};
-pub use leads::{Connected, Drive, Leads, PinEdge, Sending, SentByte};
+pub use leads::{Connected, Drive, DrivenEdge, Leads, PinEdge, Sending, SentByte};
 pub use pair::{Between, Lookahead, Nothing, Pair, Sent};
 pub use probe::PROBE_PERIOD;
 pub use relay::{Course, Downstream, Relay, Threads, Upstream, Way};

@@ -15,7 +15,7 @@ use stm32f429::{Oscillators, Stm32f429};
 
 use super::finding::{Finding, FindingKind};
 use super::rtt::LogLine;
-use super::{AnyRun, Connected, Error, Firmware, Halt, Leads, Node, PinEdge, ResetAt, SentByte, Stack};
+use super::{AnyRun, Connected, DrivenEdge, Error, Firmware, Halt, Leads, Node, PinEdge, ResetAt, SentByte, Stack};
 
 /// The clock of the core: what its instructions and exceptions cost, see [`cortex_m4::Cost`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -199,6 +199,8 @@ pub enum Event<'a> {
     Reset(&'a ResetAt),
     /// A watched pin changed.
     Pin(&'a PinEdge),
+    /// The outside drives a watched pin differently.
+    Driven(&'a DrivenEdge),
     /// The part sent a byte from a pin whose UART frames are collected.
     Byte(SentByte),
 }
@@ -338,8 +340,17 @@ impl<P: Part, C: Cost> Running<P, C> {
         self.piece = (self.node.now() + self.limits.step).min(self.limits.virtual_time).min(self.last);
     }
 
+    /// Runs as [`Running::go`] does, but at most to `to` (virtual ns), or to where the leads have what is waited for
+    /// ([`Leads::wait_for`]).
+    pub fn go_to(&mut self, to: u64, event: &mut dyn FnMut(Event<'_>)) {
+        self.piece = self.piece.min(to);
+        self.go(event);
+    }
+
     fn hand_over(&mut self, event: &mut dyn FnMut(Event<'_>)) {
-        let (edges, heard) = self.node.board_mut(|board| (board.take_edges(), board.take_sent()));
+        let take = |board: &mut Leads<P>| (board.take_edges(), board.take_driven(), board.take_sent());
+        let (edges, driven, heard) = self.node.board_mut(take);
+        driven.iter().for_each(|edge| event(Event::Driven(edge)));
         heard.into_iter().for_each(|heard| event(Event::Byte(heard)));
         let mut edges = edges.into_iter().peekable();
         for line in if self.over { self.node.finish_log() } else { self.node.take_log() } {

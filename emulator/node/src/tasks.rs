@@ -52,6 +52,14 @@ impl<B: Board, C: Cost> Node<B, C> {
         (1..EXCEPTIONS).filter(|&number| entry(number) == Some(address | 1)).collect()
     }
 
+    /// Whether the vector of exception `number` leads to a handler other than the default one.
+    #[must_use]
+    pub fn has_handler(&self, number: u16) -> bool {
+        let table = u64::from(self.side.part.core().vector_table);
+        let entry = memory::value(&self.side.part, table + 4 * u64::from(number), 4).unwrap_or(0);
+        entry & 1 != 0 && entry != u64::from(u32::MAX) && !self.traps.default_handler.contains(&(entry & !1))
+    }
+
     /// The present priority of exception `number`. A lower number is more urgent: -3 to 255, and 256 for thread mode.
     #[must_use]
     pub fn exception_priority(&mut self, number: u16) -> i16 {

@@ -1,11 +1,8 @@
 //! Derives from the changes of the active exception when each task of a board is active and when the core sleeps.
 
-use cortex_m4::Cost;
-
 use std::fmt;
 
-use emulator_node::{Board, Node};
-use emulator_part::Part;
+use emulator_node::AnyNode;
 
 use super::Signal;
 
@@ -68,6 +65,19 @@ pub fn task_signals(board: &'static str, tasks: &[Task]) -> Vec<Signal> {
 /// A change of a signal about tasks: the instant (ns), the signal, its value from then on.
 pub type TaskChange = (u64, TaskSignal, u64);
 
+/// The exceptions of the system that have a vector (ARMv7-M ARM table B1-4), by the names of CMSIS.
+const SYSTEM: [(u16, &str); 9] = [
+    (2, "NMI"),
+    (3, "HardFault"),
+    (4, "MemManage"),
+    (5, "BusFault"),
+    (6, "UsageFault"),
+    (11, "SVCall"),
+    (12, "DebugMonitor"),
+    (14, "PendSV"),
+    (15, "SysTick"),
+];
+
 /// A watch on the tasks of a board, which can be cloned with the board.
 #[derive(Clone, Debug)]
 pub struct TaskWatch {
@@ -80,14 +90,27 @@ pub struct TaskWatch {
 impl TaskWatch {
     /// Watches the tasks in `table` (name, vector) whose vector leads to the program's function of that name.
     #[must_use]
-    pub fn new<B: Board, C: Cost>(node: &mut Node<B, C>, table: &[(&'static str, &'static str)]) -> Self {
+    pub fn new(node: &mut dyn AnyNode, table: &[(&'static str, &'static str)]) -> Self {
         node.watch_tasks(true);
         let tasks = table
             .iter()
             .filter_map(|&(name, vector)| {
-                let exception = B::Part::exception(vector)?;
+                let exception = node.exception(vector)?;
                 node.exceptions_of(vector).contains(&exception).then_some(Task { name, vector, exception })
             })
+            .collect();
+        Self { tasks, entered: vec![], asleep: false }
+    }
+
+    /// Watches every exception with a handler of its own.
+    #[must_use]
+    pub fn all(node: &mut dyn AnyNode) -> Self {
+        node.watch_tasks(true);
+        let interrupts = (16..).zip(node.interrupts()).map(|(exception, name)| (exception, *name));
+        let named = SYSTEM.into_iter().chain(interrupts);
+        let tasks = named
+            .filter(|&(exception, vector)| !vector.is_empty() && node.has_handler(exception))
+            .map(|(exception, vector)| Task { name: "", vector, exception })
             .collect();
         Self { tasks, entered: vec![], asleep: false }
     }
@@ -99,7 +122,7 @@ impl TaskWatch {
     }
 
     /// Takes the changes since the last call, which must be at most 4096 changes of the active exception ago.
-    pub fn take<B: Board, C: Cost>(&mut self, node: &mut Node<B, C>) -> Vec<TaskChange> {
+    pub fn take(&mut self, node: &mut dyn AnyNode) -> Vec<TaskChange> {
         let mut marks = vec![];
         let mut sleeps = node.take_sleeps().into_iter().peekable();
         for (at, active) in node.take_tasks() {

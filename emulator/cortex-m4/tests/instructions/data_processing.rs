@@ -3,6 +3,20 @@
 use super::{Case, check};
 
 #[test]
+fn a_comparison_in_the_high_registers_form_takes_low_ones() {
+    let case = |before, left| Case {
+        name: "cmp r0, r1",
+        code: &[0x4508],
+        steps: 1,
+        before,
+        nzcv: Some(0b0000),
+        after: &[(0, 5)],
+        left: Some(left),
+    };
+    check(&[case(&[(0, 5), (1, 5)], 0b0110), case(&[(0, 5), (1, 6)], 0b1000)]);
+}
+
+#[test]
 fn shifts_give_their_carry() {
     check(&[
         Case {
