@@ -62,6 +62,12 @@ fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<(Vec<String>
     Ok(found)
 }
 
+/// Builds the two images that a link with an active hold has besides HORUS's.
+fn build_with_hold() -> Result<()> {
+    firmware::build_dpr_with_hold(Receivers::DEFAULT)?;
+    firmware::build_hold().map(drop)
+}
+
 /// Runs the tests that [`selected`] selects, with both images. With `test`, runs only those that have this text in
 /// their names.
 fn only(name: &str, test: Option<&String>) -> Result<ExitCode> {
@@ -69,6 +75,7 @@ fn only(name: &str, test: Option<&String>) -> Result<ExitCode> {
     for gps in Receivers::ALL {
         firmware::build_pair(gps)?;
     }
+    build_with_hold()?;
     for (args, module) in selected {
         let cargo_test = || {
             let mut command = cargo();
@@ -120,6 +127,7 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
         for gps in Receivers::ALL {
             step(&format!("both images build with {gps} receivers"), &mut || firmware::build_pair(gps).map(drop));
         }
+        step("the images with a hold build", &mut build_with_hold);
         step("image sizes", &mut || match crate::size::size(Receivers::DEFAULT)? {
             code if code == ExitCode::SUCCESS => Ok(()),
             _ => anyhow::bail!("over budget"),
