@@ -16,7 +16,7 @@
 //!
 //! **The way back.** With `--uplink` the page sends signed uplinks through the same socket to the flight controller,
 //! which receives them with [`base_station::carrier::mavlink::Inbound`], writes them to the DPR, and forwards what the
-//! DPR then shows. With `--loss` messages are lost in both directions, drawn from the seed.
+//! DPR then shows. With `--hold` an active hold is beside the DPR, and the page commands it in the same way. With `--loss` messages are lost in both directions, drawn from the seed.
 
 mod panel;
 #[cfg(test)]
@@ -41,7 +41,7 @@ use bench::faults::{Faults, Rng};
 use bench::sim::{Images, Observer, Outcome, Setup};
 
 use crate::sim::table;
-use crate::{LiveArgs, firmware};
+use crate::{Board, LiveArgs, firmware};
 use panel::Panel;
 use profile::Uplink;
 
@@ -69,18 +69,24 @@ pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
     if let Some(kind) = args.faults.iter().find(|kind| kind.is_upset()) {
         bail!("--faults {kind}: upsets are tried on copies of the bench, which `cargo xtask sim` has and this has not");
     }
-    let mut page = Page::start(args.port, args.pace, args.uplink, tell)?.with_loss(args.loss, args.seed);
+    let uplinks: Option<Speaks> = args.uplink.then_some(Voice::with_uplinks);
+    let speaks = if args.hold { Some(Voice::with_commands as Speaks) } else { uplinks };
+    let mut page = Page::start(args.port, args.pace, speaks, tell)?.with_loss(args.loss, args.seed);
     println!("http://{}/", page.server.address());
     let panel = page.panel.serve((LOCAL, args.panel_port).into(), page.server.address());
     let panel =
         panel.with_context(|| format!("no panel on {LOCAL}:{}; --panel-port takes another", args.panel_port))?;
     println!("http://{}/  breaks things, on the bench's side of the wire", panel.address());
-    let (horus, dpr) = firmware::build_pair(args.gps)?;
+    let horus = firmware::build(Board::Horus, args.gps)?;
+    let (dpr, hold) = match args.hold {
+        true => (firmware::build_dpr_with_hold(args.gps)?, Some(firmware::build_hold()?)),
+        false => (firmware::build(Board::Dpr, args.gps)?, None),
+    };
     let duration_ns = (args.seconds.unwrap_or(LONGEST) * 1e9).round() as u64;
     let faults = Faults::drawn(&args.faults, args.gps.0, args.seed, duration_ns);
     let setup =
         Setup { seed: args.seed, faults, writes: true, ..Setup::new(Images { horus, dpr }, args.gps.0, duration_ns) };
-    let setup = Setup { relays: args.uplink, ..setup };
+    let setup = Setup { relays: args.uplink || args.hold, hold, ..setup };
     let began = Instant::now();
     let mut outcome = page.run(&setup)?;
     let wall = began.elapsed().as_secs_f64();
@@ -134,6 +140,9 @@ impl std::fmt::Display for Shown {
     }
 }
 
+/// What makes a voice send uplinks or commands.
+type Speaks = fn(Voice) -> Voice;
+
 struct Page {
     server: Server,
     station: Station,
@@ -155,15 +164,20 @@ struct Page {
 }
 
 impl Page {
-    fn start(port: u16, pace: f64, uplink: bool, told: impl FnMut(DroneId, Change) + Send + 'static) -> Result<Self> {
+    fn start(
+        port: u16,
+        pace: f64,
+        speaks: Option<Speaks>,
+        told: impl FnMut(DroneId, Change) + Send + 'static,
+    ) -> Result<Self> {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = if pace == 1.0 { Clock::begin() } else { Clock::told(Arc::clone(&passed_us)) };
         // The station ends with its inlet, and the inlet ends with this process.
-        let key = uplink.then(key);
+        let key = speaks.map(|_| key());
         let verifier = || key.clone().map(Verifier::new);
         let (inlet, station, _) = live::start(verifier(), None, Time::Clock(clock.clone()), told);
-        if let Some(key) = &key {
-            station.speak(Voice::new(STATION, Some(Signer::new(key.clone(), STATION))).with_uplinks());
+        if let (Some(key), Some(speaks)) = (&key, speaks) {
+            station.speak(speaks(Voice::new(STATION, Some(Signer::new(key.clone(), STATION)))));
         }
         let to = lines::udp((LOCAL, 0).into(), Kind::MavlinkDatagrams, 0, clock, inlet);
         let to = to.context("cannot listen on UDP")?;
@@ -278,6 +292,12 @@ impl Observer for Page {
     fn port(&mut self, virtual_ns: u64, port: &[u8]) {
         let is_answer = self.inbound.as_mut().is_some_and(|inbound| inbound.read(virtual_ns / 1_000, port));
         if let Some(bundle) = Bundle::new(Place::PortStatus, 2, port).filter(|_| is_answer) {
+            self.forwarder.offer(&bundle);
+        }
+    }
+
+    fn hold(&mut self, _: u64, object: &[u8]) {
+        if let Some(bundle) = Bundle::new(Place::Hold, 1, object) {
             self.forwarder.offer(&bundle);
         }
     }

@@ -244,6 +244,9 @@ pub(crate) struct LiveArgs {
     /// Allow users of the page to send uplinks of the base station to the DPR.
     #[arg(long)]
     pub(crate) uplink: bool,
+    /// Put an active hold beside the DPR, which then has its second port, and allow users of the page to command it.
+    #[arg(long, conflicts_with = "uplink")]
+    pub(crate) hold: bool,
     /// The percentage of messages that the radio between flight controller and base station loses, each way.
     #[arg(long, value_name = "PERCENT", default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=90))]
     pub(crate) loss: u64,

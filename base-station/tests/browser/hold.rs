@@ -51,7 +51,7 @@ fn the_hold_is_shown_as_never_received_present_and_expired() {
     let mut scene = Scene::begin();
     tab.open(&scene.address());
     fly(&mut scene, &mut tab, None, &well_and("NEVER RECEIVED"));
-    assert_eq!(tab.eval("document.getElementById('hold-known').hidden"), serde_json::Value::from(true));
+    assert_eq!(tab.eval("document.getElementById('hold-known').hidden"), Value::from(true));
     fly(&mut scene, &mut tab, Some(values()), &well_and("present"));
     let shown = table(&mut tab, "hold");
     let of =
@@ -72,7 +72,7 @@ fn the_hold_is_shown_as_never_received_present_and_expired() {
     screenshot(&mut tab, "hold");
 
     fly(&mut scene, &mut tab, None, &well_and("EXPIRED"));
-    assert_eq!(tab.eval("document.querySelectorAll('#hold-form, [data-command]').length"), serde_json::Value::from(0));
+    assert_eq!(tab.eval("document.querySelectorAll('#hold-form, [data-command]').length"), Value::from(0));
     screenshot(&mut tab, "hold-expired");
     // A page that is opened now has the station's samples.
     let known = tab.eval("holdHistory.length").as_u64().unwrap();

@@ -1,3 +1,5 @@
+mod hold;
+
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -48,7 +50,7 @@ fn command(panel: SocketAddr, path: &str) {
 }
 
 fn watched(setup: &Setup, pace: f64, watch: impl FnOnce(SocketAddr, SocketAddr)) -> Outcome {
-    watched_by(Page::start(0, pace, false, |_, _| {}).unwrap(), setup, watch)
+    watched_by(Page::start(0, pace, None, |_, _| {}).unwrap(), setup, watch)
 }
 
 fn watched_by(mut page: Page, setup: &Setup, watch: impl FnOnce(SocketAddr, SocketAddr)) -> Outcome {
@@ -71,7 +73,7 @@ fn watched_by(mut page: Page, setup: &Setup, watch: impl FnOnce(SocketAddr, Sock
 fn the_page_shows_the_aircrafts_true_position_and_link_status() {
     let Some(images) = images() else { return };
     let setup = Setup::new(images, 3, 2_000_000_000);
-    let mut page = Page::start(0, 0.0, false, |_, _| {}).unwrap();
+    let mut page = Page::start(0, 0.0, None, |_, _| {}).unwrap();
     let outcome = page.run(&setup).unwrap();
     assert_eq!(outcome.report.violations, [""; 0]);
     let shown = page.settle();
@@ -186,7 +188,7 @@ fn each_fault_from_the_panel_shows_on_the_page_and_passes() {
 fn an_uplink_from_the_page_is_written_and_confirmed_despite_loss() {
     let Some(images) = images() else { return };
     let setup = Setup { writes: true, relays: true, ..Setup::new(images, 3, 3_600_000_000_000) };
-    let page = Page::start(0, 4.0, true, |_, _| {}).unwrap().with_loss(30, 3);
+    let page = Page::start(0, 4.0, Some(Voice::with_uplinks), |_, _| {}).unwrap().with_loss(30, 3);
     let (mut count, mut shown) = (0, vec![]);
     let outcome = watched_by(page, &setup, |page, _| {
         until(page, "heard", |drone| drone["reported"]["agree"] == 3);
@@ -214,7 +216,7 @@ fn an_uplink_from_the_page_is_written_and_confirmed_despite_loss() {
 
 #[test]
 fn the_panel_accepts_commands_from_its_own_page_alone() {
-    let page = Page::start(0, 0.0, false, |_, _| {}).unwrap();
+    let page = Page::start(0, 0.0, None, |_, _| {}).unwrap();
     page.panel.begin(3, 60_000_000_000);
     let server = page.panel.serve((LOCAL, 0).into(), page.server.address()).unwrap();
     let (panel, station) = (server.address(), page.server.address());
@@ -246,7 +248,7 @@ fn the_panel_accepts_commands_from_its_own_page_alone() {
 #[test]
 fn a_fault_from_the_panel_is_one_gapless_chain_of_episodes() {
     const PIECE: u64 = super::PIECE;
-    let page = Page::start(0, 0.0, false, |_, _| {}).unwrap();
+    let page = Page::start(0, 0.0, None, |_, _| {}).unwrap();
     page.panel.begin(3, 60_000_000_000);
     let server = page.panel.serve((LOCAL, 0).into(), page.server.address()).unwrap();
     let fly = |pieces: std::ops::Range<u64>| -> Vec<(u64, u64)> {
@@ -279,7 +281,7 @@ fn a_fault_from_the_panel_is_one_gapless_chain_of_episodes() {
 #[test]
 fn a_board_hangs_once_its_watchdog_runs_and_not_without_a_supply() {
     const PIECE: u64 = super::PIECE;
-    let page = Page::start(0, 0.0, false, |_, _| {}).unwrap();
+    let page = Page::start(0, 0.0, None, |_, _| {}).unwrap();
     page.panel.begin(3, 60_000_000_000);
     let server = page.panel.serve((LOCAL, 0).into(), page.server.address()).unwrap();
     let hangs = |piece: u64, asked: &[&str]| -> Vec<u64> {
@@ -307,7 +309,7 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../target/tmp/browser/live");
     let mut tab = browser::Tab::start(&program, &folder);
     let setup = Setup::new(images, 3, 15_000_000_000);
-    let mut page = Page::start(0, 5.0, false, |_, _| {}).unwrap();
+    let mut page = Page::start(0, 5.0, None, |_, _| {}).unwrap();
     tab.open(&format!("http://{}/", page.server.address()));
     let outcome = page.run(&setup).unwrap();
     assert_eq!(outcome.report.violations, [""; 0]);
