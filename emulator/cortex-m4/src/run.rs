@@ -4,7 +4,7 @@
 //! |---|---|
 //! | the caller's `until`, [`Bus::due`], SysTick | each instruction compares its cycle, on the fast clock its address |
 //! | [`crate::Signals`] | after an access that announced a change, and after each [`Bus::advance`] |
-//! | exceptions | after each change of a signal or by a timer, and after an instruction that may have changed a priority |
+//! | exceptions | after each change of a signal, and after an instruction that may have changed a priority |
 //! | the MPU's rights to execute | once for each page, or at each instruction of a page that is not open as a whole |
 //!
 //! An instruction executes as a whole. Its accesses take place at the cycle at which it began. If the clock counts wait

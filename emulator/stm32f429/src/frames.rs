@@ -94,7 +94,7 @@ mod tests {
         fn pin(&mut self, _: Cycle, _: Pin, _: Pad) {}
         fn spi(&mut self, frame: &emulator_part::SpiFrame) -> Option<u32> {
             self.0 += 1;
-            Some((frame.data ^ 37 * self.0) & 0xFF)
+            Some((frame.data ^ (37 * self.0)) & 0xFF)
         }
         fn uart(&mut self, _: Cycle, _: Pin, _: &UartFrame) {}
         fn i2c(&mut self, _: Cycle, _: Pin, _: Pin, _: I2cEvent) -> I2cAnswer {
