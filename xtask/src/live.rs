@@ -80,18 +80,19 @@ pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
     if let Some(kind) = args.faults.iter().find(|kind| kind.is_upset()) {
         bail!("--faults {kind}: upsets are tried on copies of the bench, which `cargo xtask sim` has and this has not");
     }
+    crate::sim::needs_hold(&args.faults, args.hold)?;
     let mut page = Page::start(args.port, args.pace, args.uplink, tell)?.with_loss(args.loss, args.seed);
     println!("http://{}/", page.server.address());
     let panel = page.panel.serve((LOCAL, args.panel_port).into(), page.server.address());
     let panel =
         panel.with_context(|| format!("no panel on {LOCAL}:{}; --panel-port takes another", args.panel_port))?;
     println!("http://{}/  breaks things, on the bench's side of the wire", panel.address());
-    let (horus, dpr) = firmware::build_pair(args.gps)?;
+    let (horus, dpr, hold) = firmware::build_link(args.gps, args.hold)?;
     let duration_ns = (args.seconds.unwrap_or(LONGEST) * 1e9).round() as u64;
     let faults = Faults::drawn(&args.faults, args.gps.0, args.seed, duration_ns);
     let setup =
         Setup { seed: args.seed, faults, writes: true, ..Setup::new(Images { horus, dpr }, args.gps.0, duration_ns) };
-    let setup = Setup { relays: args.uplink, ..setup };
+    let setup = Setup { relays: args.uplink, hold, ..setup };
     let began = Instant::now();
     let mut outcome = page.run(&setup)?;
     let wall = began.elapsed().as_secs_f64();
