@@ -61,6 +61,17 @@ pub(crate) fn build_pair(gps: Receivers) -> Result<(PathBuf, PathBuf)> {
     Ok((build(Board::Horus, gps)?, build(Board::Dpr, gps)?))
 }
 
+/// Builds the link's firmwares and returns the paths of their ELF files: HORUS's, the DPR's, and with `hold` that of the
+/// hold, for which the DPR's has its second port.
+pub(crate) fn build_link(gps: Receivers, hold: bool) -> Result<(PathBuf, PathBuf, Option<PathBuf>)> {
+    let horus = build(Board::Horus, gps)?;
+    if hold {
+        return Ok((horus, build_dpr_with_hold(gps)?, Some(build_hold()?)));
+    }
+    Ok((horus, build(Board::Dpr, gps)?, None))
+}
+
+/// Runs cargo for the target in release and returns the path of the executable with the given name.
 pub(crate) fn build_for_target(args: &[&str], name: &str) -> Result<PathBuf> {
     install(&FLIP_LINK)?;
     let mut command = cargo();

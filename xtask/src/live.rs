@@ -69,24 +69,19 @@ pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
     if let Some(kind) = args.faults.iter().find(|kind| kind.is_upset()) {
         bail!("--faults {kind}: upsets are tried on copies of the bench, which `cargo xtask sim` has and this has not");
     }
-    let uplinks: Option<Speaks> = args.uplink.then_some(Voice::with_uplinks);
-    let speaks = if args.hold { Some(Voice::with_commands as Speaks) } else { uplinks };
-    let mut page = Page::start(args.port, args.pace, speaks, tell)?.with_loss(args.loss, args.seed);
+    crate::sim::needs_hold(&args.faults, args.hold)?;
+    let mut page = Page::start(args.port, args.pace, args.uplink, tell)?.with_loss(args.loss, args.seed);
     println!("http://{}/", page.server.address());
     let panel = page.panel.serve((LOCAL, args.panel_port).into(), page.server.address());
     let panel =
         panel.with_context(|| format!("no panel on {LOCAL}:{}; --panel-port takes another", args.panel_port))?;
     println!("http://{}/  breaks things, on the bench's side of the wire", panel.address());
-    let horus = firmware::build(Board::Horus, args.gps)?;
-    let (dpr, hold) = match args.hold {
-        true => (firmware::build_dpr_with_hold(args.gps)?, Some(firmware::build_hold()?)),
-        false => (firmware::build(Board::Dpr, args.gps)?, None),
-    };
+    let (horus, dpr, hold) = firmware::build_link(args.gps, args.hold)?;
     let duration_ns = (args.seconds.unwrap_or(LONGEST) * 1e9).round() as u64;
     let faults = Faults::drawn(&args.faults, args.gps.0, args.seed, duration_ns);
     let setup =
         Setup { seed: args.seed, faults, writes: true, ..Setup::new(Images { horus, dpr }, args.gps.0, duration_ns) };
-    let setup = Setup { relays: args.uplink || args.hold, hold, ..setup };
+    let setup = Setup { relays: args.uplink, hold, ..setup };
     let began = Instant::now();
     let mut outcome = page.run(&setup)?;
     let wall = began.elapsed().as_secs_f64();

@@ -201,6 +201,7 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     for (option, path) in (1..).zip(&recordings).filter_map(|(number, path)| Some((number, path.as_ref()?))) {
         gnss_sim::Log::open(path).with_context(|| format!("--ubx{option}: {} cannot be played", path.display()))?;
     }
+    needs_hold(&args.faults, args.hold)?;
     if let Some(plot) = args.plot.as_deref().filter(|plot| plot.extension().is_none_or(|ending| ending != "svg")) {
         bail!("--plot: the picture is SVG, and {} does not end in .svg", plot.display());
     }
@@ -220,14 +221,7 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
             (horus, dpr, Some(hold))
         }
         (Some(folder), false) => (folder.join("horus-tx-fw.elf"), folder.join("dpr-fw.elf"), None),
-        (None, true) => {
-            let horus = firmware::build(crate::Board::Horus, args.gps)?;
-            (horus, firmware::build_dpr_with_hold(args.gps)?, Some(firmware::build_hold()?))
-        }
-        (None, false) => {
-            let (horus, dpr) = firmware::build_pair(args.gps)?;
-            (horus, dpr, None)
-        }
+        (None, hold) => firmware::build_link(args.gps, hold)?,
     };
     let mut setup = Setup { trace, log, plot, hold, ..setup(args, recordings, Images { horus, dpr }) };
     if args.from_flash {
@@ -291,6 +285,15 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     Ok(ExitCode::FAILURE)
 }
 
+/// Fails if faults of a hold are to be drawn into a run without one.
+pub(crate) fn needs_hold(faults: &[Kind], hold: bool) -> Result<()> {
+    if faults.contains(&Kind::Hold) && !hold {
+        bail!("--faults hold: there is none without --hold");
+    }
+    Ok(())
+}
+
+/// Flips every bit of the front ends' registers, or every `every`-th bit, each on a copy of the bench.
 fn flip_all(setup: &Setup, every: usize) -> Result<Flips> {
     let style = ProgressStyle::with_template("{spinner} {pos} bits flipped, {elapsed}").expect("a constant template");
     let bar = ProgressBar::new_spinner().with_style(style);
