@@ -90,7 +90,7 @@ pub const SELF_TEST_US: u32 = {
     (if flash > ram { flash } else { ram }) / SELF_TEST_SLICES + FRAME_DEADLINE_US
 };
 
-// Shows IMG-8.
+// Shows IMG-8, SAFE-4, SAFE-5, SAFE-6.
 const _: () = {
     assert!(IMAGE_DETECT_US <= 25_000);
     assert!(FLASH_DETECT_US <= 15_400_000);

@@ -136,7 +136,7 @@ violations! {
     // Shows IMG-2.
     Vacant = "a vacant object although it was delivered whole",
     /// A cycle was not shown although it reached the antenna whole and in sequence.
-    // Shows IMG-2.
+    // Shows IMG-2, TIME-9.
     NotShown = "a cycle not shown although it was delivered",
     /// An object is shown whose CRC is right, but HORUS never sent these bytes.
     // Shows OBJ-1.
