@@ -41,7 +41,7 @@ use bench::faults::{Faults, Rng};
 use bench::sim::{Images, Observer, Outcome, Setup};
 
 use crate::sim::table;
-use crate::{Board, LiveArgs, firmware};
+use crate::{LiveArgs, firmware};
 use panel::Panel;
 use profile::Uplink;
 
@@ -70,7 +70,9 @@ pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
         bail!("--faults {kind}: upsets are tried on copies of the bench, which `cargo xtask sim` has and this has not");
     }
     crate::sim::needs_hold(&args.faults, args.hold)?;
-    let mut page = Page::start(args.port, args.pace, args.uplink, tell)?.with_loss(args.loss, args.seed);
+    let uplinks: Option<Speaks> = args.uplink.then_some(Voice::with_uplinks);
+    let speaks = if args.hold { Some(Voice::with_commands as Speaks) } else { uplinks };
+    let mut page = Page::start(args.port, args.pace, speaks, tell)?.with_loss(args.loss, args.seed);
     println!("http://{}/", page.server.address());
     let panel = page.panel.serve((LOCAL, args.panel_port).into(), page.server.address());
     let panel =
@@ -81,7 +83,7 @@ pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
     let faults = Faults::drawn(&args.faults, args.gps.0, args.seed, duration_ns);
     let setup =
         Setup { seed: args.seed, faults, writes: true, ..Setup::new(Images { horus, dpr }, args.gps.0, duration_ns) };
-    let setup = Setup { relays: args.uplink, hold, ..setup };
+    let setup = Setup { relays: args.uplink || args.hold, hold, ..setup };
     let began = Instant::now();
     let mut outcome = page.run(&setup)?;
     let wall = began.elapsed().as_secs_f64();

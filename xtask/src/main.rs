@@ -229,9 +229,6 @@ pub(crate) struct LiveArgs {
     /// Seed of everything random: flight, receivers' noise, faults.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
-    /// Put an active hold beside the DPR, which then has its second port.
-    #[arg(long)]
-    pub(crate) hold: bool,
     /// Faults to inject, drawn from the seed: a list of air, gnss, fc, power, buffers, inputs, hang, hold.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub(crate) faults: Vec<Kind>,

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 
 use crate::workspace::{cargo, check, root, target_dir};
 
-const PACKAGES: [&str; 8] = [
+const PACKAGES: [&str; 12] = [
     "profile",
     "st25r3916",
     "horus-voter",
@@ -16,6 +16,10 @@ const PACKAGES: [&str; 8] = [
     "nrf52840-part",
     "stm32f429-part",
     "emulator-node",
+    "emulator-debug-port",
+    "emulator-gdb",
+    "emulator-trace",
+    "emulator",
 ];
 
 /// Packages [`PACKAGES`] and builds each from its tarball. Cargo resolves packages of one workspace against each other

@@ -163,6 +163,6 @@ fn a_project_elsewhere_runs_its_firmware_on_the_bench_by_cargo_run() {
     let ran = cargo_run(&folder, "--pin PA5");
     let err = String::from_utf8_lossy(&ran.stderr);
     assert_eq!(ran.status.code(), Some(1), "{err}");
-    assert!(err.contains("PA5 is no pin of the dpr board; one is called like P0.13"), "{err}");
+    assert!(err.contains("--pin: the nRF52840 has no pin PA5: it has P0.00 to P0.31, P1.00 to P1.15"), "{err}");
     std::fs::remove_dir_all(&folder).unwrap();
 }

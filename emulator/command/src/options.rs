@@ -13,8 +13,8 @@ use emulator_part::Pin;
 /// The options of a run of one firmware alone on one part.
 #[derive(Args, Clone, Debug)]
 pub struct Options {
-    /// Run the lines of this script, or of standard input with `-`: they set pins, send text, wait for what the firmware
-    /// does, and end with a verdict.
+    /// Run the lines of this script, or of standard input with `-`: they set pins, send text, wait for what the
+    /// firmware does, and end with a verdict.
     #[arg(long, value_name = "FILE|-", conflicts_with_all = ["limit", "seconds"])]
     pub script: Option<PathBuf>,
     /// Stop after this much virtual time, in seconds; an image that is still running then fails.

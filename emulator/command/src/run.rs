@@ -27,8 +27,8 @@ const TRACE_STEP: u64 = 1_000_000;
 ///
 /// # Errors
 ///
-/// What the user asked for cannot be done: a file cannot be read or written or is no firmware for this part, an option or
-/// a line of the script is wrong.
+/// What the user asked for cannot be done: a file cannot be read or written or is no firmware for this part, an option
+/// or a line of the script is wrong.
 pub fn run(target: Target, board: &str, elf: &Path, options: &Options) -> Result<u32> {
     let firmware = Firmware::read(elf)?;
     if let Some(error) = linked_elsewhere(target, &firmware) {

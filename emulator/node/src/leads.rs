@@ -1,6 +1,6 @@
 //! A board with nothing but leads to the part's pins: some are watched or driven, and some have a UART at the far end.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::marker::PhantomData;
 
 use emulator_part::{Pad, Part, Pin, SpiFrame, UartFrame};
@@ -84,7 +84,9 @@ pub struct SentByte {
 /// A board with leads to the part's pins.
 #[derive(Clone, Debug)]
 pub struct Leads<P> {
-    connected: Connected,
+    wires: Vec<[Pin; 2]>,
+    watched: BTreeSet<Pin>,
+    listened: BTreeSet<Pin>,
     pads: BTreeMap<Pin, Pad>,
     edges: Vec<PinEdge>,
     driven: Vec<DrivenEdge>,
@@ -104,7 +106,9 @@ impl<P> Leads<P> {
     #[must_use]
     pub fn new(connected: Connected) -> Self {
         let mut leads = Self {
-            connected,
+            wires: connected.wires,
+            watched: connected.watched.into_iter().collect(),
+            listened: connected.listened.into_iter().collect(),
             pads: BTreeMap::new(),
             edges: vec![],
             driven: vec![],
@@ -116,11 +120,11 @@ impl<P> Leads<P> {
             arrived: false,
             part: PhantomData,
         };
-        for Sending { at, pin, baud, bytes } in std::mem::take(&mut leads.connected.sent) {
+        for Sending { at, pin, baud, bytes } in connected.sent {
             leads.plan(0, Input::Level(pin, Some(true)));
             leads.send(at, pin, baud, &bytes);
         }
-        for Drive { at, pin, level } in std::mem::take(&mut leads.connected.driven) {
+        for Drive { at, pin, level } in connected.driven {
             leads.plan(at, Input::Level(pin, Some(level)));
         }
         leads
@@ -150,9 +154,7 @@ impl<P> Leads<P> {
 
     /// Watches `pin` from now on, as those in [`Connected::watched`].
     pub fn watch(&mut self, pin: Pin) {
-        if !self.connected.watched.contains(&pin) {
-            self.connected.watched.push(pin);
-        }
+        self.watched.insert(pin);
     }
 
     /// Makes the node return from [`super::Node::advance`] at each change of `pin` and each byte sent on it, of those
@@ -176,14 +178,21 @@ impl<P> Leads<P> {
 
     /// Records the state of `pin` from `at` (ns) on, if the pin is watched and its state changes.
     fn note(&mut self, at: u64, pin: Pin, pad: Pad) {
-        if self.pads.insert(pin, pad) != Some(pad) && self.connected.watched.contains(&pin) {
+        if self.pads.insert(pin, pad) != Some(pad) && self.watched.contains(&pin) {
             self.edges.push(PinEdge { at, pin, pad });
             self.arrived |= self.awaited == Some(pin);
         }
     }
 
+    /// Records a level within a frame. Between frames the pin has the level that [`Board::pin`] told.
+    fn note_bit(&mut self, at: u64, pin: Pin, level: bool) {
+        if self.watched.contains(&pin) {
+            self.note(at, pin, Pad::Driven(level));
+        }
+    }
+
     fn note_driven(&mut self, at: u64, pin: Pin, level: Option<bool>) {
-        if self.connected.watched.contains(&pin) {
+        if self.watched.contains(&pin) {
             self.driven.push(DrivenEdge { at, pin, level });
         }
     }
@@ -195,8 +204,8 @@ impl<P> Leads<P> {
 
     /// Carries an input over the wires to the pins that are joined to `pin`.
     fn carry(&mut self, at: u64, pin: Pin, input: impl Fn(Pin) -> Input) {
-        for index in 0..self.connected.wires.len() {
-            let [one, other] = self.connected.wires[index];
+        for index in 0..self.wires.len() {
+            let [one, other] = self.wires[index];
             for (from, to) in [(one, other), (other, one)] {
                 if from == pin {
                     self.plan(at, input(to));
@@ -222,10 +231,10 @@ impl<P: Part> Board for Leads<P> {
         let halves = 2 * u64::from(frame.bits.max(1));
         let at = |half: i64| begins.saturating_add_signed((ends - begins) as i64 * half / halves as i64);
         for pin in frame.mosi.into_iter().flatten() {
-            frame.mosi_levels().for_each(|(half, level)| self.note(at(half), pin, Pad::Driven(level)));
+            frame.mosi_levels().for_each(|(half, level)| self.note_bit(at(half), pin, level));
         }
         for pin in frame.sck.into_iter().flatten() {
-            frame.clock_levels().for_each(|(half, level)| self.note(at(half as i64), pin, Pad::Driven(level)));
+            frame.clock_levels().for_each(|(half, level)| self.note_bit(at(half as i64), pin, level));
         }
         None
     }
@@ -233,9 +242,9 @@ impl<P: Part> Board for Leads<P> {
     fn uart(&mut self, at: u64, pin: Pin, frame: &UartFrame) {
         let began = at.saturating_sub(frame.ns());
         for (after_ps, level) in frame.levels() {
-            self.note(began + (after_ps + 500) / 1_000, pin, Pad::Driven(level));
+            self.note_bit(began + (after_ps + 500) / 1_000, pin, level);
         }
-        if self.connected.listened.contains(&pin) {
+        if self.listened.contains(&pin) {
             self.heard.push(SentByte { at, pin, byte: (frame.data & 0xFF) as u8 });
             self.arrived |= self.awaited == Some(pin);
         }
@@ -366,5 +375,41 @@ mod tests {
         assert_eq!(settled(&mut leads, at - 1), []);
         assert_eq!(settled(&mut leads, at), [Input::Frame(OTHER, at - frame.ns(), frame)]);
         assert_eq!(leads.next_event(), 1_000_000);
+    }
+
+    #[test]
+    fn bytes_that_are_sent_later_follow_those_on_the_line() {
+        let mut leads = Leads::<Nrf52840>::new(Connected::default());
+        let frame = |byte| UartFrame::eight_n_one(byte, 1_000_000);
+        leads.send(0, ONE, 1_000_000, b"ab");
+        leads.send(5_000, ONE, 1_000_000, b"c");
+        leads.send(5_000, OTHER, 1_000_000, b"d");
+        let sent = [(ONE, 0, b'a'), (OTHER, 5_000, b'd'), (ONE, 10_000, b'b'), (ONE, 20_000, b'c')];
+        assert_eq!(settled(&mut leads, 50_000), sent.map(|(pin, at, byte)| Input::Frame(pin, at, frame(byte))));
+    }
+
+    #[test]
+    fn the_board_holds_its_node_up_for_the_awaited_pin_alone() {
+        let connected = Connected { watched: vec![ONE, OTHER], listened: vec![ONE], ..Connected::default() };
+        let mut leads = Leads::<Nrf52840>::new(connected);
+        leads.wait_for(Some(ONE));
+        leads.pin(1, OTHER, Pad::Driven(true));
+        assert!(!leads.outgoing());
+        leads.pin(2, ONE, Pad::Driven(true));
+        assert!(leads.outgoing());
+        leads.take_edges();
+        assert!(!leads.outgoing(), "it was taken");
+        leads.uart(100_000, ONE, &UartFrame::eight_n_one(0xFF, 1_000_000));
+        assert!(leads.outgoing());
+    }
+
+    #[test]
+    fn what_the_outside_drives_onto_a_watched_pin_is_told() {
+        let driven = vec![Drive { at: 3_000, pin: ONE, level: true }, Drive { at: 3_000, pin: OTHER, level: true }];
+        let mut leads = Leads::<Nrf52840>::new(Connected { watched: vec![ONE], driven, ..Connected::default() });
+        leads.drive(4_000, ONE, None);
+        settled(&mut leads, 5_000);
+        let edge = |at, level| DrivenEdge { at, pin: ONE, level };
+        assert_eq!(leads.take_driven(), [edge(3_000, Some(true)), edge(4_000, None)]);
     }
 }

@@ -153,8 +153,8 @@ impl Script {
         }
     }
 
-    /// Begins the next line, or runs the firmware for a piece of what the present one waits for. `say` gets an answer to
-    /// each line that is done.
+    /// Begins the next line, or runs the firmware for a piece of what the present one waits for. `say` gets an answer
+    /// to each line that is done.
     ///
     /// # Errors
     ///

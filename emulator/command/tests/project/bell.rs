@@ -1,5 +1,5 @@
-//! A door bell: it rings while its button is pressed (low), says "ready" over its UART at the start, answers `?` with the
-//! number of rings, and exits at `!`. Each ring is a line of the log.
+//! A door bell: it rings while its button is pressed (low), says "ready" over its UART at the start, answers `?` with
+//! the number of rings, and exits at `!`. Each ring is a line of the log.
 
 #![no_std]
 #![no_main]
