@@ -5,7 +5,7 @@ import random
 import unittest
 from types import SimpleNamespace
 
-from horus_profile import Identifier, Rejection, ReportedPosition
+from horus_profile import HoldStatus, Identifier, Rejection, ReportedPosition
 from horus_profile.tunnel import Frames, checksum, split, split_message, split_payload
 from tests import optional
 from tests.test_objects import GPS1, LINK, REPORTED
@@ -32,7 +32,13 @@ class Payloads(unittest.TestCase):
     def test_another_type_or_length_carries_no_objects(self):
         for payload_type, payload in ((0x4800, PAYLOAD), (0xC301, PAYLOAD), (0xC800, PAYLOAD[1:]), (0xC800, b"")):
             self.assertIsNone(split_payload(payload_type, payload))
-        self.assertIsNone(split(8, bytes(128)), "there is nothing behind the uplink")
+        self.assertIsNone(split(8, bytes(128)), "the hold's object is alone")
+        self.assertIsNone(split(9, bytes(128)), "there is nothing behind the hold")
+
+    def test_the_hold_is_alone_in_a_message(self):
+        ((kind, identifier, _),) = split_payload(0xC100, bytes(64))
+        self.assertEqual((kind, identifier), (HoldStatus, Identifier.HOLD_STATUS))
+        self.assertEqual(len(split_payload(0xC401, bytes(128))), 2)
 
     def test_a_damaged_identifier_makes_only_its_own_object_unreadable(self):
         damaged = bytearray(PAYLOAD)
