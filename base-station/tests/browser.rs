@@ -88,6 +88,9 @@ fn screenshot(tab: &mut Tab, name: &str) {
     tab.picture(&target.join(name).with_extension("png"));
 }
 
+/// What makes a voice send uplinks or commands.
+type Enable = fn(Voice) -> Voice;
+
 struct Scene {
     server: Option<Server>,
     station: Station,
@@ -107,7 +110,7 @@ impl Scene {
 
     /// Starts a station with this clock. With a key, it sends what the function enables, and accepts only messages
     /// signed with the key.
-    fn with_key(clock: impl FnOnce(Arc<AtomicU64>) -> Clock, key: Option<(Key, fn(Voice) -> Voice)>) -> Self {
+    fn with_key(clock: impl FnOnce(Arc<AtomicU64>) -> Clock, key: Option<(Key, Enable)>) -> Self {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = clock(Arc::clone(&passed_us));
         let verifier = key.clone().map(|(key, _)| Verifier::new(key));

@@ -16,7 +16,7 @@ from horus_profile import Identifier, Rejection, ReportedPosition
 from horus_profile.recording import Recording, _unstuffed
 from tests import optional
 from tests.test_hold import status
-from tests.test_objects import GPS1, LINK, REPORTED
+from tests.test_objects import GPS1, HOLD, LINK, REPORTED
 from tests.test_tunnel import frame
 
 FLIGHT = Path(__file__).parent / "recorded/flight.mcap"
@@ -175,6 +175,12 @@ class Written(unittest.TestCase):
         self.assertEqual(array["timestamp"].tolist(), [100, 200])
         self.assertEqual(array["acknowledged"].tolist(), [[0, 0, 7, 1]] * 2)
 
+    def test_a_map_has_all_objects_but_the_flight_controllers_uplink(self):
+        for end, places in ((bytes(192), [0, 1, 2, 7, 8]), (bytes(192) + HOLD, [0, 1, 2, 7, 8, 9])):
+            arrivals, reader = self.read(recording(carried(DATAGRAMS, IMAGE + end, places)))
+            self.assertEqual((len(arrivals), reader.unmatched), (len(places), 0))
+        self.assertEqual((arrivals[-1].identifier, arrivals[-1].found.raw), (Identifier.HOLD_STATUS, HOLD))
+
     def test_what_another_station_published_is_read(self):
         message = bytes([1, 2]) + bytes(8) + bytes(2) + REPORTED + GPS1
         arrivals, _ = self.read(recording(carried(PUBLISHED, message, [1, 2])))
@@ -197,7 +203,7 @@ class Written(unittest.TestCase):
             self.assertEqual((len(arrivals), reader.unmatched), (3, 1), end)
 
     def test_a_place_that_does_not_exist_is_malformed(self):
-        arrivals, reader = self.read(recording(carried(DATAGRAMS, IMAGE, [0, 1, 9])))
+        arrivals, reader = self.read(recording(carried(DATAGRAMS, IMAGE, [0, 1, 10])))
         self.assertEqual((arrivals, reader.unmatched), ([], 1))
 
 

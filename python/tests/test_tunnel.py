@@ -8,7 +8,6 @@ from types import SimpleNamespace
 from horus_profile import HoldStatus, Identifier, Rejection, ReportedPosition
 from horus_profile.tunnel import Frames, checksum, split, split_message, split_payload
 from tests import optional
-from tests.test_hold import status
 from tests.test_objects import GPS1, LINK, REPORTED
 
 PAYLOAD = REPORTED + GPS1
@@ -33,7 +32,13 @@ class Payloads(unittest.TestCase):
     def test_another_type_or_length_carries_no_objects(self):
         for payload_type, payload in ((0x4800, PAYLOAD), (0xC301, PAYLOAD), (0xC800, PAYLOAD[1:]), (0xC800, b"")):
             self.assertIsNone(split_payload(payload_type, payload))
-        self.assertIsNone(split(9, bytes(128)), "there is nothing behind the hold's object")
+        self.assertIsNone(split(8, bytes(128)), "the hold's object is alone")
+        self.assertIsNone(split(9, bytes(128)), "there is nothing behind the hold")
+
+    def test_the_hold_is_alone_in_a_message(self):
+        ((kind, identifier, _),) = split_payload(0xC100, bytes(64))
+        self.assertEqual((kind, identifier), (HoldStatus, Identifier.HOLD_STATUS))
+        self.assertEqual(len(split_payload(0xC401, bytes(128))), 2)
 
     def test_a_damaged_identifier_makes_only_its_own_object_unreadable(self):
         damaged = bytearray(PAYLOAD)
@@ -41,14 +46,6 @@ class Payloads(unittest.TestCase):
         (_, _, first), (kind, identifier, second) = split_payload(0xC800, bytes(damaged))
         self.assertIs(ReportedPosition.judge(first), Rejection.CRC)
         self.assertEqual(kind.verify(second, identifier).raw, GPS1)
-
-    def test_the_object_of_the_hold_travels_alone_or_behind_the_uplink(self):
-        held = status(100).raw
-        (part,) = split_payload(0xC100, held)
-        self.assertEqual(part, (HoldStatus, Identifier.HOLD_STATUS, held))
-        parts = split_payload(0xC200, bytes(64) + held)
-        self.assertEqual([kind.judge(data, identifier) for kind, identifier, data in parts],
-                         [Rejection.VACANT, status(100)])
 
     def test_a_message_of_pymavlink_is_split(self):
         message = SimpleNamespace(

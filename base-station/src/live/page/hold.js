@@ -112,6 +112,7 @@ function drawCommands(shown, commands) {
   if (allowed && !element("hold-form")) makeHoldForm();
   const last = commands[0];
   const pending = last && last.state === "pending";
+  if (pending) notCommanded = null;
   if (allowed) {
     element("hold-form").querySelectorAll("button").forEach((button) => { button.disabled = pending || shown !== "valid"; });
   }

@@ -387,21 +387,28 @@ fn a_command_is_accepted_only_where_commands_are_allowed() {
         let none = (StatusCode::CONFLICT, "there is no present Hold-Status of this drone".to_owned());
         assert_eq!(post(&page, "?drone=3&command=lock").await, none);
 
-        let mut known = allowed.known();
-        for tenth in 0..=30_u32 {
-            let values = HoldValues { temperature: 21.5, ..HoldValues::absent(100 * tenth) };
-            let hold = HoldStatus::seal(Writer::<ActiveLoad>::claim(), &values);
-            let at_us = START + 120_000 + 100_000 * u64::from(tenth);
-            let bundle = Bundle::new(Place::Hold, 1, hold.as_bytes()).unwrap();
-            let mut forwarder = Forwarder::new(3, 1, Rates { bytes_per_s: 100_000, period_us: 0, standard_us: 0 });
-            forwarder.offer(&bundle);
-            let bytes = forwarder.poll(1_000_000, 0).unwrap();
-            known.intake.take(&Carried { at_us, kind: Kind::MavlinkDatagrams, line: 0, from: String::new(), bytes });
-            known.now_us = at_us;
-            let StationData { voice, intake, .. } = &mut *known;
-            voice.as_mut().unwrap().tick(at_us, intake.fleet());
+        {
+            let mut known = allowed.known();
+            for tenth in 0..=30_u32 {
+                let values = HoldValues { temperature: 21.5, ..HoldValues::absent(100 * tenth) };
+                let hold = HoldStatus::seal(Writer::<ActiveLoad>::claim(), &values);
+                let at_us = START + 120_000 + 100_000 * u64::from(tenth);
+                let bundle = Bundle::new(Place::Hold, 1, hold.as_bytes()).unwrap();
+                let mut forwarder = Forwarder::new(3, 1, Rates { bytes_per_s: 100_000, period_us: 0, standard_us: 0 });
+                forwarder.offer(&bundle);
+                let bytes = forwarder.poll(1_000_000, 0).unwrap();
+                known.intake.take(&Carried {
+                    at_us,
+                    kind: Kind::MavlinkDatagrams,
+                    line: 0,
+                    from: String::new(),
+                    bytes,
+                });
+                known.now_us = at_us;
+                let StationData { voice, intake, .. } = &mut *known;
+                voice.as_mut().unwrap().tick(at_us, intake.fleet());
+            }
         }
-        drop(known);
         let sent = (StatusCode::ACCEPTED, "1".to_owned());
         assert_eq!(post(&page, "?drone=3&command=set-point&value=-2.5").await, sent);
         let commands = allowed.known().voice.as_mut().unwrap().take_commands();
