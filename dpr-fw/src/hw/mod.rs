@@ -1,12 +1,12 @@
-//! The register accesses. This firmware has `unsafe` code only in the files of this module.
+//! Accesses the registers. Only the files of this module have `unsafe` code in this firmware.
 //!
-//! | file | what |
+//! | file | content |
 //! |---|---|
-//! | `mod.rs` | start-up: debug port, program check, supply, clocks, all the files below; the safe state |
-//! | `time.rs` | the deadline of the next frame |
-//! | `integrity.rs` | the image that the SSI streams, as the idle loop accesses it |
-//! | `rf.rs` | the front end's SPI, interrupt pin and timer |
-//! | `hold.rs` | the second front end (feature `hold`) |
+//! | `mod.rs` | start-up: debug port, program check, supply, clocks, all files below; the safe state |
+//! | `time.rs` | the timer for the deadline of the next frame |
+//! | `integrity.rs` | reads of the streamed image, for the idle loop |
+//! | `rf.rs` | SPI, interrupt pin and timer of a front end |
+//! | `hold.rs` | what only the hold's front end has (feature `hold`) |
 //! | `ssi.rs` | the SSI, FRESH and the expiry of the image |
 //!
 //! # Design
@@ -45,7 +45,7 @@
 
 #[cfg(feature = "hold")]
 mod hold;
-/// RTIC wants the types of all resources, so without the feature those of the second port are nothing.
+/// RTIC needs types for all resources, so without the feature the second port's types are empty.
 #[cfg(not(feature = "hold"))]
 mod hold {
     pub(crate) type HoldEdge = ();
@@ -102,13 +102,13 @@ pub(crate) type ReceiveBuffer = &'static mut ReceiveMemory;
 pub(crate) type ImageBuffer = &'static mut ImageMemory;
 pub(crate) type AreaBuffer = &'static mut ReceiveArea;
 
-/// The hardware that the tasks own once it is set up.
+/// The hardware that the tasks own after [`init`].
 pub(crate) struct Board {
     pub(crate) rf: RfPort,
     pub(crate) rf_edge: RfEdge,
     pub(crate) ssi: SsiPort,
     pub(crate) deadline: Deadline,
-    /// The second front end, and the IRQ edge of it.
+    /// The port and the IRQ edge of the hold's front end.
     #[cfg(feature = "hold")]
     pub(crate) hold: (hold::HoldPort, HoldEdge),
     /// The watchdog; `None` if something else has configured the watchdog, which then has to feed it.
@@ -123,12 +123,11 @@ pub(crate) struct DmaMemory {
     pub(crate) spi_rx: &'static mut [u8; Short::MAX],
     /// The area into which the SSI receives, and the queues that carry the areas to the port task.
     pub(crate) ssi_rx: (Filling<AreaBuffer>, SsiEnd<'static, AreaBuffer>),
-    /// The memory of the second port.
     #[cfg(feature = "hold")]
     pub(crate) hold: HoldDma,
 }
 
-/// The static memory that the DMA of the second port uses.
+/// The static memory that the DMA of the second port accesses.
 #[cfg(feature = "hold")]
 pub(crate) struct HoldDma {
     pub(crate) spi: &'static mut dpr_fw::hold::SpiMemory,
@@ -143,10 +142,10 @@ pub(crate) fn init(
     memory: DmaMemory,
     receive: Filling<ReceiveBuffer>,
 ) -> Board {
-    // The debug port is opened first, so that a debugger reaches a board whose firmware stops early.
+    // The debug port is opened first, so that a debugger can connect even if the firmware stops early.
     let debug_port = nrf52840::open_debug_port(&p.FICR, &p.UICR);
 
-    // The watchdog was started by the first instructions (`firmware_common::nrf52840`), or before a soft reset or a lockup.
+    // The first instructions have started the watchdog, or it still runs from before a soft reset or a lockup.
     let watchdog = Watchdog::try_recover::<One>(p.WDT).ok().map(|parts| parts.handles.0);
 
     let reset_reason = nrf52840::reset_reason();
@@ -228,7 +227,7 @@ fn POWER_CLOCK() -> ! {
 /// Takes the SSI's buffers back, so that the flight controller reads 0xFF. A transaction under way still ends with its
 /// image. Before the SSI is set up, every transaction reads 0xFF anyway.
 pub(crate) fn safe_state() {
-    // An answer to the hold that has not begun is not sent.
+    // From here on no timer starts an answer to the hold.
     #[cfg(feature = "hold")]
     hold::stop();
     if SsiDoorbell::is_enabled() {
