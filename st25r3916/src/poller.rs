@@ -108,7 +108,7 @@ pub struct PollerConfig {
     pub receiver: ReceiverMode,
     /// After a frame, fail with [`Fault::FifoCount`] if bytes are left in the FIFO.
     pub check_left_over: bool,
-    /// Between frames, fail with [`Fault::FieldDropped`] if the display shows oscillator or transmitter off.
+    /// Whether the poller fails with [`Fault::FieldDropped`] if oscillator or transmitter is off between frames.
     pub check_field: bool,
 }
 
@@ -252,7 +252,7 @@ impl Poller {
         self.counters
     }
 
-    /// Whether [`Poller::prepare`] is possible: after [`PollerEvent::Ready`] or [`PollerEvent::Prepared`].
+    /// Whether [`Poller::prepare`] may be called: after [`PollerEvent::Ready`] or [`PollerEvent::Prepared`].
     #[must_use]
     pub const fn is_ready(&self) -> bool {
         matches!(self.state, PollerState::Ready | PollerState::Sending(SendState::Prepared))
