@@ -38,7 +38,7 @@
 //! | TIMER4 | for the second front end, as TIMER0; compare 2: start of the answer | `hold_timer` |
 //! | WDT | watchdog | – |
 //!
-//! | PPI channel | event | task |
+//! | PPI channel | event | what the event triggers |
 //! |---|---|---|
 //! | 0 | GPIOTE IN\[0\] | TIMER0 CAPTURE\[1\] |
 //! | 1 | TIMER2 COMPARE\[0\] | SPIS1 ACQUIRE |

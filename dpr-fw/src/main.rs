@@ -98,13 +98,13 @@ mod app {
 
     static INTEGRITY: Integrity = Integrity::new();
 
-    /// Whether the RFID task has asked the commit task to prepare an image.
+    /// Whether the RFID tasks have asked the commit task to prepare an image.
     static FRAME_ARRIVES: AtomicBool = AtomicBool::new(false);
 
-    /// The least time, µs, between two requests of the scrub task that all tasks check in.
+    /// The least time between two requests to the scrub task that it make all tasks check in, µs.
     const SIGNS_OF_LIFE_US: u32 = 9_000;
 
-    /// The state that the tasks `commit` and `deadline` share; both have one priority.
+    /// The state that the tasks `commit` and `deadline` share, which have one priority.
     pub struct Committing {
         intake: Intake<RECEIVERS>,
         filling: Option<Filling<ImageBuffer>>,
@@ -300,7 +300,7 @@ mod app {
         }
     }
 
-    /// Runs when a transaction has ended, or the semaphore has come for another reason.
+    /// Runs at the end of a transaction and whenever the processor gets the semaphore of the SSI's buffers.
     #[task(binds = SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1, priority = 6, local = [ssi, server], shared = [mailbox])]
     fn ssi_end(cx: ssi_end::Context) {
         let start = DWT::cycle_count();
@@ -309,21 +309,19 @@ mod app {
         TELEMETRY.ssi_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 
-    /// Runs when the pause after a transaction is over. The next end calls `ssi_end`, at once if it has already come.
+    /// Runs when the pause after a transaction is over. From then on the end of a transaction calls `ssi_end` again.
     #[task(binds = TIMER3, priority = 6)]
     fn ssi_pause(_: ssi_pause::Context) {
         SsiDoorbell::end_pause();
         CHECK_IN.check_in(Task::ssi_pause);
     }
 
-    /// Runs when a transfer with the front end has ended.
     #[task(binds = SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0, priority = 5, shared = [receiver, rotation, front_end])]
     fn rf_spi(cx: rf_spi::Context) {
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
         CHECK_IN.check_in(Task::rf_spi);
     }
 
-    /// Runs when the front end's IRQ has risen.
     #[task(binds = GPIOTE, priority = 5, local = [rf_edge], shared = [receiver, rotation, front_end])]
     fn rf_irq(cx: rf_irq::Context) {
         cx.local.rf_edge.clear();
@@ -331,7 +329,6 @@ mod app {
         CHECK_IN.check_in(Task::rf_irq);
     }
 
-    /// Runs when a delay of the front end's driver is over.
     #[task(binds = TIMER0, priority = 5, shared = [receiver, rotation, front_end])]
     fn rf_timer(cx: rf_timer::Context) {
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
@@ -356,7 +353,6 @@ mod app {
         }
     }
 
-    /// Runs when a frame is in its buffer, and verifies, deposits and publishes it.
     #[task(binds = SWI0_EGU0, priority = 4, shared = [committing, rotation, mailbox, prepared, front_end])]
     fn commit(cx: commit::Context) {
         let commit::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
@@ -364,7 +360,8 @@ mod app {
         CHECK_IN.check_in(Task::commit);
     }
 
-    /// Runs when no frame came in time, so that objects that were valid once do not stay readable.
+    /// Runs when no frame came in time. It publishes an image without objects, so that old objects are no longer
+    /// readable.
     #[task(binds = TIMER1, priority = 4, shared = [committing, rotation, mailbox, prepared, front_end])]
     fn deadline(cx: deadline::Context) {
         cx.shared.committing.deadline.clear();
@@ -395,7 +392,7 @@ mod app {
         }
     }
 
-    /// Scrubs buffers that were read or replaced, then calls the other tasks so that they check in, once a cycle.
+    /// Scrubs the buffers that wait for it. Once a cycle it also calls the other tasks, so that they check in.
     #[task(binds = SWI1_EGU1, priority = 3, local = [sign_of_life, asked_us: u32 = 0], shared = [rotation, mailbox])]
     fn scrub(cx: scrub::Context) {
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.rotation));
@@ -407,7 +404,7 @@ mod app {
             return;
         }
         *cx.local.asked_us = now_us;
-        // Tasks that have checked in already, because a frame has called them, need no other call.
+        // A frame has already called these tasks, so that they have checked in.
         let called = [Task::rf_spi, Task::rf_irq, Task::rf_timer, Task::commit, Task::deadline];
         #[cfg(feature = "hold")]
         let called = called.into_iter().chain([Task::hold_spi, Task::hold_irq, Task::hold_timer]);

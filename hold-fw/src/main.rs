@@ -220,14 +220,12 @@ mod app {
         CHECK_IN.check_in(Task::slot);
     }
 
-    /// Runs when an SPI transfer with the front end has ended.
     #[task(binds = SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0, priority = 3, shared = [link])]
     fn rf_spi(mut cx: rf_spi::Context) {
         cx.shared.link.lock(serve);
         CHECK_IN.check_in(Task::rf_spi);
     }
 
-    /// Runs when the front end's IRQ has risen.
     #[task(binds = GPIOTE, priority = 3, local = [rf_edge], shared = [link])]
     fn rf_irq(mut cx: rf_irq::Context) {
         cx.local.rf_edge.clear();
@@ -235,7 +233,6 @@ mod app {
         CHECK_IN.check_in(Task::rf_irq);
     }
 
-    /// Runs when a delay of the front end's driver is over.
     #[task(binds = TIMER0, priority = 3, shared = [link])]
     fn rf_timer(mut cx: rf_timer::Context) {
         cx.shared.link.lock(|link| {

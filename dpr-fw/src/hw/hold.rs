@@ -1,8 +1,8 @@
 //! Drives the hold's front end with SPIM2, EGU3 and TIMER4.
 //!
-//! The edge of the front end's IRQ raises no GPIOTE interrupt: it triggers EGU3 through PPI, whose interrupt calls the
-//! task `hold_irq`. So this front end calls no task of HORUS's port, and it calls no task at all while EGU3's interrupt
-//! is masked.
+//! The edge of the front end's IRQ raises no GPIOTE interrupt. It triggers EGU3 through PPI, and the interrupt of EGU3
+//! calls the task `hold_irq`. So this front end calls no task of HORUS's port, and while the interrupt of EGU3 is
+//! masked, its IRQ calls no task at all.
 //!
 //! An answer starts at a fixed instant without a task. The transmit command is set up in SPIM2 with the chip selected;
 //! a compare of TIMER4 then starts the transfer through PPI. The end of the transfer raises chip select, also through

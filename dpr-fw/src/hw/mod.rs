@@ -21,26 +21,25 @@
 //!
 //! The following anomalies of nRF52840 revisions 1 to 3 concern the peripherals that this firmware uses:
 //!
-//! | no. | what | measure |
+//! | no. | what is wrong | consequence or measure |
 //! |---|---|---|
 //! | 36 | CLOCK: some registers survive a reset | the event of the HFXO is cleared before it is awaited |
-//! | 78 | TIMER: high current after STOP | only TIMER3 stops, after each pause of the SSI; only current is lost |
+//! | 78 | TIMER: high current after STOP | harmless; TIMER3 stops after each pause, TIMER4 in the safe state |
 //! | 87 | CPU: FPU exceptions wake the processor | the FPU computes nothing here; an extra wake-up does no harm |
 //! | 136 | RESETREAS: bits set that should not be | if the pin's bit is set, the others are ignored |
 //! | 155 | GPIOTE: an edge may be reported twice | the interrupt reads the pin's level ([`dpr_fw::rf`]) |
 //! | 173, 210 | GPIO: LATCH is slow, and wrong | LATCH is not used |
 //! | 176 | a flash erase through CTRL-AP fails with the watchdog running | the flashing tool must halt the part |
-//! | 195, 198 | SPIM3 draws current when disabled and can corrupt what it sends | SPIM0 and SPIS1 are used |
+//! | 195, 198 | SPIM3 draws current when disabled and can corrupt what it sends | SPIM3 is not used |
 //! | 213 | WDT: configuration lost in System OFF | System OFF is not used |
 //! | 241 | SAADC: more current after it was used | the SAADC is not used |
 //! | 242 | NVMC: an erase or write hangs the processor if POFWARN comes in it | the firmware writes no flash |
 //! | 246 | extra current in idle after EasyDMA | only current is lost |
 //!
 //! Anomaly 241 is described by embassy-rs/embassy (`embassy-nrf`, change log, SAADC), and 242 by Zephyr
-//! (`soc_flash_nrf.c`, `suspend_pofwarn`). No public source at hand describes 259, 266 and 270; Nordic's errata sheet
-//! of the revision that is fitted has to be read for them before a board flies.
-//!
-//! Anomalies 58 (SPIM, one byte too many) and 156 (GPIOTE CLR tasks) concern only Engineering A.
+//! (`soc_flash_nrf.c`, `suspend_pofwarn`). No public source describes 259, 266 and 270: before a flight, Nordic's
+//! errata sheet of the fitted revision must be read for them. Anomalies 58 (SPIM, one byte too many) and 156 (GPIOTE
+//! CLR tasks) concern only the revision Engineering A.
 #![allow(unsafe_code)]
 
 #[cfg(feature = "hold")]
@@ -97,7 +96,6 @@ pub(crate) static DPR_TELEMETRY: Telemetry = Telemetry::new();
 #[no_mangle]
 pub(crate) static DPR_HOLD_TELEMETRY: dpr_fw::hold::HoldTelemetry = dpr_fw::hold::HoldTelemetry::new();
 
-/// A receive buffer of the RFID side in static memory.
 pub(crate) type ReceiveBuffer = &'static mut ReceiveMemory;
 pub(crate) type ImageBuffer = &'static mut ImageMemory;
 pub(crate) type AreaBuffer = &'static mut ReceiveArea;

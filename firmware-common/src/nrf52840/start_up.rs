@@ -15,9 +15,11 @@ macro_rules! install_nrf52840_start {
     ($debugger_stops:expr) => {
         $crate::install_start!(
             [
+                // POWER.RESETREAS holds the reset reasons.
                 "ldr r0, =0x40000400",
                 "ldr r1, [r0]",
                 "str r1, [r0]",
+                // The WDT's registers are used in this order: RUNSTATUS, CRV, CONFIG, RREN, TASKS_START.
                 "ldr r0, =0x40010000",
                 "ldr r2, [r0, #0x400]",
                 "cbnz r2, 2f",

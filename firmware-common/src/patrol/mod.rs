@@ -101,7 +101,7 @@ impl Rate {
         (bytes.div_ceil(4).div_ceil(self.code_words) + 1) * SLICE_US
     }
 
-    /// Returns the time, µs, of one pass over `bytes` of RAM in use, a slice longer since it begins within one.
+    /// Returns the longest time of a pass over `bytes` of RAM in use, µs. One slice is added, in which the pass begins.
     #[must_use]
     pub const fn ram_pass_us(&self, bytes: u32) -> u32 {
         (bytes.div_ceil(4).div_ceil(self.ram_words) + 1) * SLICE_US

@@ -247,7 +247,7 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
         let count = if level.full { FIFO } else { usize::from(level.sample_count).min(FIFO) };
         let data = &mut data[..count];
         sensor.read_data(data)?;
-        // Two readings in a row without a sample mean that the sensor was reset. One may come soon after the set-up.
+        // Two readings in a row without a sample mean that the sensor was reset. A single one may follow the set-up.
         if core::mem::replace(&mut self.empty, count == 0) && count == 0 {
             return Err(Faulty);
         }
