@@ -78,14 +78,12 @@ pub(crate) const HOLD_SELECT_CHANNEL: usize = 3;
 /// The compare register of TIMER4 for the start of the answer.
 #[cfg(feature = "hold")]
 pub(crate) const HOLD_ANSWER_COMPARE: usize = 2;
-/// The compare registers of TIMER2 for the expiry of the image.
 pub(crate) const EXPIRY_COMPARES: [usize; 2] = [0, 1];
 /// TIMER2's compare register for the end of the FRESH pulse.
 pub(crate) const PULSE_COMPARE: usize = 2;
 /// TIMER3's compare register for the end of the pause after a transaction.
 pub(crate) const PAUSE_COMPARE: usize = 0;
 
-/// The pins of a front end.
 pub(crate) struct RfPins<S = Pin<Output<PushPull>>> {
     pub(crate) select: S,
     pub(crate) mosi: Pin<Output<PushPull>>,

@@ -87,7 +87,6 @@ impl FrontEnd {
         matches!(self, Self::Lost(fault) if !matches!(fault, Fault::Silence { field: false }))
     }
 
-    /// Records whether the front end senses a field.
     fn note_field(&mut self, there: bool) {
         if let Self::Listening { field } | Self::Lost(Fault::Silence { field }) = self {
             *field = there;

@@ -27,7 +27,6 @@ use st25r3916_model::{nfc_f, AirEvent, Chip, Chunk, Config, FrameStart, Technolo
 
 const US: u64 = 1_000;
 const MS: u64 = 1_000 * US;
-/// The time of one byte at 8 MHz, ns.
 const BYTE_NS: u64 = US;
 /// The time of one bit at 424 kbit/s, which is 32 periods of 13.56 MHz, in attoseconds.
 const BIT_AS: u64 = 2_359_882_005_899;
@@ -274,7 +273,6 @@ impl AnswerPort for SimPort {
     }
 }
 
-/// A resource that no other task shares.
 struct Own<'a>(&'a mut Shared);
 
 impl Mutex for Own<'_> {

@@ -76,7 +76,6 @@ mod app {
 
     static CHECK_IN: CheckIn<Task> = CheckIn::new();
 
-    /// Whether the patrol has found a fault of the memory.
     static MEMORY_FAULT: AtomicBool = AtomicBool::new(false);
 
     #[shared]
@@ -248,7 +247,6 @@ mod app {
         }
     }
 
-    /// Runs at the tick: controls the temperature, and fills and offers the frame.
     #[task(binds = SWI0_EGU0, priority = 2, local = [outputs, supply, done: Option<u32> = None],
         shared = [hold, link, readings])]
     fn cycle(mut cx: cycle::Context) {
@@ -272,7 +270,6 @@ mod app {
         CHECK_IN.check_in(Task::cycle);
     }
 
-    /// Runs when an answer has arrived, and executes the commands in it that are due.
     #[task(binds = SWI1_EGU1, priority = 2, shared = [hold, link])]
     fn answer(mut cx: answer::Context) {
         if let Some(answer) = cx.shared.link.lock(Link::take_answer) {

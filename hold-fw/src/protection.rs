@@ -16,7 +16,6 @@ use firmware_common::mpu::{Access, Allowed, Memory, Region, Table};
 
 const KIB: u32 = 1024;
 
-/// The flash, as in `memory.x`.
 const FLASH: Region = Region::new("flash", 0, 64 * KIB, Memory::Flash, Allowed::ReadExecute);
 
 /// The address at which the null page ends.

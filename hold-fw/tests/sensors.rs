@@ -24,7 +24,6 @@ struct Board {
     fifo: Vec<[u8; 6]>,
     /// The sample that the accelerometer takes at present, left-aligned.
     sample: [i16; 3],
-    /// The raw words of temperature and humidity.
     measured: [u16; 2],
     /// Whether a measurement is ready to be read.
     measuring: bool,

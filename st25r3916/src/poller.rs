@@ -2,8 +2,9 @@
 //!
 //! # States
 //!
-//! [`Poller::state`] returns the state. Names are those of [`PollerState`] and of [`SendState`], words in capitals are
-//! events; after an event the machine waits for [`Input::Start`]. A comma separates successive states.
+//! The names in the diagram are states ([`PollerState`], [`SendState`]), which [`Poller::state`] returns. Words in
+//! capitals are events; after an event the machine waits for [`Input::Start`]. `prepare()` is a method, and C4 is the
+//! transmit command. A comma separates successive states.
 //!
 //! ```text
 //!        New                                    any state

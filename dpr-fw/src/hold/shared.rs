@@ -107,8 +107,8 @@ impl Shared {
         }
     }
 
-    /// Returns the answer at `now_us`: each uplink, or zeros if it was stored too long ago. [`intact`] must check their
-    /// CRCs.
+    /// Returns the answer at `now_us`: each uplink, or zeros if it was stored too long ago. Their CRCs are not checked
+    /// here.
     #[must_use]
     pub fn answer(&mut self, now_us: u32) -> Answer {
         self.clock.advance(now_us);

@@ -31,7 +31,6 @@ use super::{
 };
 use crate::board::{HOLD_ANSWER_COMPARE, HOLD_SELECT_CHANNEL, NOW_CAPTURE, WAIT_COMPARE};
 
-/// The wiring of the hold's front end.
 pub(crate) struct Hold;
 
 pub(crate) type HoldPort = Port<Hold>;
@@ -206,7 +205,6 @@ impl AnswerPort for HoldPort {
     }
 }
 
-/// The interrupt of the IRQ pin of the hold's front end.
 pub(crate) struct HoldEdge(pac::EGU3);
 
 impl HoldEdge {

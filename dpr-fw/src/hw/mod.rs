@@ -100,7 +100,6 @@ pub(crate) type ReceiveBuffer = &'static mut ReceiveMemory;
 pub(crate) type ImageBuffer = &'static mut ImageMemory;
 pub(crate) type AreaBuffer = &'static mut ReceiveArea;
 
-/// The hardware that the tasks own after [`init`].
 pub(crate) struct Board {
     pub(crate) rf: RfPort,
     pub(crate) rf_edge: RfEdge,
@@ -117,7 +116,6 @@ pub(crate) struct Board {
 
 pub(crate) struct DmaMemory {
     pub(crate) spi_tx: &'static mut [u8; Short::MAX],
-    /// The bytes that SPIM0 receives in a short transfer.
     pub(crate) spi_rx: &'static mut [u8; Short::MAX],
     /// The area into which the SSI receives, and the queues that carry the areas to the port task.
     pub(crate) ssi_rx: (Filling<AreaBuffer>, SsiEnd<'static, AreaBuffer>),
@@ -125,7 +123,6 @@ pub(crate) struct DmaMemory {
     pub(crate) hold: HoldDma,
 }
 
-/// The static memory that the DMA of the second port accesses.
 #[cfg(feature = "hold")]
 pub(crate) struct HoldDma {
     pub(crate) spi: &'static mut dpr_fw::hold::SpiMemory,

@@ -47,14 +47,11 @@ impl RfEdge {
 
 /// The peripherals of a front end.
 pub(crate) trait Wiring {
-    /// The SPIM of the front end.
     type Spim: spim::Instance;
     /// The timer for the driver's delays and for the time of the IRQ's edge, which counts µs.
     type Timer: timer::Instance;
     type Select: OutputPin<Error = Infallible>;
-    /// The bytes that this front end can send over the air.
     type Sends: Sends;
-    /// The task that the timer calls.
     const TIMER_TASK: Task;
     /// Returns the value of the timer, µs.
     fn now_us() -> u32;
@@ -206,7 +203,6 @@ impl<W: Wiring> Port<W> {
         let Ok(()) = self.pins.select.set_low();
     }
 
-    /// Sets up a short transfer, and selects the chip.
     pub(super) fn set_up_short(&mut self, short: &Short) {
         let len = short.bytes().len();
         *self.tx = *short.padded();

@@ -69,14 +69,12 @@ pub(crate) static HOLD_TELEMETRY: Telemetry = Telemetry::new();
 #[link_section = ".uninit.KEPT"]
 static KEPT: kept::Memory = [const { [const { AtomicU32::new(0) }; kept::WORDS] }; 2];
 
-/// The hardware that the tasks own after [`init`].
 pub(crate) struct Board {
     pub(crate) rf: RfPort,
     pub(crate) rf_edge: RfEdge,
     /// The timer of beats and slot, which is started last.
     pub(crate) beats: Beats,
     pub(crate) bus: Bus,
-    /// Heater, cooler and lock.
     pub(crate) outputs: Outputs,
     pub(crate) supply: SupplyMeter,
     /// The watchdog; `None` if other code has configured the watchdog, and so has to feed it.
@@ -89,7 +87,6 @@ pub(crate) struct Board {
     pub(crate) kept: (kept::Keeper, Option<kept::Kept>),
 }
 
-/// The static memory that DMA accesses.
 pub(crate) struct DmaMemory {
     pub(crate) radio: &'static mut radio::Memory,
     pub(crate) bus: &'static mut i2c::Memory,

@@ -22,7 +22,6 @@ const HIGH_FIRST: u16 = 1 << 15;
 /// The duties that the PWM's DMA reads, one for each of four channels.
 pub(crate) type Memory = [u16; 4];
 
-/// Heater, cooler and lock.
 pub(crate) struct Outputs {
     pwm: pac::PWM0,
     lock: Pin<Output<PushPull>>,
@@ -65,7 +64,6 @@ impl Outputs {
         self.pwm.tasks_seqstart[0].write(|w| unsafe { w.bits(1) });
     }
 
-    /// Sets heater, cooler and lock.
     pub(crate) fn apply(&mut self, wanted: state::Outputs) {
         self.play(Duty::of(wanted.output));
         let Ok(()) = self.lock.set_state(if wanted.locked { PinState::High } else { PinState::Low });

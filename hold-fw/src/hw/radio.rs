@@ -32,7 +32,6 @@ const LEAD: usize = 1;
 
 /// The ticket for the next slot, as a word; 0 if there is none.
 static ARMED: AtomicU32 = AtomicU32::new(0);
-/// The bit of chip select in port 1.
 const SELECT: u32 = 1 << 12;
 
 /// The number of polls of the end event that last longer than the 1 µs of one byte.
@@ -78,7 +77,6 @@ impl RfEdge {
     }
 }
 
-/// The memory that the SPI's DMA reads and writes.
 pub(crate) struct Memory {
     /// The bytes to send: a short transfer, or the load command and the bytes of the frame.
     send: [u8; LEAD + HoldObject::SIZE],

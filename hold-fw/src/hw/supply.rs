@@ -13,7 +13,6 @@ use super::take_event;
 const FULL_SCALE: f32 = 3.6;
 const STEPS: f32 = 4_096.0;
 
-/// The result that the SAADC's DMA writes.
 pub(crate) type Memory = [i16; 1];
 
 pub(crate) struct SupplyMeter {

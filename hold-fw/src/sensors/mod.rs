@@ -46,11 +46,9 @@ use vibration::{Sample, Vibration};
 
 /// The accelerometer's samples in a second. At this rate it passes vibration up to 200 Hz (LIS3DH data sheet, 3.2.1).
 pub const SAMPLES_PER_SECOND: u32 = 400;
-/// The length of the accelerometer's FIFO, samples.
 const FIFO: usize = 32;
 /// The number of beats for which a temperature is valid after its measurement: 3 s.
 pub const CLIMATE_VALID_BEATS: u32 = 3_000 / BEAT_MS;
-/// The number of beats in a second.
 const SECOND: u32 = BEATS * CYCLES_PER_SECOND;
 /// The longest time of a call of [`Sensors::serve`], ms. A full FIFO takes 33 transfers of 0.25 ms each, and a
 /// measurement of the climate sensor 9 ms. A failed transfer adds 1.2 ms, with the recovery of the bus.
@@ -118,7 +116,6 @@ pub struct Sensors<B, D> {
     empty: bool,
 }
 
-/// The state of the accelerometer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Accelerometer {
     /// The accelerometer was not accessed since the start.

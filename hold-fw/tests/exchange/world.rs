@@ -20,7 +20,6 @@ use st25r3916_model::{Air, AirFaults, AnswerFaults, AnswerPath, Chip, Config, Se
 /// The time of one byte at 8 MHz, ns; the time of the interrupts around a transfer, ns.
 const BYTE_NS: u64 = 1_000;
 const OVERHEAD_NS: u64 = 2_000;
-/// The time between two ticks of the hold, ns.
 pub(crate) const PERIOD_NS: u64 = PERIOD_MS as u64 * 1_000_000;
 /// The time from the end of the hold's frame to the listener's transmit command, ns.
 const ANSWER_AFTER_NS: u64 = 700_000;

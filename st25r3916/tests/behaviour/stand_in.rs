@@ -188,7 +188,6 @@ impl Chip {
         });
     }
 
-    /// Sets the output of the field detector, without its interrupt.
     pub(crate) fn senses_field(&mut self, there: bool) {
         self.a[0x31] = self.a[0x31] & !0x40 | u8::from(there) << 6;
     }
