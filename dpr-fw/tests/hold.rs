@@ -283,7 +283,6 @@ impl Mutex for Own<'_> {
     }
 }
 
-/// The second port of the DPR, with the chip's model.
 struct Dpr {
     world: Rc<RefCell<World>>,
     responder: Responder<SimPort>,
@@ -292,7 +291,6 @@ struct Dpr {
     next_check_in: u64,
     /// The periods in which HORUS's tasks run, so that the hold's tasks wait.
     busy: Vec<Range<u64>>,
-    /// Whether a task of the hold was called and has not run yet.
     called: bool,
     /// The time between two edges of a faulty IRQ line, each of which calls a task; `None` for a good line.
     babble: Option<u64>,

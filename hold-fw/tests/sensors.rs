@@ -31,7 +31,6 @@ struct Board {
     refuses: std::ops::Range<u32>,
     transfers: u32,
     accelerometer_absent: bool,
-    /// Whether the accelerometer takes no samples, whatever its settings are.
     accelerometer_dead: bool,
     /// The inverted bits in the six bytes that the climate sensor sends.
     damage: [u8; 6],

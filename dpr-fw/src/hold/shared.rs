@@ -53,7 +53,6 @@ pub struct Shared {
     clock: Clock,
     intake: Intake,
     object: HoldObject,
-    /// The uplinks of the base station and of the flight controller.
     kept: [Kept; 2],
 }
 

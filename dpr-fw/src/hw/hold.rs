@@ -97,7 +97,6 @@ impl OutputPin for HoldSelect {
     }
 }
 
-/// The answer that is sent, and the instant of its start.
 pub(crate) struct Answers {
     memory: &'static mut AnswerMemory,
     /// The value of TIMER4 at which the armed transfer starts; `None` without one.

@@ -45,7 +45,6 @@ impl RfEdge {
     }
 }
 
-/// The peripherals of a front end.
 pub(crate) trait Wiring {
     type Spim: spim::Instance;
     /// The timer for the driver's delays and for the time of the IRQ's edge, which counts µs.
@@ -53,7 +52,6 @@ pub(crate) trait Wiring {
     type Select: OutputPin<Error = Infallible>;
     type Sends: Sends;
     const TIMER_TASK: Task;
-    /// Returns the value of the timer, µs.
     fn now_us() -> u32;
 }
 
@@ -107,7 +105,6 @@ impl Sends for () {
     }
 }
 
-/// The last SPI transfer, which may still run.
 #[derive(Clone, Copy)]
 enum Transfer {
     None,

@@ -36,7 +36,6 @@ enum Mutation {
     EndStaysMasked,
 }
 
-/// The kind of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Kind {
     Frame,

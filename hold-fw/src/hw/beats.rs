@@ -17,12 +17,10 @@ use crate::board::{BEAT_COMPARE, SLOT_COMPARE};
 /// The number of beats so far. Only the interrupt of TIMER1 writes it.
 static COUNT: AtomicU32 = AtomicU32::new(0);
 
-/// Returns the number of the present beat.
 pub(crate) fn beat() -> u32 {
     COUNT.load(Ordering::Relaxed)
 }
 
-/// Returns the number of the present cycle.
 pub(crate) fn tick() -> u32 {
     beat() / BEATS
 }
@@ -31,7 +29,6 @@ pub(crate) fn tick() -> u32 {
 pub(crate) enum Beat {
     /// A beat; the value is true at the tick.
     Began { is_tick: bool },
-    /// The slot, or no event.
     Other,
 }
 

@@ -26,7 +26,6 @@ const TRANSFER_US: u32 = 1_000;
 /// The value of FREQUENCY for 390 kbit/s (anomaly 219).
 const FREQUENCY: u32 = 0x0620_0000;
 
-/// The memory that the DMA of TWIM1 accesses.
 pub(crate) struct Memory {
     send: [u8; LONGEST],
     receive: [u8; LONGEST],
@@ -36,7 +35,6 @@ impl Memory {
     pub(crate) const EMPTY: Self = Self { send: [0; LONGEST], receive: [0; LONGEST] };
 }
 
-/// The reason for which a transfer failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Error {
     /// No sensor has acknowledged the address or a byte.
@@ -57,7 +55,6 @@ impl i2c::Error for Error {
     }
 }
 
-/// TWIM1 with SDA and SCL.
 pub(crate) struct Bus {
     twim: pac::TWIM1,
     lines: OpenDrains,
@@ -173,7 +170,6 @@ impl I2c for Bus {
 /// SDA and SCL as open-drain GPIO pins, for a recovery of the bus.
 struct OpenDrains(BusPins);
 
-/// The numbers of the pins of SDA and SCL in port 0.
 const SDA: usize = 26;
 const SCL: usize = 27;
 
@@ -184,7 +180,7 @@ impl OpenDrains {
         unsafe { &*pac::P0::ptr() }
     }
 
-    /// Makes both pins inputs, with the drive that the TWIM needs. A pin was an output only while it was low.
+    /// Makes both pins inputs, with the drive that the TWIM needs. The GPIO then no longer holds a line low.
     fn let_go(&mut self) {
         for pin in [SDA, SCL] {
             Self::port().pin_cnf[pin].write(|w| w.dir().input().input().connect().pull().pullup().drive().s0d1());
@@ -229,7 +225,6 @@ impl Lines for OpenDrains {
     }
 }
 
-/// Delays by polling the µs counter.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pause;
 

@@ -79,9 +79,7 @@ pub(crate) struct Board {
     pub(crate) supply: SupplyMeter,
     /// The watchdog; `None` if other code has configured the watchdog, and so has to feed it.
     pub(crate) watchdog: Option<WatchdogHandle<Hdl0>>,
-    /// The reason of the last reset.
     pub(crate) reset_reason: ResetReason,
-    /// Whether the debug port stays open.
     pub(crate) debug_port: DebugPort,
     /// The keeper of the records that outlive a reset, and the newest record.
     pub(crate) kept: (kept::Keeper, Option<kept::Kept>),

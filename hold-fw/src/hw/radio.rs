@@ -92,11 +92,9 @@ impl Memory {
         Self { send: [0; LEAD + HoldObject::SIZE], short: [0; Short::MAX], answer: [0; LEAD + BUFFER] };
 }
 
-/// The bytes that the last transfer receives.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Transfer {
     Nothing,
-    /// All bytes of a short transfer.
     Short(usize),
     /// The bytes after the one that the chip returns under the command.
     Read(usize),

@@ -20,7 +20,6 @@ pub type Sample = [i16; 3];
 /// "mechanical characteristics").
 pub const DIGIT: f32 = 0.016 * 9.806_65;
 
-/// The sums over the samples of one reading of the FIFO.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Sums {
     samples: u32,

@@ -30,7 +30,6 @@ struct Running {
     next_at: u64,
 }
 
-/// A front end with its SPI, its timer and the buffers of its driver.
 pub(crate) struct Side {
     now: u64,
     pub(crate) chip: Chip,
@@ -187,7 +186,6 @@ pub(crate) struct World<'a> {
     pub(crate) answer: Option<Vec<u8>>,
     pub(crate) heard: Vec<HoldStatus>,
     pub(crate) answers: Vec<Answer>,
-    /// The time from the tick until the hold offers its frame, ns.
     pub(crate) late_ns: u64,
 }
 
