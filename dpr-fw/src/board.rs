@@ -1,6 +1,6 @@
-//! The pins and peripherals of the DPR's board: an nRF52840-DK with an ST25R3916 expansion board.
+//! Names the pins and peripherals of the DPR's board: an nRF52840-DK with an ST25R3916 expansion board.
 //!
-//! Only this file names pins and peripherals, so only it changes if a signal moves to another pin or peripheral.
+//! Only this file names pins and peripherals.
 //!
 //! | signal | pin | Arduino header | direction |
 //! |---|---|---|---|
@@ -26,19 +26,19 @@
 //! | SPIS1 | SSI | `ssi_end` |
 //! | GPIOTE channel 0 | rising edge of the front end's IRQ | `rf_irq` |
 //! | GPIOTE channel 1 | FRESH | – |
-//! | TIMER0 | µs counter; compare 0: a wait of the driver; capture 1: IRQ edge, 3: now | `rf_timer` |
+//! | TIMER0 | µs counter; compare 0: end of a delay of the driver; capture 1: IRQ edge, 3: present time | `rf_timer` |
 //! | TIMER1 | the deadline of the next frame | `deadline` |
 //! | TIMER2 | time since FRESH, µs. Compare 0 and 1: expiry of the image. Compare 2: end of the FRESH pulse | – |
 //! | TIMER3 | time since a transaction was served, µs. Compare 0: end of the pause | `ssi_pause` |
 //! | SWI0, SWI1, SWI2 | calls from other tasks | `commit`, `scrub`, `port` |
 //! | SPIM2 | second front end | `hold_spi` |
 //! | GPIOTE channel 3 | chip select of the second front end | – |
-//! | GPIOTE channel 2 | rising edge of the second front end's IRQ, without an interrupt | – |
-//! | EGU3 channel 0 | the same edge, with an interrupt | `hold_irq` |
-//! | TIMER4 | as TIMER0 for the second front end; compare 2: start of the answer | `hold_timer` |
+//! | GPIOTE channel 2 | rising edge of the second front end's IRQ; raises no interrupt | – |
+//! | EGU3 channel 0 | triggered by that edge; raises the interrupt | `hold_irq` |
+//! | TIMER4 | for the second front end, as TIMER0; compare 2: start of the answer | `hold_timer` |
 //! | WDT | watchdog | – |
 //!
-//! | PPI channel | event | task |
+//! | PPI channel | event | what the event triggers |
 //! |---|---|---|
 //! | 0 | GPIOTE IN\[0\] | TIMER0 CAPTURE\[1\] |
 //! | 1 | TIMER2 COMPARE\[0\] | SPIS1 ACQUIRE |
@@ -49,7 +49,7 @@
 //! | 6 | TIMER4 COMPARE\[2\] | SPIM2 START |
 //! | 7 | SPIM2 END | GPIOTE SET\[3\] |
 //!
-//! The second front end, SPIM2, EGU3 and TIMER4, and what belongs to them here, are used with the feature `hold` only.
+//! The second front end and its peripherals (SPIM2, EGU3, TIMER4) are used only with the feature `hold`.
 
 #[cfg(feature = "hold")]
 use crate::hw::HoldSelect;
@@ -65,9 +65,9 @@ dpr_fw::each_task!(firmware_common::task_vectors);
 
 pub(crate) const SSI_SELECT_PIN: u8 = 4;
 pub(crate) const FRESH_CHANNEL: usize = 1;
-/// The compare register of TIMER0, and of TIMER4, for the waits of the front end's driver.
+/// The compare register of TIMER0 and TIMER4 for the delays of the front end's driver.
 pub(crate) const WAIT_COMPARE: usize = 0;
-/// The capture register of TIMER0, and of TIMER4, for the IRQ's edge.
+/// The capture register of TIMER0 and TIMER4 for the time of the IRQ's edge.
 pub(crate) const EDGE_CAPTURE: usize = 1;
 /// The capture register of TIMER4 for the present time.
 #[cfg(feature = "hold")]
@@ -78,14 +78,12 @@ pub(crate) const HOLD_SELECT_CHANNEL: usize = 3;
 /// The compare register of TIMER4 for the start of the answer.
 #[cfg(feature = "hold")]
 pub(crate) const HOLD_ANSWER_COMPARE: usize = 2;
-/// The compare registers of TIMER2 for the expiry of the image.
 pub(crate) const EXPIRY_COMPARES: [usize; 2] = [0, 1];
 /// TIMER2's compare register for the end of the FRESH pulse.
 pub(crate) const PULSE_COMPARE: usize = 2;
 /// TIMER3's compare register for the end of the pause after a transaction.
 pub(crate) const PAUSE_COMPARE: usize = 0;
 
-/// The pins of a front end.
 pub(crate) struct RfPins<S = Pin<Output<PushPull>>> {
     pub(crate) select: S,
     pub(crate) mosi: Pin<Output<PushPull>>,
@@ -171,7 +169,7 @@ pub(crate) fn connect(
     (gpiote, ppi)
 }
 
-/// Configures both GPIOTE channels and the PPI channels of the second front end as the tables say. Returns its pins.
+/// Configures GPIOTE and PPI channels of the second front end as in the tables above. Returns the front end's pins.
 #[cfg(feature = "hold")]
 pub(crate) fn connect_hold(
     gpiote: &Gpiote,

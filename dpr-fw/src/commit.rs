@@ -67,7 +67,6 @@ pub struct Commit<const N: usize> {
     acceptance: Acceptance<N>,
     monitor: Monitor<N>,
     link: Link,
-    /// The objects of HORUS that are in the image being filled.
     shown: Objects,
     /// The instant, µs since start, of the sample of a first frame whose second frame is awaited.
     open: Option<u64>,

@@ -33,8 +33,8 @@ pub trait Timer {
 /// The information from other tasks that the tasks `commit` and `deadline` need.
 #[derive(Clone, Copy, Debug)]
 pub struct Notices<'a, S> {
-    /// Whether a frame is arriving, so that its image is to be prepared. At other times no image is prepared, since the
-    /// next image must contain whatever is written over the SSI until the next frame.
+    /// Whether a frame is arriving. Only then its image is prepared: an image that is prepared earlier would lack what
+    /// the flight controller still writes before the frame.
     pub frame_arrives: bool,
     /// The state of the front end.
     pub front_end: FrontEnd,

@@ -107,7 +107,6 @@ pub trait Shown {
     fn copy(&self, first: usize, words: &mut [u32]);
 }
 
-/// The length of the longest object of an image, words.
 const OBJECT_WORDS: usize = 16;
 
 /// Verifies the objects of the published map for `N` receivers in turn.

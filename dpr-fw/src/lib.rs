@@ -1,27 +1,27 @@
-//! The firmware of the DPR: NFC-F frames come in, and an active dual-ported RAM is read over SSI.
+//! The firmware of the DPR: receives NFC-F frames, and lets a flight controller read their objects over SSI.
 //!
 //! # Design
 //!
-//! This library has all the firmware's logic; it needs no MCU, and the host tests it. The binary beside it is an RTIC
-//! table of tasks, and only the binary's module `hw` accesses registers. The modules of the library:
+//! This library has all of the firmware's logic and runs on a host as well, where it is tested. The binary beside it is
+//! an RTIC application. Only the binary's module `hw` accesses registers. The table lists the library's modules and the
+//! RTIC tasks that use them (*start*: the code before the first task).
 //!
-//! | module | what it does | where it runs |
+//! | module | what it does | used by |
 //! |---|---|---|
-//! | [`rf`] | carries out the steps of the ST25R3916's listener machine, hands frames on | RFID interrupts |
-//! | [`triple`] | receive buffers and images: written, read, scrubbed | handed from task to task |
-//! | [`intake`] | takes in the frames that wait, then checks the deadline | commit |
-//! | [`accept`] | verifies the objects of a frame, each by itself, and the sequence of its cycle | commit |
-//! | [`commit`] | deposits accepted objects in an image built from scratch, decides when it is published | commit |
-//! | [`integrity`] | re-verifies the published image; what follows from a change of memory | idle |
-//! | [`link`] | Link-Status, counters, ages, and the deadline that notices a missed frame | commit |
+//! | [`rf`] | runs the ST25R3916's listener machine, passes frames on | RFID tasks |
+//! | [`triple`] | the states of receive buffers and images: written, read, scrubbed | RFID, commit, SSI, scrub |
+//! | [`intake`] | handles the frames that wait, then checks the deadline | commit |
+//! | [`accept`] | verifies each object of a frame, and the sequence of its cycle | commit |
+//! | [`commit`] | copies accepted objects into an empty image, and publishes the image | commit |
+//! | [`integrity`] | verifies the published image again; the consequence of a memory fault | idle |
+//! | [`link`] | Link-Status, counters, ages, and the deadline that detects a missed frame | commit |
 //! | [`protection`] | the regions that the memory protection unit opens | start |
-//! | [`publish`] | hands images to the SSI, FRESH, expiry | commit, SSI interrupt |
-//! | [`ssi`] | what the flight controller asked for, and how many transactions it gets | SSI interrupt |
-//! | [`port`] | what the flight controller wrote: uplinks, commands, Port-Status | port |
-//! | [`hold`] | the second port: the hold's frames and the answers to them (feature `hold`) | hold interrupts |
-//! | [`task`] | the tasks that have to check in, so that the watchdog may be fed | every task |
-//! | [`telemetry`] | the counters that a debugger, or the bench, reads from RAM | every task |
-//!
+//! | [`publish`] | passes images to the SSI; FRESH and expiry | commit, SSI tasks |
+//! | [`ssi`] | the request of the flight controller, and the limit on its transactions | SSI tasks |
+//! | [`port`] | what the flight controller wrote: uplinks, commands; Port-Status | port |
+//! | [`hold`] | the second port: the hold's frames and the answers to them (feature `hold`) | hold tasks |
+//! | [`task`] | the tasks that must check in before the watchdog is fed | every task |
+//! | [`telemetry`] | the counters that a debugger or the bench reads from RAM | every task |
 //! The cost of a cycle does not depend on the data: every object is verified, and is copied under a
 //! mask that clears an object that is not accepted.
 #![cfg_attr(not(test), no_std)]
@@ -67,14 +67,14 @@ pub const RECEIVERS: usize = if cfg!(feature = "gps-1") {
 
 /// The length of a receive buffer, words: [`rf::LEAD`] bytes, then LEN, payload and CRC-16 of the longest NFC-F frame.
 pub const RECEIVE_WORDS: usize = (rf::LEAD + st25r3916::listener::BUFFER).div_ceil(4);
-/// The number of words of an image buffer: it holds the map for five receivers, which is the longest. With a hold it
-/// holds the profile's own on the target, where a scrub of the longest would take half as long again.
+/// The number of words of an image buffer. It has room for the map for five receivers, which is the longest. On the
+/// target with a hold it has room only for the profile's own map, so that a scrub does not take half as long again.
 pub const IMAGE_WORDS: usize = if cfg!(all(feature = "hold", target_os = "none")) {
     MAP_BYTES.div_ceil(4)
 } else {
     (profile::map::Map::<5>::LEN + hold::SHOWN).div_ceil(4)
 };
-/// The number of bytes of the map that the flight controller can read: with the hold's place if there is a hold.
+/// The number of bytes of the map that the flight controller can read, with the hold's object if there is a hold.
 pub const MAP_BYTES: usize = profile::map::Map::<RECEIVERS>::LEN + hold::SHOWN;
 
 /// The memory of one receive buffer.

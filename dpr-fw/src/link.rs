@@ -481,7 +481,6 @@ mod tests {
         assert_eq!(monitor.frame(1, 100_000, 103_935), 2);
     }
 
-    /// Returns a verdict on the first frame of a cycle of three receivers.
     fn verdict(accepted: Objects, cycle: Cycle, sampled_us: u64) -> Verdict {
         Verdict { place: Place::of_frame::<3>(0).expect("a frame"), sampled_us, cycle, accepted }
     }

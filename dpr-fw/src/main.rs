@@ -1,27 +1,31 @@
-//! The firmware of the DPR: the table of tasks. The library has the tasks' work, `hw` the registers, `board` the pins.
+//! The firmware of the DPR. This file is the RTIC table of tasks; the library has their logic, `hw` the registers, and
+//! `board` the pins and peripherals.
 //!
-//! | task | when it is called | has to be done within |
+//! | task | when it is called | longest time until it is done |
 //! |---|---|---|
-//! | `ssi_end` | a transaction has ended, a newer image is there, the image has expired | 10 µs |
-//! | `ssi_pause` | 95 µs after a transaction's end was served: the next end may call `ssi_end` | 10 µs |
-//! | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a wait is over | 40 µs |
-//! | `commit`, `deadline` | a frame is in its buffer; 12.5 ms without one | 0.1 ms |
+//! | `ssi_end` | a transaction has ended, a newer image was published, the image has expired | 10 µs |
+//! | `ssi_pause` | 95 µs after a transaction's end was handled: the next end may call `ssi_end` | 10 µs |
+//! | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a delay is over | 40 µs |
+//! | `commit`, `deadline` | a frame is in its buffer; no frame for 12.5 ms | 0.1 ms |
 //! | `scrub` | a buffer was read | 10 ms |
-//! | `port` | a transaction has brought something; an image was published | 10 ms |
-//! | `hold_spi`, `hold_irq`, `hold_timer` | the same as `rf_…` for the front end of a hold (feature `hold`) | 1 ms |
-//! | `idle` | nothing else wants to run | 100 ms |
+//! | `port` | a transaction has brought bytes; an image was published | 10 ms |
+//! | `hold_spi`, `hold_irq`, `hold_timer` | as `rf_…`, for the front end of a hold (feature `hold`) | 1 ms |
+//! | `idle` | no other task runs | 100 ms |
 //!
-//! The most urgent tasks come first. `build.rs` makes [`dpr_fw::task`]'s table from the tasks' attributes.
+//! The tasks with the highest priority stand first. `build.rs` makes the table in [`dpr_fw::task`] from the tasks'
+//! attributes. The longest times have these reasons:
 //!
-//! The bounds have these reasons. After 10 µs the flight controller may select again. 40 µs are two bytes on the air; a
-//! task that verifies an object early takes about 30 µs, and the front end's FIFO holds what arrives meanwhile. 0.1 ms
-//! is what the design allows from the last bit to a readable image. After 10 ms the next frame needs the buffer. 1 ms
-//! is what an answer has in hand ([`dpr_fw::hold::ANSWER_US`]). After 100 ms the watchdog resets the part.
+//! - `ssi_*`: after 10 µs the flight controller may select again.
+//! - `rf_*`: 40 µs are two bytes on the air. A task that verifies an object early takes about 30 µs, and the front
+//!   end's FIFO holds the bytes that arrive meanwhile.
+//! - `commit`: the design allows 0.1 ms from a frame's last bit to a readable image.
+//! - `scrub`, `port`: the next frame needs the buffer, and the next image the prepared area, after 10 ms.
+//! - `hold_*`: an answer has 1 ms to spare ([`dpr_fw::hold::ANSWER_US`]).
+//! - `idle`: without a feed for 100 ms the watchdog resets the part.
 //!
-//! The priorities fall in the order SSI, RFID, commit, scrub, port, hold, idle. A flight controller that makes
-//! transactions without end cannot keep the other tasks from running: the pause between two transactions that are
-//! served, and the number that is granted between two images, bound how often the SSI tasks run ([`dpr_fw::ssi`]). A
-//! hold's front end that never rests cannot keep `idle` from running either ([`dpr_fw::hold`]).
+//! Transactions without end cannot keep other tasks from running: the pause between two served transactions, and the
+//! limit on transactions between two images, bound how often the SSI tasks run ([`dpr_fw::ssi`]). A budget bounds the
+//! tasks of the hold's front end ([`dpr_fw::hold`]).
 //!
 //! Only `idle` writes to the log, and no task masks interrupts for the log ([`firmware_common::log_section`]).
 #![cfg_attr(target_os = "none", no_std, no_main)]
@@ -94,13 +98,13 @@ mod app {
 
     static INTEGRITY: Integrity = Integrity::new();
 
-    /// Whether the RFID task has asked the commit task to prepare an image.
+    /// Whether the RFID tasks have asked the commit task to prepare an image.
     static FRAME_ARRIVES: AtomicBool = AtomicBool::new(false);
 
-    /// The least time, µs, between two requests of the scrub task that all tasks check in.
+    /// The least time between two requests to the scrub task that it make all tasks check in, µs.
     const SIGNS_OF_LIFE_US: u32 = 9_000;
 
-    /// The state that the tasks `commit` and `deadline` share; both have one priority.
+    /// The state that the tasks `commit` and `deadline` share, which have one priority.
     pub struct Committing {
         intake: Intake<RECEIVERS>,
         filling: Option<Filling<ImageBuffer>>,
@@ -152,7 +156,7 @@ mod app {
     ])]
     fn init(cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let mut core = cx.core;
-        // The patrol leaves out the memory that EasyDMA reaches, and the counters that a debugger reads.
+        // The patrol leaves out the memory that EasyDMA accesses, and the counters that a debugger reads.
         let mut shared = [const { 0..0 }; APART - 2];
         shared[0] = memory::span(cx.local.receive);
         shared[1] = memory::span(cx.local.images);
@@ -248,7 +252,7 @@ mod app {
         let mut judge = Judge::new();
         let mut image = ImageCheck::<RECEIVERS>::new();
         loop {
-            // Most wake-ups find no work here, and so cost only this query.
+            // After most interrupts there is nothing to do; then the loop only asks `pace`.
             let due = pace.due(hw::now_us());
             if due == 0 {
                 cortex_m::asm::wfi();
@@ -296,7 +300,7 @@ mod app {
         }
     }
 
-    /// Runs when a transaction has ended, or the semaphore has come for another reason.
+    /// Runs at the end of a transaction and whenever the processor gets the semaphore of the SSI's buffers.
     #[task(binds = SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1, priority = 6, local = [ssi, server], shared = [mailbox])]
     fn ssi_end(cx: ssi_end::Context) {
         let start = DWT::cycle_count();
@@ -305,21 +309,19 @@ mod app {
         TELEMETRY.ssi_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 
-    /// Runs when the pause after a transaction is over. The next end calls `ssi_end`, at once if it has already come.
+    /// Runs when the pause after a transaction is over. From then on the end of a transaction calls `ssi_end` again.
     #[task(binds = TIMER3, priority = 6)]
     fn ssi_pause(_: ssi_pause::Context) {
         SsiDoorbell::end_pause();
         CHECK_IN.check_in(Task::ssi_pause);
     }
 
-    /// Runs when a transfer with the front end has ended.
     #[task(binds = SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0, priority = 5, shared = [receiver, rotation, front_end])]
     fn rf_spi(cx: rf_spi::Context) {
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
         CHECK_IN.check_in(Task::rf_spi);
     }
 
-    /// Runs when the front end's IRQ has risen.
     #[task(binds = GPIOTE, priority = 5, local = [rf_edge], shared = [receiver, rotation, front_end])]
     fn rf_irq(cx: rf_irq::Context) {
         cx.local.rf_edge.clear();
@@ -327,7 +329,6 @@ mod app {
         CHECK_IN.check_in(Task::rf_irq);
     }
 
-    /// Runs when a wait of the front end's driver is over.
     #[task(binds = TIMER0, priority = 5, shared = [receiver, rotation, front_end])]
     fn rf_timer(cx: rf_timer::Context) {
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
@@ -352,7 +353,6 @@ mod app {
         }
     }
 
-    /// Runs when a frame is in its buffer, and verifies, deposits and publishes it.
     #[task(binds = SWI0_EGU0, priority = 4, shared = [committing, rotation, mailbox, prepared, front_end])]
     fn commit(cx: commit::Context) {
         let commit::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
@@ -360,7 +360,8 @@ mod app {
         CHECK_IN.check_in(Task::commit);
     }
 
-    /// Runs when no frame came in time, so that objects that were valid once do not stay readable.
+    /// Runs when no frame came in time. It publishes an image without objects, so that old objects are no longer
+    /// readable.
     #[task(binds = TIMER1, priority = 4, shared = [committing, rotation, mailbox, prepared, front_end])]
     fn deadline(cx: deadline::Context) {
         cx.shared.committing.deadline.clear();
@@ -391,7 +392,7 @@ mod app {
         }
     }
 
-    /// Scrubs buffers that were read or replaced, then calls the other tasks so that they check in, once a cycle.
+    /// Scrubs the buffers that wait for it. Once a cycle it also calls the other tasks, so that they check in.
     #[task(binds = SWI1_EGU1, priority = 3, local = [sign_of_life, asked_us: u32 = 0], shared = [rotation, mailbox])]
     fn scrub(cx: scrub::Context) {
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.rotation));
@@ -403,7 +404,7 @@ mod app {
             return;
         }
         *cx.local.asked_us = now_us;
-        // Tasks that have checked in already, because a frame has called them, need no other call.
+        // A frame has already called these tasks, so that they have checked in.
         let called = [Task::rf_spi, Task::rf_irq, Task::rf_timer, Task::commit, Task::deadline];
         #[cfg(feature = "hold")]
         let called = called.into_iter().chain([Task::hold_spi, Task::hold_irq, Task::hold_timer]);
@@ -416,7 +417,7 @@ mod app {
         board::call(Task::port);
     }
 
-    /// Runs when a transaction has brought something or an image was published: judges what came in and prepares
+    /// Runs when a transaction has brought bytes or an image was published. Judges these bytes, and prepares
     /// Port-Status and uplinks for the next image.
     #[task(binds = SWI2_EGU2, priority = 2, local = [port, areas, spare, prepared_for: u32 = 0],
         shared = [prepared, hold])]
@@ -461,7 +462,6 @@ mod app {
         TELEMETRY.port_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 
-    /// Runs when a transfer with the hold's front end has ended.
     #[cfg(feature = "hold")]
     #[task(binds = SPIM2_SPIS2_SPI2, priority = 1, shared = [responder, hold])]
     fn hold_spi(cx: hold_spi::Context) {
@@ -469,7 +469,6 @@ mod app {
         CHECK_IN.check_in(Task::hold_spi);
     }
 
-    /// Runs when the IRQ of the hold's front end has risen.
     #[cfg(feature = "hold")]
     #[task(binds = SWI3_EGU3, priority = 1, local = [hold_edge], shared = [responder, hold])]
     fn hold_irq(cx: hold_irq::Context) {
@@ -478,7 +477,6 @@ mod app {
         CHECK_IN.check_in(Task::hold_irq);
     }
 
-    /// Runs when a wait of the second port's driver is over.
     #[cfg(feature = "hold")]
     #[task(binds = TIMER4, priority = 1, shared = [responder, hold])]
     fn hold_timer(cx: hold_timer::Context) {

@@ -1,30 +1,31 @@
 //! The regions that the DPR's memory protection unit opens ([`firmware_common::mpu`]).
 //!
-//! | addresses | what | access at the start | access of tasks |
+//! | addresses | content | access before the tasks start | access of tasks |
 //! |---|---|---|---|
-//! | 0x0000_0000, 256 B | vector table, and so the null page | – | – |
-//! | 0x0000_0100 to 96 KiB | flash: the program and its budget | read, execute | read, execute |
-//! | 0x0080_0000, 64 KiB | RAM that holds code, seen as code RAM | read, execute | read, execute |
-//! | 0x2000_0000, 64 KiB | the RAM that holds code, seen as data RAM | – | – |
-//! | 0x2001_0000 to 256 KiB | RAM: stack, statics, and what is left free | read, write | read, write |
+//! | 0x0000_0000, 256 B | vector table, in the null page | – | – |
+//! | 0x0000_0100 to 96 KiB | flash: the program and the rest of its budget | read, execute | read, execute |
+//! | 0x0080_0000, 64 KiB | RAM that holds code, at its code addresses | read, execute | read, execute |
+//! | 0x2000_0000, 64 KiB | the same RAM at its data addresses | – | – |
+//! | 0x2001_0000 to 256 KiB | RAM: stack, statics and free memory | read, write | read, write |
 //! | 0x4000_0000, 0x5000_0000 | peripherals | all | those of `board.rs` that tasks use |
 //!
-//! *Null page*: the processor fetches vectors without the memory protection unit. The code that verifies flash reads
-//! the table without it as well (`firmware_common::memory::load_shut`).
+//! *Null page*: it is shut, so that an access through a null pointer is a fault. The processor fetches vectors without
+//! the memory protection unit, and so does the code that verifies flash (`firmware_common::memory::load_shut`).
 //!
 //! *Stack*: it grows down from the statics (flip-link) to 0x2001_0000. An overflow violates the memory protection.
 //!
 //! *Code in RAM* is copied before the memory protection unit is switched on. Afterwards only a fault of the memory can
 //! change it, which the comparison with flash finds ([`integrity`](crate::integrity)).
 //!
-//! *Peripherals*: the tasks cannot access what only the start needs: clock and power, the flash controller (so that no
-//! task erases or writes flash), the PPI (so that no task undoes the expiry of the image), and everything that the
-//! board does not use. In two regions each eighth has 4 KiB, which is one peripheral. In the region of the watchdog and
-//! TIMER3 each eighth has 8 KiB, which is two peripherals, since the unit has no region left. So RTC1 and TIMER4 are
-//! open beside those of the board: nothing starts them, and none of their interrupts or PPI channels is enabled.
+//! *Peripherals*: the tasks cannot access the flash controller (so no task erases or writes flash), the PPI (so no task
+//! undoes the expiry of the image), clock and power, and all peripherals that the board does not use.
 //!
-//! With the feature `hold` SPIM2 needs a region. Then the first two are one, whose eighths have 8 KiB too, and UARTE0,
-//! NFCT, SAADC, RTC0 and EGU2 are open as well, of which nothing uses any.
+//! The smallest unit that can be shut is an eighth of a region. In most regions this is 4 KiB, one peripheral. In the
+//! region of the watchdog and TIMER3 it is 8 KiB, two peripherals, because the unit has no region left. So RTC1 and
+//! TIMER4 are open too. Nothing starts them, and none of their interrupts or PPI channels is enabled.
+//!
+//! With the feature `hold`, SPIM2 needs a region of its own, so two other regions become one with eighths of 8 KiB.
+//! That also opens UARTE0, NFCT, SAADC, RTC0 and EGU2, which nothing uses.
 
 use firmware_common::mpu::{Access, Allowed, Memory, Region, Table};
 
@@ -37,7 +38,7 @@ const FLASH: Region = Region::new("flash", 0, 128 * KIB, Memory::Flash, Allowed:
 /// The address at which the null page ends.
 pub const NULL_PAGE_END: u32 = 256;
 
-/// The null page holds the vectors of 16 exceptions and 48 interrupts (PS v1.7, chapter 4.2.4).
+/// The page that is shut against null pointers. It has the vectors of 16 exceptions and 48 interrupts (PS v1.7, 4.2.4).
 const NULL_PAGE: Region = Region::new("null page", 0, NULL_PAGE_END, Memory::Flash, Allowed::Nothing);
 
 /// The RAM: all of its 256 KiB except the first 64 KiB, which hold code, are open.
@@ -63,23 +64,23 @@ pub const TASKS: Table<8> = Table::new([
     RAM,
     CODE_RAM,
     #[cfg(feature = "hold")]
-    // Five eighths of 8 KiB are open: those of SPIM0, SPIS1, GPIOTE, TIMER0 with TIMER1, and TIMER2.
+    // The five open eighths, of 8 KiB each, are those of SPIM0, SPIS1, GPIOTE, TIMER0 with TIMER1, and TIMER2.
     Region::new("timers", 0x4000_0000, 64 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([false, true, true, true, true, true, false, false]),
     #[cfg(feature = "hold")]
-    // One eighth of this region is open: that of SPIM2.
+    // The open eighth is that of SPIM2.
     Region::new("second front end", 0x4002_0000, 32 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([false, false, false, true, false, false, false, false]),
     #[cfg(not(feature = "hold"))]
-    // Three eighths of this region are open: those of SPIM0, SPIS1 and GPIOTE.
+    // The three open eighths are those of SPIM0, SPIS1 and GPIOTE.
     Region::new("serial interfaces and GPIOTE", 0x4000_0000, 32 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([false, false, false, true, true, false, true, false]),
     #[cfg(not(feature = "hold"))]
-    // Three eighths of this region are open: those of TIMER0 to TIMER2.
+    // The three open eighths are those of TIMER0 to TIMER2.
     Region::new("timers", 0x4000_8000, 32 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, true, false, false, false, false, false]),
-    // Two eighths of 8 KiB are open: that of the WDT and RTC1, and that of TIMER3 and TIMER4. With the feature `hold`
-    // that of EGU2 and EGU3 is open, too.
+    // The open eighths, of 8 KiB each, are that of WDT and RTC1 and that of TIMER3 and TIMER4. With the feature `hold`
+    // that of EGU2 and EGU3 is open as well.
     Region::new("watchdog and pause", 0x4001_0000, 64 * KIB, Memory::Peripheral, Allowed::ReadWrite).only([
         true,
         false,
@@ -141,8 +142,8 @@ mod tests {
     #[test]
     fn tasks_reach_only_the_boards_peripherals_and_two_neighbours() {
         let of_the_board = [0x3000, 0x4000, 0x6000, 0x8000, 0x9000, 0xA000, 0x1_0000, 0x1_A000];
-        // RTC1 and TIMER4 are open beside peripherals of the board, in the same eighths. TIMER4, SPIM2 and EGU3 belong
-        // to the board with the feature `hold`, and UARTE0, NFCT, SAADC, RTC0 and EGU2 are beside.
+        // RTC1 and TIMER4 share an eighth with a peripheral of the board, so they are open. With the feature `hold`,
+        // TIMER4, SPIM2 and EGU3 are the board's, and UARTE0, NFCT, SAADC, RTC0 and EGU2 are open beside them.
         let beside: &[u32] = if cfg!(feature = "hold") {
             &[0x1_1000, 0x1_B000, 0x2_3000, 0x1_7000, 0x2000, 0x5000, 0x7000, 0xB000, 0x1_6000]
         } else {

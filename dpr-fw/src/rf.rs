@@ -87,7 +87,6 @@ impl FrontEnd {
         matches!(self, Self::Lost(fault) if !matches!(fault, Fault::Silence { field: false }))
     }
 
-    /// Records whether the front end senses a field.
     fn note_field(&mut self, there: bool) {
         if let Self::Listening { field } | Self::Lost(Fault::Silence { field }) = self {
             *field = there;
@@ -95,7 +94,7 @@ impl FrontEnd {
     }
 }
 
-/// What is known of a received frame besides its bytes.
+/// What is kept about a received frame in addition to its bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameInfo {
     /// The number of payload bytes.
@@ -114,14 +113,14 @@ impl FrameInfo {
     }
 }
 
-/// The tasks that the RFID task has to call.
+/// The tasks that the RFID task must call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Call {
     /// No task has to be called.
     None,
-    /// The commit task has to prepare an image, since most of a frame is there.
+    /// The commit task, to prepare an image: most of a frame has arrived.
     Prepare,
-    /// The commit task and the scrub task have to be called, since a buffer was handed on.
+    /// The commit task and the scrub task: a buffer was passed on.
     Handed,
 }
 
@@ -133,7 +132,7 @@ pub struct Reception<P> {
 }
 
 impl<P: FrontEndPort> Reception<P> {
-    /// Starts the bring-up of the front end, and returns the state of the RFID task.
+    /// Starts to bring up the front end, and returns the state of the RFID tasks.
     pub fn start(listener: Listener, port: P) -> Self {
         let mut executor = Executor::new(listener, port);
         // A bring-up begins with a transfer, which gives no event.
@@ -156,7 +155,8 @@ impl<P: FrontEndPort> Reception<P> {
         while let Some(happened) = event {
             match happened {
                 ListenerEvent::Frame { len, flags } => {
-                    // A front end that begins to listen within a field may not report that field.
+                    // If the front end is already within a field when it begins to listen, it may not report that
+                    // field.
                     front_end.lock(|state| *state = FrontEnd::Listening { field: true });
                     telemetry.chip_crc_flags.add(u32::from(!flags.is_clean()));
                     let info =
@@ -179,7 +179,7 @@ impl<P: FrontEndPort> Reception<P> {
                 }),
                 ListenerEvent::Fault(fault) => {
                     match fault {
-                        // Silence need not be a fault of the front end, since HORUS may be switched off.
+                        // HORUS may be switched off, so silence is not counted as a fault of the front end.
                         Fault::Silence { .. } => telemetry.rf_silences.add(1),
                         _ => telemetry.rf_faults.add(1),
                     }
@@ -223,7 +223,7 @@ impl<P: FrontEndPort> Reception<P> {
         }
     }
 
-    /// Returns the port, for a test.
+    /// Returns the port, for tests.
     pub fn port(&mut self) -> &mut P {
         self.executor.port()
     }

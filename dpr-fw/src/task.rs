@@ -1,19 +1,19 @@
-//! The firmware's tasks, all of which have to check in before the watchdog is fed ([`firmware_common::check_in`]).
+//! The firmware's tasks. All of them must check in before the watchdog is fed ([`firmware_common::check_in`]).
 //!
-//! No task needs an event from outside for that: the deadline passes every 12.5 ms without any frame, its task and
-//! `commit` call the scrub task, and that calls all others. A task without work checks in, too.
+//! No task depends on an event from outside for its check-in. The deadline passes every 12.5 ms without any frame; its
+//! task and `commit` call the scrub task, which calls all others. A task without work checks in as well.
 
 include!(concat!(env!("OUT_DIR"), "/each_task.rs"));
 
 each_task!(firmware_common::task_table);
 
-/// The tasks of the second port, which exist with the feature `hold`; then they are also the last of [`TASKS`].
+/// The tasks of the second port (feature `hold`). With that feature they are also the last ones of [`TASKS`].
 pub mod hold {
     include!(concat!(env!("OUT_DIR"), "/each_hold_task.rs"));
 
     macro_rules! names {
         ($($name:ident $vector:ident)*) => {
-            /// Their names with their interrupt vectors.
+            /// The names of these tasks with their interrupt vectors.
             pub const TASKS: &[(&str, &str)] = &[$((stringify!($name), stringify!($vector))),*];
         };
     }

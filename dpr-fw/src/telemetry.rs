@@ -1,4 +1,4 @@
-//! The counters of the firmware, which a debugger or the bench reads from RAM by symbol.
+//! The firmware's counters. A debugger or the bench reads them from RAM by their symbol.
 
 use crate::triple::Scrubbed;
 
@@ -51,19 +51,19 @@ firmware_common::counters! {
         ssi_overflows,
         /// How often an image expired in hardware because none replaced it in time.
         images_expired,
-        /// Why the firmware stopped itself before this start: a code of `firmware_common::last_stop`; 0 if it did not.
+        /// Why the firmware stopped itself before this start: a code of `firmware_common::last_stop`, or 0.
         last_stop,
-        /// Passes of the patrol over flash.
+        /// Complete passes of the patrol over flash.
         flash_passes,
         /// Passes over flash that found it changed.
         flash_faults,
         /// Objects of published images that were found changed.
         image_faults,
-        /// Passes of the patrol over the RAM in use.
+        /// Complete passes of the patrol over the RAM in use.
         ram_passes,
         /// How often a word of RAM in use did not hold what was written to it, also in the test at the start.
         ram_errors,
-        /// How often the transactions that are granted between two images were used up.
+        /// How often the budget of transactions between two images was used up.
         ssi_budgets_spent,
         /// Transactions whose object was dropped because two earlier ones still waited to be judged.
         ssi_objects_dropped,
@@ -77,8 +77,9 @@ firmware_common::counters! {
         field_losses,
         /// How often the front end was brought up anew because it had received nothing for long.
         rf_silences,
-        /// The last register of the front end that did not read as it was set; 0 if none. Bits 23 to 16 are its address
-        /// (with 0x40 in space B), then come the value that was set and the value that was read.
+        /// The last front end register whose value differed from the one that was set, or 0 if none. Bits 23 to 16 hold
+        /// its address (plus 0x40 in space B), bits 15 to 8 the value that was set, bits 7 to 0 the value that was
+        /// read.
         rf_register,
     }
 }

@@ -25,7 +25,6 @@ use st25r3916::{
 };
 use st25r3916_model::{AirEvent, Chip, Chunk, Config, FrameStart, Space, Technology};
 
-/// The time of one byte at 8 MHz, ns.
 const BYTE_NS: u64 = 1_000;
 /// The time of one bit at 424 kbit/s, in attoseconds: 32 periods of 13.56 MHz.
 const BIT_AS: u64 = 2_359_882_005_899;
@@ -140,7 +139,6 @@ struct SimPort {
     response: Vec<u8>,
     read: Option<(usize, usize)>,
     timer_ns: u64,
-    /// Whether every buffer that was put into the port was clean.
     always_clean: bool,
 }
 
@@ -380,7 +378,6 @@ impl<const N: usize> Dpr<N> {
     }
 }
 
-/// Returns a profile whose values depend on its timestamp.
 fn profile_at<const N: usize>(timestamp: u32) -> Profile<N> {
     let (latitude, longitude, altitude) =
         (47.0 + f64::from(timestamp) * 1e-7, 8.0 - f64::from(timestamp) * 1e-7, 431.5);

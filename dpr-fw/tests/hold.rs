@@ -1,6 +1,7 @@
-//! Tests the second port without an MCU: the functions that the hold's tasks call, on a chip model.
+//! Tests the functions that the hold's tasks call, without an MCU, on a model of the front end's chip.
 //!
-//! Time is virtual. SPI takes its time byte by byte at 8 MHz. The hold's tasks take none, but wait for HORUS's.
+//! Time is virtual. A byte on the SPI takes 1 µs (8 MHz). The hold's tasks take no time, but wait while HORUS's tasks
+//! run.
 
 use std::{cell::RefCell, collections::VecDeque, ops::Range, rc::Rc};
 
@@ -26,18 +27,17 @@ use st25r3916_model::{nfc_f, AirEvent, Chip, Chunk, Config, FrameStart, Technolo
 
 const US: u64 = 1_000;
 const MS: u64 = 1_000 * US;
-/// The time of one byte at 8 MHz, ns.
 const BYTE_NS: u64 = US;
-/// The time of one bit at 424 kbit/s, as: 32 periods of 13.56 MHz.
+/// The time of one bit at 424 kbit/s, which is 32 periods of 13.56 MHz, in attoseconds.
 const BIT_AS: u64 = 2_359_882_005_899;
-/// The time between two calls of the tasks to make them check in.
+/// The time between two calls that make the tasks check in, ns.
 const CHECK_IN: u64 = 10 * MS;
-/// The first bit of a frame may be sent from here on: the chip listens.
+/// The time from which on the chip receives frames, ns.
 const READY: u64 = 60 * MS;
-/// The time from the transmit command's last clock to the answer's first bit, ns.
+/// The time from the last clock of the transmit command to the answer's first bit, ns.
 const LATENCY: u64 = 3_650;
 
-/// An SPI transfer that is under way. It does not begin before `start`.
+/// An SPI transfer that is under way, or that begins at `start`.
 struct Transfer {
     mosi: Vec<u8>,
     miso: Vec<u8>,
@@ -45,24 +45,24 @@ struct Transfer {
 }
 
 impl Transfer {
-    /// Returns when the next byte ends.
+    /// Returns the time at which the next byte ends.
     fn next(&self) -> Option<u64> {
         let done = self.miso.len() as u64;
         (self.miso.len() < self.mosi.len()).then(|| self.start + (done + 1) * BYTE_NS)
     }
 }
 
-/// The chip, its wires, and what is on the air.
+/// The chip, its wires, and the frames on the air.
 struct World {
     chip: Chip,
     now: u64,
     air: VecDeque<(u64, AirEvent)>,
     transfer: Option<Transfer>,
-    /// Whether no transfer ends, and none can be stopped.
+    /// Whether transfers neither end nor can be stopped.
     stuck: bool,
     irq: bool,
     irq_rose: u64,
-    /// The instants of the answers' first bits, and their payloads.
+    /// The time of each answer's first bit, and the answer's payload.
     answers: Vec<(u64, Vec<u8>)>,
 }
 
@@ -95,7 +95,7 @@ impl World {
         }
     }
 
-    /// Sends a frame whose first bit is on the air at the instant `at`. Returns the instant of its last bit.
+    /// Sends a frame whose first bit is on the air at time `at`. Returns the time of its last bit.
     fn send(&mut self, at: u64, payload: &[u8]) -> u64 {
         let mut data = vec![payload.len() as u8 + 1];
         data.extend(payload);
@@ -123,7 +123,7 @@ struct SimPort {
     response: Vec<u8>,
     timer: u64,
     answer: Vec<u8>,
-    /// When the timer starts the transfer that is set up.
+    /// The time at which the timer starts the armed transfer.
     armed: Option<u64>,
     resting: bool,
     broken: bool,
@@ -273,7 +273,6 @@ impl AnswerPort for SimPort {
     }
 }
 
-/// A resource that is not shared with another task.
 struct Own<'a>(&'a mut Shared);
 
 impl Mutex for Own<'_> {
@@ -284,18 +283,16 @@ impl Mutex for Own<'_> {
     }
 }
 
-/// The hold's side of the DPR, with the chip model.
 struct Dpr {
     world: Rc<RefCell<World>>,
     responder: Responder<SimPort>,
     shared: Shared,
     telemetry: HoldTelemetry,
     next_check_in: u64,
-    /// The times in which HORUS's tasks run, so that the hold's wait.
+    /// The periods in which HORUS's tasks run, so that the hold's tasks wait.
     busy: Vec<Range<u64>>,
-    /// Whether a task was called and has not run yet.
     called: bool,
-    /// The edges of a babbling IRQ line: each calls a task after this time.
+    /// The time between two edges of a faulty IRQ line, each of which calls a task; `None` for a good line.
     babble: Option<u64>,
     calls: u32,
 }
@@ -387,7 +384,7 @@ impl Dpr {
         }
     }
 
-    /// Sends a frame now, and waits until its answer would be over. Returns the instant of its last bit.
+    /// Sends a frame now and waits until the end of its answer. Returns the time of the frame's last bit.
     fn send(&mut self, payload: &[u8]) -> u64 {
         let now = self.world.borrow().now;
         let end = self.world.borrow_mut().send(now + 10 * US, payload);
@@ -399,12 +396,12 @@ impl Dpr {
         self.world.borrow().now
     }
 
-    /// Takes the answers that were sent.
+    /// Returns the answers that were sent since the last call.
     fn answers(&self) -> Vec<(u64, Vec<u8>)> {
         std::mem::take(&mut self.world.borrow_mut().answers)
     }
 
-    /// Asserts that the next frame is answered at its instant, with no uplink in the answer.
+    /// Asserts that the next frame is answered at the right time, and that the answer has no uplink.
     fn is_answered(&mut self, timestamp: u32) {
         let end = self.send(object(timestamp).as_bytes());
         let answers = self.answers();
@@ -418,15 +415,15 @@ fn object(timestamp: u32) -> HoldStatus {
     HoldStatus::seal(Writer::<ActiveLoad>::claim(), &HoldValues::absent(timestamp))
 }
 
-/// Returns the payload of an answer whose CRC-16 is right.
+/// Returns the payload of an answer. Panics if its CRC-16 is wrong.
 fn payload((_, data): &(u64, Vec<u8>)) -> &[u8] {
     let (frame, crc) = data.split_at(data.len() - 2);
     assert_eq!((crc, usize::from(frame[0])), (&nfc_f(frame)[..], frame.len()));
     &frame[1..]
 }
 
-/// Asserts that an answer begins at its instant after the frame that ended at `end`. The chip reports a frame's end two
-/// bits later, and the port's counter has whole microseconds.
+/// Asserts that an answer begins the right time after the frame that ended at `end`. The tolerance covers two bits
+/// until the chip reports the frame's end, and the port's counter, which counts whole microseconds.
 fn is_at_its_instant((at, _): &(u64, Vec<u8>), end: u64) {
     let command = at - LATENCY - BYTE_NS;
     let after = command - end - u64::from(ANSWER_US) * US;
@@ -454,7 +451,7 @@ fn an_accepted_frame_is_answered_with_both_uplinks() {
 fn the_answer_keeps_its_instant_whenever_horus_has_work() {
     let mut dpr = Dpr::new();
     for (timestamp, from_us) in (0_u64..3_600).step_by(150).enumerate() {
-        // HORUS's tasks run for 0.4 ms, which is longer than they do, from any instant around the frame's end on.
+        // HORUS's tasks run for 0.4 ms, longer than in the DPR, and begin at any time around the frame's end.
         let from = dpr.now() + MS + from_us * US;
         dpr.busy.push(from..from + 400 * US);
         dpr.is_answered(timestamp as u32);
@@ -502,11 +499,11 @@ fn frames_at_every_opportunity_are_served_within_the_budget() {
     let before = dpr.calls;
     dpr.run_to(at);
     let windows = ((at - begin) / MS) as u32 * 1_000 / Budget::WINDOW_US + 1;
-    // Beside the budget there are the calls that only make the tasks check in.
+    // The calls that only make the tasks check in come on top of the budget.
     let most = windows * (Budget::CALLS + 1) + ((at - begin) / CHECK_IN) as u32;
     assert!(windows > 5 && dpr.calls - before <= most, "{} calls in {windows} windows", dpr.calls - before);
     assert!(dpr.telemetry.rests.get() + 1 >= windows && dpr.telemetry.calls_most.get() <= Budget::CALLS);
-    // A call that is within the budget may begin one more transfer of a whole frame.
+    // The last call within the budget may begin one more transfer, at most of a whole frame.
     assert!(dpr.telemetry.bytes_most.get() < Budget::BYTES + 258);
     dpr.answers();
     dpr.run_to(at + 200 * MS);

@@ -2,9 +2,10 @@
 //!
 //! # Design
 //!
-//! A board in flight has no reader of its log, and its watchdog restarts it after 100 ms. So the cause of the stop is
-//! kept with a CRC in memory that the start-up code does not initialise (section `.uninit`). Without a right CRC there
-//! is no record. Only the first stop since a start is kept, so that a failure in the safe state does not replace it.
+//! In flight no debugger reads the log, and the watchdog restarts the board after 100 ms. So the cause of the stop is
+//! kept, with a CRC, in memory that the start-up code does not initialise (section `.uninit`). A record with a wrong
+//! CRC is ignored. Only the first stop since a start is kept, so a failure in the safe state does not replace its
+//! cause.
 //!
 //! After the restart the firmware [takes](take) the record once, logs it, and keeps its [`code`] for the telemetry. A
 //! restart that no record explains (the supply, the reset pin, a task that hung) has code 0.
@@ -77,7 +78,7 @@ causes! {
 }
 
 impl Cause {
-    /// Whether the cause is memory that reads otherwise than it was written: flash, code in RAM, guards, RAM in use.
+    /// Whether the cause is memory that does not hold what was written to it: flash, code in RAM, guards, RAM in use.
     #[must_use]
     pub const fn is_memory_fault(self) -> bool {
         matches!(self, Self::Flash | Self::CodeInRam | Self::GuardWord | Self::Ram)
@@ -120,7 +121,8 @@ impl Place {
 pub struct Stop {
     /// The reason of the stop.
     pub cause: Cause,
-    /// The number of the exception whose handler ran; 0 for the start and the idle loop (ARMv7-M ARM B1.5.2).
+    /// The number of the active exception, or 0 outside handlers: at the start and in the idle loop (ARMv7-M ARM
+    /// B1.5.2).
     pub exception: u16,
     /// The CFSR of a fault; otherwise the detail that [`Cause`] describes.
     pub detail: u32,
@@ -163,7 +165,7 @@ impl FaultStatus {
         self.cfsr & Self::NO_FRAME == 0
     }
 
-    /// Returns the cause. Memory protection comes first: an access that it refuses often makes the stacking fail too.
+    /// Returns the cause. A refused access comes first, because it often makes the stacking fail too.
     const fn cause(self) -> Cause {
         if self.cfsr & Self::MEMORY != 0 {
             Cause::MemoryProtection

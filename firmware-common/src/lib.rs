@@ -1,16 +1,16 @@
 //! The code that both boards' firmwares share.
 //!
-//! | module | what it does |
+//! | module | content |
 //! |---|---|
-//! | [`check_in`] | which tasks have checked in since the watchdog was last fed |
-//! | [`counter`] | the counters of which each firmware's telemetry is made |
-//! | [`program`] | whether the program in flash has the CRC that the build gave it |
-//! | [`last_stop`] | why the firmware last stopped itself, kept over the restart |
+//! | [`check_in`] | the record of the tasks that have checked in since the last feed of the watchdog |
+//! | [`counter`] | the counters of the firmwares' telemetry |
+//! | [`program`] | the check of the program in flash against the CRC from the build |
+//! | [`last_stop`] | the reason of the firmware's last stop, which a restart does not erase |
 //! | [`log_section`] | lets the idle loop write to the log without masking interrupts |
-//! | `memory` | words of flash and RAM by the linker's symbols (target only) |
-//! | [`mpu`] | tables of the memory protection unit |
-//! | [`nrf52840`] | what the firmwares for that part share: debug port, crystal, reset reason, supply |
-//! | [`patrol`] | integrity of flash, code in RAM, guard words and RAM in use, round the clock |
+//! | `memory` | access to words of flash and RAM by the linker's symbols (target only) |
+//! | [`mpu`] | tables for the memory protection unit |
+//! | [`nrf52840`] | code for both nRF52840 firmwares: debug port, crystal, reset reason, supply |
+//! | [`patrol`] | the endless check of flash, code in RAM, guard words and RAM in use |
 //! | [`safe_state`] | the reaction to a panic or a fault: the board's safe state, one log message, the watchdog |
 //! | [`start`] | the first instructions: reset flags, watchdog, and the code that runs from RAM |
 //! | [`start_test`] | the test of the RAM before anything is stored in it |

@@ -2,7 +2,7 @@
 //!
 //! # Design
 //!
-//! Each board has two [`Table`]s of [`Region`]s, one for the start and one for the tasks, checked at compile time.
+//! Each board has two [`Table`]s of [`Region`]s: one for the start, one for the tasks. The compiler checks both.
 //!
 //! - *An address that no region opens is shut* (MPU_CTRL.PRIVDEFENA = 0, ARMv7-M ARM B3.5.5), also to privileged code,
 //!   as all of the firmware is. The bus at 0xE000_0000 is exempt (B3.5.1).
@@ -13,7 +13,8 @@
 //! - *The processor fetches exception vectors without the unit* (B3.5.1), so the vector table may be shut.
 //! - *The unit does not check DMA*, since it lies between the core and the bus.
 //!
-//! A violation raises MemManage, which ends in the board's safe state ([`safe_state`](crate::safe_state)).
+//! An access that the tables forbid raises MemManage, which leads to the safe state
+//! ([`safe_state`](crate::safe_state)).
 
 /// The accesses that a region allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,7 +68,7 @@ impl Region {
     /// The size of the smallest region that has subregions, bytes (B3.5.3).
     const SMALLEST_OF_EIGHTHS: u32 = 256;
 
-    /// Returns a region of `size` bytes from `base` on, all of them open. `name` says in words what it is.
+    /// Returns a region of `size` bytes from `base` on, all of them open. `name` describes the region in messages.
     ///
     /// # Panics
     ///

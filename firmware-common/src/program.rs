@@ -30,7 +30,8 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Compares the CRC of the program's `words`, as the processor loads them, with the word after the program.
+    /// Compares the CRC of the program's `words`, in the byte order of the processor, with the CRC that the build
+    /// stored.
     pub fn of(words: impl Iterator<Item = u32>, stored: u32) -> Self {
         Self { computed: profile::crc::frame_of_words(words), expected: stored.swap_bytes() }
     }

@@ -31,8 +31,8 @@ mod imp {
     /// Whether a cause has been logged or is being logged. A fault inside the logger must not be logged again.
     static LOGGED: AtomicBool = AtomicBool::new(false);
 
-    /// Enters the safe state by `enter`, records the stop that `stop` returns, which may take long, logs it by `log`,
-    /// and waits for the watchdog. No second cause is logged, and none within another message.
+    /// Enters the safe state by `enter`, then records and logs the stop that `stop` returns, and waits for the
+    /// watchdog. `stop` may take long. Only the first stop is logged, and none while another message is being written.
     pub fn enter(enter: fn(), stop: impl FnOnce() -> Stop, log: impl FnOnce(&Stop)) -> ! {
         cortex_m::interrupt::disable();
         mpu::off();

@@ -2,9 +2,10 @@
 //!
 //! # Design
 //!
-//! The reset handler of cortex-m-rt calls `__pre_init` before it sets up statics, so it is assembler. A firmware
-//! installs it with [`install_start!`](crate::install_start), whose arguments are the board's own first instructions.
-//! These use no stack, so that damaged memory does not stop them, and do two steps in this order:
+//! The reset handler of cortex-m-rt calls `__pre_init` before it sets up statics, so `__pre_init` is assembler. A
+//! firmware installs it with [`install_start!`](crate::install_start), whose arguments are the board's own first
+//! instructions. These instructions use no stack, so damaged memory does not stop them. They do two steps in this
+//! order:
 //!
 //! 1. The reset flags are read and cleared in the part.
 //! 2. The watchdog is started.

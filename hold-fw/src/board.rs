@@ -1,7 +1,7 @@
-//! Wires and allocated peripherals of the hold's board: an nRF52840-DK with an ST25R3916 expansion board on its Arduino
+//! Names the pins and peripherals of the hold's board: an nRF52840-DK with an ST25R3916 expansion board on its Arduino
 //! header, two sensors and three outputs.
 //!
-//! To move a signal to another pin, or to use another peripheral, change this file: only it names pins and peripherals.
+//! Only this file names pins and peripherals.
 //!
 //! | signal | pin | Arduino header | direction |
 //! |---|---|---|---|
@@ -21,10 +21,10 @@
 //! | SPIM0 | front end | `rf_spi` |
 //! | TWIM1 | sensors | – |
 //! | GPIOTE channel 0 | rising edge of the front end's IRQ | `rf_irq` |
-//! | TIMER0 | µs counter; compare 0: a wait of the driver; capture 3: now | `rf_timer` |
-//! | TIMER1 | the beats. Compare 0: a beat, compare 1: the slot | `slot` |
+//! | TIMER0 | µs counter; compare 0: end of a delay of the front end's driver; capture 3: present time | `rf_timer` |
+//! | TIMER1 | compare 0: a beat, every 25 ms; compare 1: the slot | `slot` |
 //! | PWM0 | channel 0: heater, channel 1: cooler | – |
-//! | SAADC | channel 0: the supply | – |
+//! | SAADC | channel 0: supply voltage | – |
 //! | SWI0, SWI1, SWI2 | calls from other tasks | `cycle`, `answer`, `sensors` |
 //! | WDT | watchdog | – |
 
@@ -37,14 +37,13 @@ use nrf52840_hal::{
 
 hold_fw::each_task!(firmware_common::task_vectors);
 
-/// The compare register of TIMER0 for the waits of the front end's driver.
+/// The compare register of TIMER0 for delays of the front end's driver.
 pub(crate) const WAIT_COMPARE: usize = 0;
-/// The compare register of TIMER1 for a beat, which also clears the timer.
+/// The compare register of TIMER1 for the beats ([`hold_fw::timing`]). A match also clears the timer.
 pub(crate) const BEAT_COMPARE: usize = 0;
-/// The compare register of TIMER1 for the slot.
+/// The compare register of TIMER1 for the slot, the instant in a cycle at which the frame is sent.
 pub(crate) const SLOT_COMPARE: usize = 1;
 
-/// The pins of the front end.
 pub(crate) struct RfPins {
     pub(crate) select: Pin<Output<PushPull>>,
     pub(crate) mosi: Pin<Output<PushPull>>,
@@ -53,20 +52,17 @@ pub(crate) struct RfPins {
     pub(crate) irq: Pin<Input<PullDown>>,
 }
 
-/// The pins of the sensors' bus.
 pub(crate) struct BusPins {
     pub(crate) sda: Pin<Input<Floating>>,
     pub(crate) scl: Pin<Input<Floating>>,
 }
 
-/// The pins of the outputs.
 pub(crate) struct OutputPins {
     pub(crate) heater: Pin<Output<PushPull>>,
     pub(crate) cooler: Pin<Output<PushPull>>,
     pub(crate) lock: Pin<Output<PushPull>>,
 }
 
-/// All pins of the board.
 pub(crate) struct Pins {
     pub(crate) rf: RfPins,
     pub(crate) bus: BusPins,
@@ -74,8 +70,8 @@ pub(crate) struct Pins {
 }
 
 impl Pins {
-    /// Configures the pins as the table says. Each output has its level before it becomes an output: chip select is
-    /// high, heater and cooler are off, and the lock is as it was before the reset.
+    /// Configures the pins as in the table above. Each output has its level before it becomes an output: chip select is
+    /// high, heater and cooler are off, and the lock is as before the reset (`locked`).
     pub(crate) fn new(port0: pac::P0, port1: pac::P1, locked: bool) -> Self {
         let port0 = p0::Parts::new(port0);
         let port1 = p1::Parts::new(port1);
@@ -101,7 +97,7 @@ impl Pins {
     }
 }
 
-/// Configures the GPIOTE channel as the table says.
+/// Configures GPIOTE channel 0 as in the table above.
 pub(crate) fn connect(gpiote: pac::GPIOTE, irq: &Pin<Input<PullDown>>) -> Gpiote {
     let gpiote = Gpiote::new(gpiote);
     gpiote.channel0().input_pin(irq).lo_to_hi().enable_interrupt();

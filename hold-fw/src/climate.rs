@@ -1,21 +1,21 @@
-//! The control of the temperature: a heater and a cooler, of which at most one works.
+//! Controls the temperature of the box with a heater and a cooler, of which at most one works at a time.
 //!
 //! # Design
 //!
-//! A proportional and integral controller with a fixed step of [one cycle](STEP_S). Its output goes from -1 (cooling)
-//! to 1 (heating). These limits hold whatever is commanded and whatever the sensors say:
+//! The control is a proportional and integral controller with a fixed step of [one cycle](STEP_S). Its output goes from
+//! -1 (cooling) to 1 (heating). Neither a command nor a sensor can break these limits:
 //!
-//! | limit | |
+//! | what is limited | limit |
 //! |---|---|
-//! | set-point | within [`SET_POINTS`]; another one is refused, and so is one that is not a number |
+//! | set-point | within [`SET_POINTS`]; the hold refuses any other value, also NaN |
 //! | output | within [`OUTPUTS`] |
-//! | change of the output in a cycle | at most [`SLEW`], but the way to 0 after a fault is immediate |
-//! | no heating above, no cooling below | [`WORKING`] |
-//! | without a valid temperature, or with faulty memory | output 0: [`Climate::is_safe`] |
+//! | change of the output in a cycle | at most [`SLEW`]; after a fault the output is 0 at once |
+//! | heating | none above the range [`WORKING`] |
+//! | cooling | none below the range [`WORKING`] |
+//! | output without a valid temperature or with faulty memory | 0: [`Climate::is_safe`] |
 //!
-//! *No windup*: the integral changes only while the output that follows from it is within its limits, or if that change
-//! brings it back. Another set-point leaves it as it is. While the output is held at 0 for safety the integral is 0, so
-//! that the control begins anew afterwards.
+//! *No windup*: while the output is at a limit, the integral changes only in the direction that leads away from that
+//! limit. A new set-point does not change the integral. While the output is held at 0 for safety, the integral is 0.
 //!
 //! *Dead band*: while the error is less than [`DEAD_BAND`], the proportional part is 0, so that the noise of the sensor
 //! does not switch heater and cooler.
@@ -26,23 +26,23 @@ use core::ops::RangeInclusive;
 pub const SET_POINTS: RangeInclusive<f32> = 2.0..=40.0;
 /// The set-point after power-on, °C.
 pub const DEFAULT_SET_POINT: f32 = 20.0;
-/// The range of the output. The heater can heat the box faster than is good for what is in it, so it is limited.
+/// The range of the output. Heating is limited because the heater could heat the box faster than its contents bear.
 pub const OUTPUTS: RangeInclusive<f32> = -1.0..=0.8;
 /// The greatest change of the output in a cycle.
 pub const SLEW: f32 = 0.05;
-/// The temperatures of the box, °C: above there is no heating, and below no cooling.
+/// The temperatures of the box, °C, at which it may be heated and cooled: there is no heating above, no cooling below.
 pub const WORKING: RangeInclusive<f32> = 0.0..=45.0;
 /// The error below which there is no proportional part, K.
 pub const DEAD_BAND: f32 = 0.1;
 
-/// The step of the control, s.
+/// The time between two steps of the control, s.
 pub const STEP_S: f32 = profile::hold::PERIOD_MS as f32 / 1_000.0;
-/// The output for each kelvin of error.
+/// The proportional part of the output for each kelvin of error.
 const PROPORTIONAL: f32 = 0.2;
-/// The output for each kelvin of error and each second.
+/// The change of the integral for each kelvin of error and each second.
 const INTEGRAL: f32 = 0.002;
 
-/// The state of the control.
+/// The state of the temperature control.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Climate {
     set_point: f32,
@@ -52,14 +52,14 @@ pub struct Climate {
 }
 
 impl Climate {
-    /// Returns the control at its start, with the output off. A set-point out of its range is replaced by the default.
+    /// Returns the control at its start, with the output off. [`DEFAULT_SET_POINT`] replaces a set-point out of range.
     #[must_use]
     pub fn new(set_point: f32) -> Self {
         let set_point = if SET_POINTS.contains(&set_point) { set_point } else { DEFAULT_SET_POINT };
         Self { set_point, integral: 0.0, output: 0.0, safe: true }
     }
 
-    /// Changes the set-point, °C. Returns whether it is one that the hold accepts; otherwise nothing changes.
+    /// Changes the set-point, °C, and returns true if it is in [`SET_POINTS`]; otherwise nothing changes.
     pub fn set(&mut self, set_point: f32) -> bool {
         let accepted = SET_POINTS.contains(&set_point);
         if accepted {
@@ -74,7 +74,7 @@ impl Climate {
         self.set_point
     }
 
-    /// Returns the output: 1 is all of the heater, -1 all of the cooler.
+    /// Returns the output: 1 is the full power of the heater, -1 that of the cooler.
     #[must_use]
     pub const fn output(&self) -> f32 {
         self.output
@@ -86,8 +86,8 @@ impl Climate {
         self.safe
     }
 
-    /// Does the step of a cycle and returns the output. `temperature`, °C, is `None` while there is no valid one;
-    /// `allowed` is false if the output has to be off whatever the temperature is.
+    /// Does one step of the control and returns the output. `temperature` is in °C, `None` without a valid measurement.
+    /// Where `allowed` is false, the output is 0.
     pub fn step(&mut self, temperature: Option<f32>, allowed: bool) -> f32 {
         let Some(temperature) = temperature.filter(|celsius| allowed && celsius.is_finite()) else {
             *self = Self::new(self.set_point);
@@ -103,24 +103,24 @@ impl Climate {
         };
         let integral = self.integral + INTEGRAL * error * STEP_S;
         let wanted = proportional + integral;
-        // Beyond a limit only a change that leads back to it counts.
+        // At a limit, the integral changes only in the direction that leads away from the limit.
         if may(wanted) == wanted || (wanted > 0.0) == (integral < self.integral) {
             self.integral = integral;
         }
         let slewed = bound(may(proportional + self.integral), self.output - SLEW, self.output + SLEW);
-        // The limits count for more than the slew: an output that is no longer allowed ends at once.
+        // Heating or cooling that is no longer allowed ends at once, whatever the slew limit says.
         self.output = may(slewed);
         self.output
     }
 }
 
-/// Returns the number between `low` and `high` that is nearest to `value`. (`f32::clamp` panics with a text that has
-/// numbers in it, and the code that prints them would be a third of the firmware.)
+/// Limits `value` to `low..=high`. `f32::clamp` is not used: its panic message prints numbers, and the code for that
+/// would be a third of the firmware.
 fn bound(value: f32, low: f32, high: f32) -> f32 {
     value.max(low).min(high)
 }
 
-/// The duty of heater and cooler, each 0 to 1. At most one of them is not 0.
+/// The fractions of the time, each 0 to 1, for which heater and cooler are on. At most one of them is not 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Duty {
     heater: f32,
@@ -128,13 +128,13 @@ pub struct Duty {
 }
 
 impl Duty {
-    /// Returns the duties for an output of the control.
+    /// Returns the duties for an output of the control, -1 to 1.
     #[must_use]
     pub fn of(output: f32) -> Self {
         Self { heater: bound(output, 0.0, 1.0), cooler: bound(-output, 0.0, 1.0) }
     }
 
-    /// Returns how many of `top` counts heater and cooler are on.
+    /// Returns for how many counts of a PWM period of `top` counts heater and cooler are on.
     #[must_use]
     pub fn counts(self, top: u16) -> [u16; 2] {
         [self.heater, self.cooler].map(|duty| (duty * f32::from(top)) as u16)
@@ -146,7 +146,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Any number, as often an ordinary one as one that is none.
+    /// An ordinary temperature, any number, NaN or `None`, each equally often.
     fn any_celsius() -> impl Strategy<Value = Option<f32>> {
         prop_oneof![
             (-60.0_f32..130.0).prop_map(Some),
@@ -184,7 +184,8 @@ mod tests {
         }
     }
 
-    /// A box of 2 kJ/K in air of `outside` °C, with 5 W/K through its walls, a heater of 100 W and a cooler of 60 W.
+    /// Returns the temperatures, °C, of a simulated box that begins at `celsius` in air of `outside` °C. The box has
+    /// 2 kJ/K, 5 W/K through its walls, a heater of 100 W and a cooler of 60 W.
     fn flown(climate: &mut Climate, mut celsius: f32, outside: f32, seconds: u32) -> Vec<f32> {
         let mut record = vec![];
         for _ in 0..seconds * 10 {
@@ -210,12 +211,12 @@ mod tests {
     #[test]
     fn a_set_point_that_was_out_of_reach_leaves_no_windup() {
         let mut climate = Climate::new(40.0);
-        // Against -20 °C the heater's limit of 80 W reaches -4 °C and no more.
+        // In air of -20 °C the heater's limit of 80 W can bring the box to -4 °C at most.
         let record = flown(&mut climate, -10.0, -20.0, 7_200);
         assert_eq!(climate.output(), 0.8);
         let end = record[record.len() - 1];
         assert!(climate.set(2.0));
-        // The flight goes on where it is warm: there the output leaves its limit within a minute.
+        // In warm air the output must leave its limit within a minute.
         let _ = flown(&mut climate, end.max(8.0), 20.0, 60);
         assert!(climate.output() < 0.0, "{}", climate.output());
     }

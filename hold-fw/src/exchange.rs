@@ -1,17 +1,16 @@
-//! The front end's part of a cycle: what the exchange's state machine has to do, and when.
+//! Drives the front end: sends one frame in each cycle and takes the DPR's answer to it.
 //!
 //! # Design
 //!
-//! The driver's [`Executor`] stands between its state machine ([`Exchange`]) and the hardware; each interrupt of the
-//! SPI, the IRQ pin and the timer calls [`Link::poll`]. The link decides which frame is prepared and loaded, and takes
-//! the answers. No task ever waits for the SPI.
+//! The driver's [`Executor`] connects its state machine ([`Exchange`]) to the hardware. Each interrupt of the SPI, the
+//! IRQ pin and the timer calls [`Link::poll`]. No task ever waits for the SPI.
 //!
-//! The command that starts a frame is the one transfer that must happen at an exact instant. When the frame's head is
-//! loaded, the link *arms* a [`Ticket`], which says for which cycle the head was loaded. The slot's interrupt, which
-//! has the highest priority, asks [`Ticket::is_due`] and makes the transfer of the command. A slot without a ticket, or
-//! with that of another cycle, sends nothing: no frame is sent late.
+//! The transmit command is the only transfer that must happen at an exact instant. Once the chip's FIFO has the first
+//! bytes of a frame (its head), the link *arms* a [`Ticket`] that names the frame's cycle. The slot's interrupt, which
+//! has the highest priority, sends the command if [`Ticket::is_due`]. Without a ticket of the present cycle the slot
+//! sends nothing, so no frame is sent late.
 //!
-//! The state machine recovers from a fault of the chip by itself, and the cycle goes on.
+//! After a fault of the chip the state machine brings the chip up again by itself.
 
 use profile::{
     hold::{Answer, HoldObject},
@@ -24,15 +23,15 @@ use st25r3916::{
 
 use crate::telemetry::Telemetry;
 
-/// The right to fire one loaded frame, in one word that interrupts can pass on atomically.
+/// The right to send one loaded frame, as one word that interrupts can pass on atomically.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ticket(u32);
 
 impl Ticket {
-    /// The ticket for the frame of cycle `tick`.
+    /// Returns the ticket for the frame of cycle `tick`.
     #[must_use]
     pub const fn new(tick: u32) -> Self {
-        // Bit 31 makes the word different from 0, which is no ticket.
+        // Bit 31 makes the word different from 0, which means that there is no ticket.
         Self(tick | 1 << 31)
     }
 
@@ -42,42 +41,42 @@ impl Ticket {
         self.0
     }
 
-    /// Whether `word` is the ticket that allows a frame in cycle `tick`.
+    /// Whether `word` is the ticket for a frame of cycle `tick`.
     #[must_use]
     pub const fn is_due(word: u32, tick: u32) -> bool {
         word == Self::new(tick).0
     }
 }
 
-/// The hardware of a link: the executor's port, which loads the frame and reads the answer, and the slot's ticket.
+/// The hardware that a [`Link`] uses: the executor's port, with the frame, the answer and the ticket.
 pub trait FrontEndPort: executor::Port {
-    /// Makes these bytes the frame that is loaded. Never called while a load is under way.
+    /// Sets the bytes of the next frame to load. It is never called during a load.
     fn deposit(&mut self, frame: &[u8; HoldObject::SIZE]);
-    /// Hands a ticket to the slot's interrupt, which alone uses the SPI until it has taken the ticket.
+    /// Hands a ticket to the slot's interrupt. Until that interrupt has taken the ticket, only it uses the SPI.
     fn arm(&mut self, ticket: Ticket);
-    /// Takes an unused ticket back; returns false if the slot has taken the ticket already.
+    /// Takes the ticket back. Returns false if the slot's interrupt has taken the ticket already.
     fn disarm(&mut self) -> bool;
-    /// Returns the `len` bytes of payload of the answer that was read last; empty if there are fewer.
+    /// Returns the payload of the last answer, `len` bytes; empty if the answer has fewer.
     fn answer(&self, len: usize) -> &[u8];
 }
 
-/// Who has to act before the state machine can go on.
+/// What the state machine waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turn {
-    /// The executor: a transfer or a wait is under way.
+    /// The end of a transfer or of a delay, which the executor handles.
     Executor,
-    /// The cycle: the chip is prepared for a frame, and there is nothing to send.
+    /// A call of [`Link::offer`]: the chip is prepared, and there is no frame to send.
     Cycle,
-    /// The slot's interrupt: a frame whose head is loaded waits for its slot, or its command is on the SPI.
+    /// The slot's interrupt: the head of a frame is loaded, or the transmit command is on the SPI.
     Slot,
 }
 
-/// Makes the state machine send one frame in each cycle, and takes the answers.
+/// Sends one frame in each cycle and takes the answers.
 pub struct Link<'a, P> {
     executor: Executor<Exchange, P>,
     telemetry: &'a Telemetry,
     turn: Turn,
-    /// The cycle of the frame that was deposited last. The next field is whether that frame is still to be loaded.
+    /// The cycle of the last deposited frame; `is_due` says whether that frame is still to be loaded.
     tick: u32,
     is_due: bool,
     faulty: bool,
@@ -86,7 +85,7 @@ pub struct Link<'a, P> {
 }
 
 impl<'a, P: FrontEndPort> Link<'a, P> {
-    /// Begins to bring up the chip, and returns the link.
+    /// Begins to bring up the chip and returns the link.
     pub fn start(telemetry: &'a Telemetry, port: P) -> Self {
         let mut link = Self {
             executor: Executor::new(Exchange::new(), port),
@@ -102,11 +101,11 @@ impl<'a, P: FrontEndPort> Link<'a, P> {
         link
     }
 
-    /// Offers the frame of cycle `tick`, which replaces one that was not sent. If the chip is not prepared yet, the
-    /// frame is loaded as soon as it is, and sent if that is in time for the slot.
+    /// Offers the frame of cycle `tick`, which replaces a frame that was not sent. If the chip is not prepared yet, the
+    /// frame is loaded once the chip is prepared, and it is sent if its load ends before the slot.
     pub fn offer(&mut self, tick: u32, status: &HoldStatus) {
         if self.turn == Turn::Slot && !self.executor.port().disarm() {
-            // The command of the cycle before has not ended until now, so the transfer is given up.
+            // The transmit command of the cycle before has still not ended, so its transfer is aborted.
             self.executor.port().abort();
             self.go_on(|exchange| exchange.step(Input::Failed));
         }
@@ -119,13 +118,13 @@ impl<'a, P: FrontEndPort> Link<'a, P> {
         self.executor.port().deposit(status.as_bytes());
         (self.tick, self.is_due) = (tick, true);
         if self.turn != Turn::Executor {
-            // A frame of the cycle before that has missed its slot is dropped.
+            // This step drops a frame of the cycle before that has missed its slot.
             self.go_on(|exchange| exchange.step(Input::Start));
         }
     }
 
-    /// Serves an interrupt: a transfer has ended, the IRQ pin has risen, or the timer has run out. Returns whether an
-    /// answer has come.
+    /// Handles an interrupt: the end of a transfer, an edge of the IRQ pin, or the end of a delay. Returns whether an
+    /// answer has arrived.
     pub fn poll(&mut self) -> bool {
         if self.turn != Turn::Slot {
             let event = self.executor.poll();
@@ -136,37 +135,36 @@ impl<'a, P: FrontEndPort> Link<'a, P> {
         self.answer.is_some()
     }
 
-    /// Returns the answer that has come since the last call.
+    /// Returns the answer that has arrived since the last call, if any.
     pub fn take_answer(&mut self) -> Option<Answer> {
         self.answer.take()
     }
 
-    /// Returns the last fault of the front end since the last call, for the log.
+    /// Returns the last fault of the front end since the last call, if any.
     pub fn take_fault(&mut self) -> Option<Fault> {
         self.fault.take()
     }
 
-    /// Returns the port, for the flags of its interrupts, and for tests.
+    /// Returns the port.
     pub fn port(&mut self) -> &mut P {
         self.executor.port()
     }
 
-    /// Makes the state machine take a step after an event, and serves what follows.
+    /// Makes the state machine take a step, and handles the events that follow.
     fn go_on(&mut self, take: impl FnOnce(&mut Exchange) -> Step<ExchangeEvent>) {
         self.turn = Turn::Executor;
         let event = self.executor.go_on(take);
         self.serve(event);
     }
 
-    /// Prepares the chip for the next frame. If the state machine refuses, it is given a failure, from which it
+    /// Prepares the chip for the next frame. If the state machine refuses, a failure is reported to it, from which it
     /// recovers.
     fn prepare(&mut self) -> Option<ExchangeEvent> {
         let length = HoldObject::SIZE;
         self.executor.go_on(|exchange| exchange.prepare(length).unwrap_or_else(|_| exchange.step(Input::Failed)))
     }
 
-    /// Serves an event and the events that follow from it at once; the state machine asks for a transfer or a wait
-    /// after every event but a fault.
+    /// Handles an event and all events that follow from it, until the state machine waits for something.
     fn serve(&mut self, mut event: Option<ExchangeEvent>) {
         while let Some(happened) = event {
             self.turn = Turn::Executor;
@@ -191,7 +189,7 @@ impl<'a, P: FrontEndPort> Link<'a, P> {
                 ExchangeEvent::Answer { len, .. } => {
                     self.telemetry.frames_sent.add(1);
                     self.telemetry.answers.add(1);
-                    // The chip's flags decide nothing: each uplink has a CRC of its own.
+                    // An answer with error flags is taken as well: each uplink in it has a CRC of its own.
                     match Answer::read(self.executor.port().answer(len)) {
                         Ok(answer) => self.answer = Some(*answer),
                         Err(_) => self.telemetry.answers_foreign.add(1),

@@ -1,13 +1,14 @@
-//! Verifies all memory that the firmware uses, in slices by the idle loop ([`firmware_common::patrol`]).
+//! Says what follows from the patrol ([`firmware_common::patrol`]), in which the idle loop verifies all memory in use,
+//! a slice at a time.
 //!
-//! | finding | consequence |
+//! | what a slice finds | consequence |
 //! |---|---|
 //! | flash differs from the program that was built | the output is off, Hold-Status says *memory fault* |
-//! | RAM in use does not hold what is written to it, also at the start | the same |
+//! | a RAM word does not hold what is written to it, also at the start | the output is off, *memory fault* as well |
 //! | a guard word has changed | safe state, [`Cause::GuardWord`] |
 //!
-//! The hold goes on after the first two, so that somebody learns of them, and keeps the output off until its next
-//! start. A program that differs at the start is not run at all.
+//! After the first two findings the hold goes on until its next start, with its output off, so that it can report the
+//! fault. A program that is found changed at the start is not run.
 
 use firmware_common::{
     last_stop::Cause,
@@ -16,33 +17,33 @@ use firmware_common::{
 
 use crate::telemetry::Telemetry;
 
-/// The number of words that a slice verifies.
+/// The number of words of flash and of RAM that a slice verifies.
 pub const RATE: Rate = Rate { flash_words: 16, code_words: 0, ram_words: 4 };
 
-/// The sizes (`memory.x`), bytes: the program's flash, and the RAM for stack and statics.
+/// The sizes of the program's flash, and of the RAM for stack and statics, bytes (`memory.x`).
 const FLASH_BYTES: u32 = 64 * 1024;
 const RAM_BYTES: u32 = 32 * 1024;
 
-/// The longest time until a flipped bit in flash is found, µs: two passes over all 64 KiB of flash.
+/// The longest time from a bit flip in flash until the patrol finds it, µs: two passes over 64 KiB of flash.
 pub const FLASH_DETECT_US: u32 = RATE.flash_detect_us(FLASH_BYTES);
 
-/// The longest time until a bit of RAM in use that gets stuck is found, µs: one pass over that RAM.
+/// The longest time until the patrol finds a stuck bit in the RAM in use, µs: one pass over that RAM.
 pub const RAM_DETECT_US: u32 = RATE.ram_pass_us(RAM_BYTES);
 
 const _: () = assert!(FLASH_DETECT_US <= 5_200_000 && RAM_DETECT_US <= 5_200_000);
 
-/// The consequence of what a slice found.
+/// What the hold does about a fault of its memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Consequence {
-    /// Nothing was found.
+    /// No fault was found.
     None,
-    /// The memory is faulty, and the hold goes on with its output off.
+    /// The hold goes on with its output off.
     MemoryFault,
-    /// The hold stops for this cause with this detail.
+    /// The hold stops for this cause; the second value is the detail that is logged with it.
     Stop(Cause, u32),
 }
 
-/// Counts what a slice found, and returns what follows.
+/// Counts the faults that a slice has found, and returns their consequence.
 pub fn judge(slice: &Slice, telemetry: &Telemetry) -> Consequence {
     let changed = slice.flash.is_some_and(|flash| !flash.is_intact());
     telemetry.flash_passes.add(u32::from(slice.flash.is_some()));

@@ -1,11 +1,11 @@
-//! What the hold keeps over each reset that leaves the RAM powered: lock, set-point, acknowledged commands.
+//! Keeps lock, set-point and acknowledged commands over each reset that leaves the RAM powered.
 //!
-//! Two records stand in turn. Each has a number and a CRC, and the newer one of those that are intact counts. A command
-//! is executed by writing the next record, which has its effect and its acknowledgement: if a reset comes while it is
-//! written, the record before counts, the command was not executed, and its writer repeats it. So a command is executed
-//! once, whenever a reset comes.
+//! There are two records, which are written in turn. Each has a number and a CRC; the newer of the intact records
+//! counts. A command is executed by writing the next record, which holds the effect of the command and its
+//! acknowledgement. If a reset interrupts the write, the record before still counts: the command was not executed, and
+//! its writer repeats it. So a reset at any instant lets each command be executed once.
 //!
-//! After power-on neither record is intact, except for one case in 2^32.
+//! After power-on neither record is intact, except by a chance of 1 in 2^32.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -19,7 +19,7 @@ pub const WORDS: usize = 6;
 /// The memory of both records.
 pub type Memory = [[AtomicU32; WORDS]; 2];
 
-/// What is kept.
+/// What a record keeps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Kept {
     /// Whether the hold is locked.
@@ -31,22 +31,22 @@ pub struct Kept {
 }
 
 impl Default for Kept {
-    /// The state after power-on: locked.
+    /// Returns the state after power-on: locked, with the default set-point and no acknowledged command.
     fn default() -> Self {
         Self { locked: true, set_point: DEFAULT_SET_POINT, acknowledged: [Acknowledged::default(); 2] }
     }
 }
 
-/// The keeper of the records.
+/// Writes the records.
 #[derive(Debug)]
 pub struct Keeper {
     memory: &'static Memory,
-    /// The number of the newest record; its place is the number's lowest bit.
+    /// The number of the newest record; the lowest bit of the number is the record's index.
     number: u32,
 }
 
 impl Keeper {
-    /// Returns the keeper of `memory` and what it has kept; `None` after power-on.
+    /// Returns the keeper of `memory` and what the newest intact record holds; `None` after power-on.
     #[must_use]
     pub fn take(memory: &'static Memory) -> (Self, Option<Kept>) {
         let [even, odd] = memory.each_ref().map(read);
@@ -58,7 +58,7 @@ impl Keeper {
         (Self { memory, number: newest.map_or(0, |(number, _)| number) }, newest.map(|(_, kept)| kept))
     }
 
-    /// Writes the next record.
+    /// Writes `kept` into the older record, which becomes the newest.
     pub fn keep(&mut self, kept: &Kept) {
         self.number = self.number.wrapping_add(1);
         let [base_station, flight_controller] = kept
@@ -73,7 +73,7 @@ impl Keeper {
     }
 }
 
-/// Returns the number and the contents of a record, if it is intact.
+/// Returns the number and the contents of a record if its CRC is right.
 fn read(record: &[AtomicU32; WORDS]) -> Option<(u32, Kept)> {
     let words = record.each_ref().map(|word| word.load(Ordering::Relaxed));
     let [number, locked, set_point, base_station, flight_controller, check] = words;
@@ -91,7 +91,7 @@ fn read(record: &[AtomicU32; WORDS]) -> Option<(u32, Kept)> {
     (check == check_word(&words)).then_some((number, kept))
 }
 
-/// Returns the frame CRC of all words but the last.
+/// Returns the frame CRC of all words but the last, which holds that CRC.
 fn check_word(words: &[u32; WORDS]) -> u32 {
     profile::crc::frame_of_words(words.iter().take(WORDS - 1).copied())
 }

@@ -1,25 +1,26 @@
-//! The firmware of the active hold: a payload unit that keeps a climate and watches vibration.
+//! The firmware of the active hold, a payload unit that controls its temperature and measures vibration.
 //!
 //! # Design
 //!
-//! This library has all the firmware's logic; it needs no MCU, and the host tests it. The binary beside it is an RTIC
-//! table of tasks, and only the binary's module `hw` accesses registers. The modules of the library:
+//! This library has all of the firmware's logic and runs on a host as well, where it is tested. The binary beside it is
+//! an RTIC application. Only the binary's module `hw` accesses registers. The table lists the library's modules and the
+//! RTIC tasks that use them (*start*: the code before the first task).
 //!
-//! | module | what it does | where it runs |
+//! | module | what it does | used by |
 //! |---|---|---|
-//! | [`timing`] | the times of a cycle | |
+//! | [`timing`] | the times of a cycle | all tasks |
 //! | [`exchange`] | sends one frame in each cycle and takes the answer | RFID interrupts |
 //! | [`state`] | Hold-Status, commands | cycle, answer |
 //! | [`climate`] | the control of the temperature, with its limits | cycle |
-//! | [`kept`] | what a reset leaves: lock, set-point, acknowledgements | answer, start |
+//! | [`kept`] | keeps lock, set-point, acknowledgements over a reset | answer, start |
 //! | [`sensors`] | temperature, humidity, vibration, shocks | sensors |
-//! | [`integrity`] | what follows from a change of memory | idle |
+//! | [`integrity`] | the consequence of a memory fault | idle |
 //! | [`protection`] | the regions that the memory protection unit opens | start |
-//! | [`task`] | the tasks that have to check in, so that the watchdog may be fed | every task |
-//! | [`telemetry`] | the counters that a debugger, or the bench, reads from RAM | every task |
+//! | [`task`] | the tasks that must check in before the watchdog is fed | every task |
+//! | [`telemetry`] | the counters that a debugger or the bench reads from RAM | every task |
 //!
-//! Nobody relies on the hold for safety (docs/design.md#active-hold). It is built like the other two firmwares all the
-//! same, since it heats.
+//! No safety function relies on the hold (docs/design.md#active-hold). Because it heats, it is built with the same
+//! care as the other two firmwares.
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 

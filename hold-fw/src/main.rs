@@ -1,25 +1,32 @@
-//! The firmware of the active hold. This file is the table of tasks; the library has what the tasks do, `hw` has the
-//! registers, and `board` has pins, vectors and channels.
+//! The firmware of the active hold. This file is the RTIC table of tasks; the library has their logic, the module `hw`
+//! accesses the registers, and the module `board` names pins and peripherals.
 //!
-//! | task | when it is called | has to be done within |
+//! A timer raises a *beat* every 25 ms; the first beat of a cycle is its tick ([`hold_fw::timing`]).
+//!
+//! | task | when it is called | longest time until it is done |
 //! |---|---|---|
-//! | `slot` | a beat; the slot, in which the frame is fired | 5 µs |
-//! | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a wait is over | 0.1 ms |
-//! | `cycle` | the tick | 0.3 ms |
-//! | `answer` | an answer has come | 10 ms |
-//! | `sensors` | a beat | 25 ms |
-//! | `idle` | nothing else wants to run | 100 ms |
+//! | `slot` | at a beat, and in the slot, in which it sends the frame | 5 µs |
+//! | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a delay is over | 0.1 ms |
+//! | `cycle` | at the tick | 0.3 ms |
+//! | `answer` | an answer has arrived | 10 ms |
+//! | `sensors` | at a beat | 25 ms |
+//! | `idle` | no other task runs | 100 ms |
 //!
-//! The most urgent tasks come first. Only a task's attribute states its priority and vector; `build.rs` makes the table
-//! in [`hold_fw::task`] of these attributes.
+//! The task with the highest priority stands first. `build.rs` makes the table in [`hold_fw::task`] from the tasks'
+//! attributes.
 //!
-//! The bounds have these reasons. The frame's first bit comes a constant time after the tick. After the command, the
-//! rest of the frame has to be in the front end's FIFO before 16 bytes were sent, which takes 0.3 ms; an answer begins
-//! 0.2 ms after the frame at the earliest. The frame's head is loaded before the slot. The next exchange comes after
-//! 90 ms. A beat lasts 25 ms, and after 100 ms the watchdog resets the part.
+//! The longest times have these reasons:
 //!
-//! Only `sensors` waits for anything, namely for the bus, with a bound, and below all other tasks: nothing on the bus
-//! can delay the cycle. Only `idle` writes to the log, and no task masks interrupts for the log
+//! - `slot`: the time from the tick to the frame's first bit must be constant.
+//! - `rf_*`: the first 16 bytes of a frame are sent within 0.3 ms, by when the rest must be in the front end's FIFO. An
+//!   answer begins 0.2 ms after the frame at the earliest.
+//! - `cycle`: the frame's first bytes are loaded before the slot.
+//! - `answer`: the next exchange comes after 90 ms.
+//! - `sensors`: the next beat calls the task again.
+//! - `idle`: without a feed for 100 ms the watchdog resets the part.
+//!
+//! Only `sensors` waits for hardware, namely for the I2C bus. Each wait has a bound, and all interrupt tasks preempt
+//! `sensors`, so a sensor cannot delay the cycle. Only `idle` writes to the log, and no task masks interrupts for that
 //! ([`firmware_common::log_section`]).
 #![cfg_attr(target_os = "none", no_std, no_main)]
 #![deny(unsafe_code)]
@@ -69,7 +76,6 @@ mod app {
 
     static CHECK_IN: CheckIn<Task> = CheckIn::new();
 
-    /// Whether the idle loop has found a fault of the memory.
     static MEMORY_FAULT: AtomicBool = AtomicBool::new(false);
 
     #[shared]
@@ -100,7 +106,7 @@ mod app {
     ])]
     fn init(cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let mut core = cx.core;
-        // The patrol leaves out the memory that EasyDMA reaches, and the counters that a debugger reads.
+        // The patrol leaves out the memory that EasyDMA accesses, and the counters that a debugger reads.
         let mut shared = [const { 0..0 }; APART - 2];
         shared[0] = memory::span(cx.local.radio);
         shared[1] = memory::span(cx.local.bus);
@@ -150,13 +156,13 @@ mod app {
         )
     }
 
-    /// Has the lowest priority: verifies memory, logs faults and a summary each second, feeds the watchdog, and sleeps.
+    /// Runs when no other task does: verifies memory, logs each second, feeds the watchdog and sleeps.
     #[idle(local = [watchdog, patrol, memory], shared = [link, readings])]
     fn idle(mut cx: idle::Context) -> ! {
         let mut last_us = hw::now_us();
         let mut pace = Pace::new(last_us);
         loop {
-            // Most interrupts leave this loop no work and cost it only this query of the pace.
+            // After most interrupts there is nothing to do; then the loop only asks `pace`.
             let due = pace.due(hw::now_us());
             if due == 0 {
                 cortex_m::asm::wfi();
@@ -198,14 +204,14 @@ mod app {
         }
     }
 
-    /// Runs at each beat and in the slot: fires the frame that is loaded; calls the other tasks.
+    /// Runs at each beat and in the slot. In the slot it sends the loaded frame; at a beat it calls the other tasks.
     #[task(binds = TIMER1, priority = 4, local = [beats])]
     fn slot(cx: slot::Context) {
         if let Beat::Began { is_tick } = cx.local.beats.interrupt() {
             if is_tick {
                 TELEMETRY.cycles.add(1);
             }
-            // At other beats these tasks only check in.
+            // A task that has no work at this beat only checks in.
             for task in [Task::rf_spi, Task::rf_irq, Task::rf_timer, Task::cycle, Task::answer, Task::sensors] {
                 board::call(task);
             }
@@ -213,14 +219,12 @@ mod app {
         CHECK_IN.check_in(Task::slot);
     }
 
-    /// Runs when a transfer with the front end has ended.
     #[task(binds = SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0, priority = 3, shared = [link])]
     fn rf_spi(mut cx: rf_spi::Context) {
         cx.shared.link.lock(serve);
         CHECK_IN.check_in(Task::rf_spi);
     }
 
-    /// Runs when the front end's IRQ has risen.
     #[task(binds = GPIOTE, priority = 3, local = [rf_edge], shared = [link])]
     fn rf_irq(mut cx: rf_irq::Context) {
         cx.local.rf_edge.clear();
@@ -228,7 +232,6 @@ mod app {
         CHECK_IN.check_in(Task::rf_irq);
     }
 
-    /// Runs when a wait of the front end's driver is over.
     #[task(binds = TIMER0, priority = 3, shared = [link])]
     fn rf_timer(mut cx: rf_timer::Context) {
         cx.shared.link.lock(|link| {
@@ -244,7 +247,6 @@ mod app {
         }
     }
 
-    /// Runs at the tick: does the control's step, and fills and offers the frame.
     #[task(binds = SWI0_EGU0, priority = 2, local = [outputs, supply, done: Option<u32> = None],
         shared = [hold, link, readings])]
     fn cycle(mut cx: cycle::Context) {
@@ -268,7 +270,6 @@ mod app {
         CHECK_IN.check_in(Task::cycle);
     }
 
-    /// Runs when an answer has come: executes the commands in it that are due.
     #[task(binds = SWI1_EGU1, priority = 2, shared = [hold, link])]
     fn answer(mut cx: answer::Context) {
         if let Some(answer) = cx.shared.link.lock(Link::take_answer) {
@@ -277,7 +278,7 @@ mod app {
         CHECK_IN.check_in(Task::answer);
     }
 
-    /// Runs at each beat: accesses the sensors, whose bus it waits for.
+    /// Runs at each beat: reads the sensors, and waits for their bus.
     #[task(binds = SWI2_EGU2, priority = 1, local = [sensors], shared = [readings])]
     fn sensors(mut cx: sensors::Context) {
         let begun = hw::now_us();

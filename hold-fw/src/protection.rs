@@ -1,28 +1,27 @@
 //! The regions that the hold's memory protection unit opens ([`firmware_common::mpu`]).
 //!
-//! | addresses | what | access at the start | access of tasks |
+//! | addresses | content | access before the tasks start | access of tasks |
 //! |---|---|---|---|
-//! | 0x0000_0000, 256 B | vector table, and so the null page | – | – |
-//! | 0x0000_0100 to 64 KiB | flash: the program and its budget | read, execute | read, execute |
-//! | 0x2000_0000, 256 KiB | RAM: stack, statics, and what is left free | read, write | read, write |
+//! | 0x0000_0000, 256 B | vector table; shut, so that an access through a null pointer is a fault | – | – |
+//! | 0x0000_0100 to 64 KiB | flash: the program and the rest of its budget | read, execute | read, execute |
+//! | 0x2000_0000, 256 KiB | RAM: stack, statics and free memory | read, write | read, write |
 //! | 0x4000_0000, 0x5000_0000 | peripherals | all | those of `board.rs` that tasks use |
 //!
-//! The stack grows down from the statics (flip-link) to the start of RAM, below which nothing is: an overflow violates
-//! the memory protection. Tasks cannot access what only the start needs: clock and power, the flash controller, and
-//! everything that the board does not use. In the region of the watchdog and PWM0 each eighth has two peripherals, so
-//! RTC1 and PDM are open beside them; nothing starts those.
+//! The stack grows down from the statics (flip-link) to the start of RAM. Below is no memory, so an overflow of the
+//! stack is a fault. Tasks cannot access what only the start needs: clock and power, the flash controller, and all
+//! peripherals that the board does not use. RTC1 and PDM are open although no task uses them: each shares an eighth of
+//! its region (the smallest unit that can be shut) with the watchdog or PWM0.
 
 use firmware_common::mpu::{Access, Allowed, Memory, Region, Table};
 
 const KIB: u32 = 1024;
 
-/// The flash, as in `memory.x`.
 const FLASH: Region = Region::new("flash", 0, 64 * KIB, Memory::Flash, Allowed::ReadExecute);
 
 /// The address at which the null page ends.
 pub const NULL_PAGE_END: u32 = 256;
 
-/// The page of the vector table, which has 16 exceptions and 48 interrupts (PS v1.7, chapter 4.2.4).
+/// The page that is shut against null pointers. It has the vectors of 16 exceptions and 48 interrupts (PS v1.7, 4.2.4).
 const NULL_PAGE: Region = Region::new("null page", 0, NULL_PAGE_END, Memory::Flash, Allowed::Nothing);
 
 const RAM: Region = Region::new("RAM", 0x2000_0000, 256 * KIB, Memory::Ram, Allowed::ReadWrite);
@@ -40,13 +39,13 @@ pub const TASKS: Table<7> = Table::new([
     FLASH,
     NULL_PAGE,
     RAM,
-    // Four eighths of this region are open: those of SPIM0, TWIM1, GPIOTE and SAADC.
+    // The four open eighths are those of SPIM0, TWIM1, GPIOTE and SAADC.
     Region::new("serial interfaces, GPIOTE, SAADC", 0x4000_0000, 32 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([false, false, false, true, true, false, true, true]),
-    // Two eighths of this region are open: those of TIMER0 and TIMER1.
+    // The two open eighths are those of TIMER0 and TIMER1.
     Region::new("timers", 0x4000_8000, 32 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, false, false, false, false, false, false]),
-    // Two eighths of 8 KiB are open: that of the WDT and RTC1, and that of PWM0 and PDM.
+    // The two open eighths, of 8 KiB each, are that of WDT and RTC1 and that of PWM0 and PDM.
     Region::new("watchdog and PWM", 0x4001_0000, 64 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, false, false, false, false, false, true, false]),
     Region::new("GPIO ports", 0x5000_0000, 4 * KIB, Memory::Peripheral, Allowed::ReadWrite),
@@ -86,7 +85,7 @@ mod tests {
     #[test]
     fn tasks_reach_only_the_boards_peripherals_and_two_neighbours() {
         let of_the_board = [0x3000, 0x4000, 0x6000, 0x7000, 0x8000, 0x9000, 0x1_0000, 0x1_C000];
-        // RTC1 and PDM are open beside peripherals of the board, in the same eighths.
+        // RTC1 and PDM share an eighth of the region with a peripheral of the board, so they are open.
         let beside = [0x1_1000, 0x1_D000];
         for offset in (0..0x3_0000).step_by(0x1000) {
             let address = 0x4000_0000 + offset;

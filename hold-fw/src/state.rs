@@ -1,4 +1,4 @@
-//! The state of the hold: what it was commanded, what it controls, and what Hold-Status says of it.
+//! Holds the state of the hold, executes commands, and fills Hold-Status.
 
 use profile::{
     criticality::{ActiveLoad, Function, Writer},
@@ -14,25 +14,25 @@ use crate::{
     timing,
 };
 
-/// The greatest humidity, %, vibration along an axis and shock, m/s², that are within the hold's limits; the
-/// temperatures are those of [`WORKING`].
+/// The upper limits of humidity, %, vibration along an axis, m/s², and shock, m/s². The limits of the temperature are
+/// [`WORKING`].
 const MOST_HUMIDITY: f32 = 90.0;
 const MOST_VIBRATION: f32 = 20.0;
 const MOST_SHOCK: f32 = 60.0;
-/// The supply, V, that is within the hold's limits: above the threshold at which it stops, and up to what the part
-/// bears (PS v1.7, 5.3.1).
+/// The limits of the supply, V: the lower one is above the voltage at which the hold stops, the upper one is the
+/// highest that the nRF52840 bears (PS v1.7, 5.3.1).
 const SUPPLY: core::ops::RangeInclusive<f32> = 2.9..=3.6;
 
-/// What the outputs have to do.
+/// What heater, cooler and lock must do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outputs {
-    /// The output of the control: 1 is all of the heater, -1 all of the cooler.
+    /// The output of the control: 1 is the full power of the heater, -1 that of the cooler.
     pub output: f32,
     /// Whether the hold is locked.
     pub locked: bool,
 }
 
-/// The state of the hold.
+/// The state of the hold: lock, set-point, acknowledged commands, temperature control, greatest shock, faults.
 #[derive(Debug)]
 pub struct Hold {
     kept: Kept,
@@ -45,7 +45,8 @@ pub struct Hold {
 }
 
 impl Hold {
-    /// Returns the state at a start for `reason`. `kept` was kept over the reset, if anything was.
+    /// Returns the state after a reset for `reason`. The pair has the memory's keeper and the record that outlived the
+    /// reset.
     #[must_use]
     pub fn new(reason: ResetReason, (keeper, kept): (Keeper, Option<Kept>)) -> Self {
         let kept = kept.unwrap_or_default();
@@ -60,13 +61,13 @@ impl Hold {
         }
     }
 
-    /// Records that the hold has found a fault of its memory. From then on the output is off.
+    /// Records a fault of the memory. From then on the output is 0.
     pub fn found_memory_fault(&mut self) {
         self.memory_fault = true;
     }
 
-    /// Executes the commands in `answer` that are due, at cycle `tick`. All of a command's effect is kept at once with
-    /// its acknowledgement.
+    /// Executes the commands in `answer` that are due, in cycle `tick`. The effect of a command and its acknowledgement
+    /// are kept in one write.
     pub fn command(&mut self, answer: &Answer, tick: u32, telemetry: &Telemetry) {
         let Self { kept, climate, commands, greatest_shock, .. } = self;
         let now_ms = u64::from(tick) * u64::from(profile::hold::PERIOD_MS);
@@ -101,8 +102,8 @@ impl Hold {
         }
     }
 
-    /// Does the control's step of cycle `tick` and returns Hold-Status and what the outputs have to do. Takes the
-    /// greatest shock out of `readings`. The work is the same whatever the values are.
+    /// Does one step of the temperature control in cycle `tick`. Returns Hold-Status and what heater, cooler and lock
+    /// must do. Takes the greatest shock out of `readings`. The time that this takes does not depend on the values.
     pub fn cycle(&mut self, tick: u32, readings: &mut Readings, supply: Option<f32>) -> (HoldStatus, Outputs) {
         if let Some(shock) = readings.shock.take() {
             self.greatest_shock = Some(self.greatest_shock.unwrap_or(0.0).max(shock));
@@ -112,7 +113,7 @@ impl Hold {
         let [temperature, humidity] = climate.unwrap_or([ABSENT_F32; 2]);
         let vibration_or_nan = vibration.unwrap_or([ABSENT_F32; 3]);
         let (shock, volts) = (self.greatest_shock.unwrap_or(ABSENT_F32), supply.unwrap_or(ABSENT_F32));
-        // A value that is not known is not within a limit, since no comparison with NaN is true.
+        // A missing value is NaN, and no comparison with NaN is true, so it counts as out of its limits.
         let within = WORKING.contains(&temperature)
             & (humidity <= MOST_HUMIDITY)
             & vibration_or_nan.iter().all(|axis| *axis <= MOST_VIBRATION)

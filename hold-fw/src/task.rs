@@ -1,8 +1,7 @@
-//! The firmware's tasks, and which of them have to check in before the watchdog is fed
-//! ([`firmware_common::check_in`]).
+//! The firmware's tasks. All of them must check in before the watchdog is fed ([`firmware_common::check_in`]).
 //!
-//! Every task has to check in. No task needs an event from outside for that: each beat of the cycle timer calls all of
-//! them, and each looks for work and checks in even if there is none.
+//! Each beat of the timer (every 25 ms) calls every task, and a task without work checks in as well. So no task depends
+//! on an event from outside.
 
 include!(concat!(env!("OUT_DIR"), "/each_task.rs"));
 

@@ -1,32 +1,33 @@
-//! The counters that the firmware keeps of itself, which a debugger or the bench reads from RAM by symbol.
+//! The firmware's counters. A debugger or the bench reads them from RAM by their symbol.
 
 firmware_common::counters! {
-    /// The static `HOLD_TELEMETRY` in the program: 32-bit counters in this order, all zero at start. Totals wrap.
+    /// The static `HOLD_TELEMETRY` of the program: 32-bit counters in this order, all zero at the start. Totals wrap.
     pub struct Telemetry {
         /// Cycles since the start.
         cycles,
         /// Frames that were sent.
         frames_sent,
-        /// Cycles whose frame was not sent, since the front end was not prepared for it.
+        /// Cycles without a frame, because the front end was not prepared in time.
         frames_skipped,
-        /// Answers that came, with or without errors.
+        /// Answers that were received, with or without errors.
         answers,
         /// Frames after which no answer began in time.
         silences,
-        /// Answers that began and were not delivered: too late, too long, too short or without an end.
+        /// Answers that began but were not delivered: too late, too long, too short or without an end.
         answers_dropped,
-        /// Answers that had another length than those of the DPR.
+        /// Answers whose length is not that of the DPR's answers.
         answers_foreign,
-        /// Commands that were carried out.
+        /// Commands that were executed.
         commands_done,
-        /// Commands that the hold's limits forbade.
+        /// Commands that were refused.
         commands_refused,
         /// Faults of the front end.
         rf_faults,
         /// How often the front end was brought up again after a fault.
         rf_recoveries,
-        /// The last register of the front end that did not read as it was set, or 0 if none: its address (with 0x40 in
-        /// space B) in bits 23 to 16, then the value that was set, then the value that was read.
+        /// The last front end register whose value differed from the one that was set, or 0 if none. Bits 23 to 16 hold
+        /// its address (plus 0x40 in space B), bits 15 to 8 the value that was set, bits 7 to 0 the value that was
+        /// read.
         rf_register,
         /// Measurements of temperature and humidity.
         climate_readings,
@@ -36,23 +37,24 @@ firmware_common::counters! {
         vibration_samples,
         /// Failed readings of the accelerometer.
         vibration_faults,
-        /// How often the accelerometer had more samples than its FIFO holds.
+        /// How often the accelerometer's FIFO overran.
         vibration_overruns,
         /// How often the I2C bus was recovered.
         bus_recoveries,
-        /// Why the firmware stopped itself before this start: a code of `firmware_common::last_stop`, 0 if it did not.
+        /// Why the firmware stopped itself before this start: a code of `firmware_common::last_stop`, or 0.
         last_stop,
-        /// Passes of the patrol over flash.
+        /// Complete passes of the patrol over flash.
         flash_passes,
-        /// Passes over flash that found it changed.
+        /// Passes over flash that found the program changed.
         flash_faults,
-        /// Passes of the patrol over the RAM in use.
+        /// Complete passes of the patrol over the RAM in use.
         ram_passes,
-        /// How often a word of the RAM in use did not hold what was written to it, also at the start.
+        /// How often a word of the RAM in use did not hold what was written to it; the test at the start counts as
+        /// well.
         ram_errors,
-        /// The longest time from the tick's task to the sealed object, processor cycles.
+        /// The longest time from the start of the task `cycle` to the sealed Hold-Status, processor cycles.
         fill_worst_cycles,
-        /// The longest run of the sensors' task, µs, including what preempted it.
+        /// The longest run of the task `sensors`, µs, including the tasks that preempted it.
         sensors_worst_us,
     }
 }

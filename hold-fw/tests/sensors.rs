@@ -1,4 +1,4 @@
-//! Tests the sensors' driver against both sensors on one bus, which the tests disturb.
+//! Tests the sensors' driver on a bus with simulated sensors, whose faults the tests set.
 
 use std::{cell::RefCell, rc::Rc};
 
@@ -14,27 +14,25 @@ use hold_fw::{
 use proptest::prelude::*;
 
 const SECOND: u32 = BEATS * CYCLES_PER_SECOND;
-/// The samples of a beat at 400 Hz.
+/// The number of samples in a beat of 25 ms at 400 Hz.
 const PER_BEAT: usize = 10;
 
-/// Both sensors, as far as the driver uses them: a register file with a FIFO, and a measurement with its CRCs.
+/// Both sensors, as far as the driver uses them: the accelerometer's registers and FIFO, the climate sensor's result.
 #[derive(Default)]
 struct Board {
     registers: Vec<u8>,
     fifo: Vec<[u8; 6]>,
-    /// The sample that the accelerometer takes now, left-aligned.
+    /// The sample that the accelerometer takes at present, left-aligned.
     sample: [i16; 3],
-    /// The words of temperature and humidity.
     measured: [u16; 2],
-    /// Whether a measurement is there to be read.
+    /// Whether a measurement is ready to be read.
     measuring: bool,
-    /// The transfers that the bus refuses: from this one on, so many.
+    /// The numbers of the transfers that the bus refuses.
     refuses: std::ops::Range<u32>,
     transfers: u32,
     accelerometer_absent: bool,
-    /// Whether the accelerometer takes no samples, whatever its settings are.
     accelerometer_dead: bool,
-    /// The bits that are inverted in what the climate sensor sends.
+    /// The inverted bits in the six bytes that the climate sensor sends.
     damage: [u8; 6],
 }
 
@@ -156,7 +154,7 @@ impl World {
         self.readings
     }
 
-    /// Runs for two seconds, after which everything is known.
+    /// Returns a world after two seconds, when all values are known.
     fn working() -> Self {
         let mut world = Self::new();
         let readings = world.beats(2 * SECOND);
@@ -209,7 +207,7 @@ fn a_temperature_stands_for_three_seconds_and_then_is_unknown() {
     let mut world = World::working();
     world.board.borrow_mut().damage = [0x40, 0, 0, 0, 0, 0];
     let known = (0..5 * SECOND).take_while(|_| world.beats(1).climate.is_some()).count() as u32;
-    // The last good measurement was in beat 42 of the first 80.
+    // The last good measurement was in beat 42, and 80 beats had passed when the damage began.
     assert_eq!(known + 2 * SECOND - (SECOND + 2) - 1, CLIMATE_VALID_BEATS);
     assert!(world.readings.fault && world.telemetry.climate_faults.get() >= 2);
     world.board.borrow_mut().damage = [0; 6];
@@ -300,7 +298,7 @@ proptest! {
                 let before = world.board.borrow().transfers;
                 let readings = world.beats(1);
                 let board = world.board.borrow();
-                // The first transfer that fails ends the work of a beat.
+                // The first failed transfer must end the work of a beat.
                 let failed = (before + 1..=board.transfers).filter(|number| board.refuses.contains(number)).count();
                 prop_assert!(failed <= 1);
                 prop_assert!(failed == 0 || readings.fault);

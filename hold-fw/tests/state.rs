@@ -1,4 +1,4 @@
-//! Tests what Hold-Status says, and what commands do.
+//! Tests Hold-Status and the effects of commands.
 
 use std::sync::atomic::AtomicU32;
 
@@ -135,7 +135,7 @@ impl Link {
         status.values()
     }
 
-    /// Sends a command and returns what the hold says when it has acknowledged it.
+    /// Sends a command and returns the values of the Hold-Status that acknowledges it.
     fn send(&mut self, command: HoldCommand) -> HoldValues {
         let before = self.cycle().acknowledged[0].number();
         self.sender.send(&command);

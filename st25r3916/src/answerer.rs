@@ -5,8 +5,9 @@
 //!
 //! # States
 //!
-//! [`Answerer::state`] returns the state. Names are those of [`AnswererState`]. Words in capitals
-//! are events that [`Answerer::step`] returns; `Start`, `Done` and calls with brackets are what the owner gives.
+//! The names in the diagram are states ([`AnswererState`]), which [`Answerer::state`] returns. A label at an arrow is
+//! the cause of the transition: words in capitals are events that [`Answerer::step`] returns, `Start` and `Done` are
+//! inputs, and `answer()` is a method. C4 is the transmit command.
 //!
 //! ```text
 //!  ┌─► Listening: LISTENING, DROPPED, FIELDON, FIELDOFF and FAULT as of the listener
@@ -322,7 +323,8 @@ impl Answerer {
         step
     }
 
-    /// Reports a lost answer. The chip is brought up again unless the fault is light and the answer before was sent.
+    /// Reports a lost answer. The chip is brought up again after a severe fault, or if the answer before was lost as
+    /// well.
     fn fault(&mut self, fault: Fault) -> Step<AnswererEvent> {
         self.unanswered = self.unanswered.wrapping_add(1);
         if is_light(fault) && !self.lost {

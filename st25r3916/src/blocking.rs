@@ -1,4 +1,4 @@
-//! Runs the machines with polling, on an [`SpiDevice`], an [`InputPin`] for the IRQ pin, and a [`DelayNs`].
+//! Runs the machines by polling, with an [`SpiDevice`], an [`InputPin`] for the IRQ pin, and a [`DelayNs`].
 //!
 //! This module is for bring-up on a bench, examples and small hosts. Every call returns after a bounded time.
 //!

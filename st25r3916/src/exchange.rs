@@ -4,8 +4,9 @@
 //!
 //! # States
 //!
-//! [`Exchange::state`] returns the state. Names are those of [`ExchangeState`]. Words in capitals
-//! are events that [`Exchange::step`] returns; `Start`, `Done` and calls with brackets are what the owner gives.
+//! The names in the diagram are states ([`ExchangeState`]), which [`Exchange::state`] returns. A label at an arrow is
+//! the cause of the transition: words in capitals are events that [`Exchange::step`] returns, `prepare()` is a method,
+//! and names with I_ are the chip's interrupts.
 //!
 //! ```text
 //!  ┌─► Polling: READY, prepare(), PREPARED, LOADED and FAULT as of the poller
@@ -246,7 +247,7 @@ impl Exchange {
         }
     }
 
-    /// Whether [`Exchange::prepare`] is possible: after [`ExchangeEvent::Ready`] or [`ExchangeEvent::Prepared`].
+    /// Whether [`Exchange::prepare`] may be called: after [`ExchangeEvent::Ready`] or [`ExchangeEvent::Prepared`].
     #[must_use]
     pub const fn is_ready(&self) -> bool {
         matches!(self.state, ExchangeState::Polling) && self.poller.is_ready()

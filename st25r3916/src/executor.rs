@@ -194,7 +194,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         self.go_on(|machine| machine.step(Input::Start))
     }
 
-    /// Continues after an event with the step that `take` makes. This has no effect during a transfer or a wait.
+    /// Makes the machine continue after an event by `take`. During a transfer or a wait this has no effect.
     pub fn go_on(&mut self, take: impl FnOnce(&mut M) -> Step<M::Event>) -> Option<M::Event> {
         if self.waiting != Waiting::Owner {
             return None;

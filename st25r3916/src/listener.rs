@@ -2,8 +2,8 @@
 //!
 //! # States
 //!
-//! [`Listener::state`] returns the state. Names are those of [`ListenerState`], words in capitals are events; after an
-//! event the machine waits for [`Input::Start`]. A comma separates successive states.
+//! The names in the diagram are states ([`ListenerState`]), which [`Listener::state`] returns. Words in capitals are
+//! events; after an event the machine waits for [`Input::Start`]. A comma separates successive states.
 //!
 //! ```text
 //!        New ◄── FAULT for silence              any state
@@ -76,9 +76,8 @@
 //! | reset of the chip | [`Fault::Reset`] at the next interrupt or supervision, bring-up |
 //! | dead bus, stuck IRQ pin | [`Fault::Bus`], [`Fault::IrqStuck`], bring-up after a back-off |
 //!
-//! The back-off before a bring-up is 1 ms after the first fault and doubles with each fault up to 64 ms. Silence causes
-//! no back-off, in which the listener could not receive, since the poller may just be off; the next bring-up comes
-//! later.
+//! The back-off before a bring-up is 1 ms after the first fault and doubles with each fault up to 64 ms. There is none
+//! after silence: the poller may just be off, and the listener could not receive during a back-off.
 //!
 //! # Settings read back while the chip runs
 //!
@@ -400,7 +399,7 @@ pub struct Listener {
     /// The time waited since the last delivered frame or since bring-up, µs; a lower bound of the time passed.
     silent_us: u32,
     counters: ListenerCounters,
-    /// The flags of the last delivered frame. The next step counts them, so that counting delays no delivery.
+    /// The flags of the last delivered frame, which the next step counts. Counting at once would delay the delivery.
     uncounted: Option<FrameFlags>,
 }
 

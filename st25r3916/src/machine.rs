@@ -78,16 +78,17 @@ pub enum Input<'a> {
     /// After a [`Transfer::Short`] the bytes are those clocked in, as many as were sent (the first is meaningless).
     /// After a [`Transfer::Read`] they are the bytes just read. After a [`Transfer::Load`] there are none.
     Done(&'a [u8]),
-    /// The IRQ pin is high: a level, not an edge. If it is high when a machine returns [`Step::Wait`], this is due at
-    /// once.
+    /// The IRQ pin is high. The input stands for the level, not for an edge: it is also due if the pin is already high
+    /// when a machine returns [`Step::Wait`].
     Irq,
     /// The time of a [`Step::Wait`] or [`Step::Delay`] is over.
     Timeout,
-    /// The requested transfer could not be made. This leads to [`Fault::Bus`] and a new bring-up.
+    /// The executor could not carry out the requested transfer. The machine reports [`Fault::Bus`] and begins a
+    /// bring-up.
     Failed,
 }
 
-/// A machine's request to its executor. Every call to a machine returns one step in a bounded number of instructions.
+/// A machine's request to its executor. Each call of a machine returns one step, in a bounded number of instructions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[must_use = "the machine stands still until its step is carried out"]

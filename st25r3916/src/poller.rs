@@ -2,8 +2,9 @@
 //!
 //! # States
 //!
-//! [`Poller::state`] returns the state. Names are those of [`PollerState`] and of [`SendState`], words in capitals are
-//! events; after an event the machine waits for [`Input::Start`]. A comma separates successive states.
+//! The names in the diagram are states ([`PollerState`], [`SendState`]), which [`Poller::state`] returns. Words in
+//! capitals are events; after an event the machine waits for [`Input::Start`]. `prepare()` is a method, and C4 is the
+//! transmit command. A comma separates successive states.
 //!
 //! ```text
 //!        New                                    any state
@@ -108,7 +109,7 @@ pub struct PollerConfig {
     pub receiver: ReceiverMode,
     /// After a frame, fail with [`Fault::FifoCount`] if bytes are left in the FIFO.
     pub check_left_over: bool,
-    /// Between frames, fail with [`Fault::FieldDropped`] if the display shows oscillator or transmitter off.
+    /// Whether the poller fails with [`Fault::FieldDropped`] if oscillator or transmitter is off between frames.
     pub check_field: bool,
 }
 
@@ -252,7 +253,7 @@ impl Poller {
         self.counters
     }
 
-    /// Whether [`Poller::prepare`] is possible: after [`PollerEvent::Ready`] or [`PollerEvent::Prepared`].
+    /// Whether [`Poller::prepare`] may be called: after [`PollerEvent::Ready`] or [`PollerEvent::Prepared`].
     #[must_use]
     pub const fn is_ready(&self) -> bool {
         matches!(self.state, PollerState::Ready | PollerState::Sending(SendState::Prepared))

@@ -49,7 +49,7 @@ pub const RECEIVER_3: u8 = 0x0D;
 pub const RECEIVER_4: u8 = 0x0E;
 /// Mask-receive timer.
 pub const MASK_RECEIVE_TIMER: u8 = 0x0F;
-/// No-response timer, most significant byte; least significant byte at 0x11, timers' control at 0x12. 0 is off.
+/// No-response timer, high byte. The low byte is at 0x11, the timers' control at 0x12. The value 0 switches it off.
 pub const NO_RESPONSE_TIMER: u8 = 0x10;
 /// First of four interrupt mask registers, 0x16..=0x19. A bit of 1 masks; a masked interrupt still sets its bit.
 pub const IRQ_MASK_MAIN: u8 = 0x16;
@@ -172,7 +172,7 @@ pub const ANTENNA_TUNING_POLLER_B: [u8; 2] = [0xC5, 0xE3];
 pub const ANTENNA_TUNING_LISTENER_A: [u8; 2] = [0x00, 0xFF];
 /// [`ANTENNA_TUNING`], two registers, of a listener with an ST25R3916B (*RFAL*).
 pub const ANTENNA_TUNING_LISTENER_B: [u8; 2] = [0x00, 0x00];
-/// [`PASSIVE_TARGET_MODULATION`]: high impedance, so that the driver cannot modulate the poller's field.
+/// A value of [`PASSIVE_TARGET_MODULATION`]: with high impedance the driver cannot modulate the poller's field.
 pub const PASSIVE_TARGET_HIGH_Z: u8 = 0xFF;
 /// [`B_AUXILIARY_MODULATION`]: no load modulation by the internal (lm_dri) or by an external (lm_ext) driver.
 pub const NO_LOAD_MODULATION: u8 = 0x00;

@@ -613,7 +613,6 @@ fn before(sent: &[Sent], receivers: usize, number: usize) -> Vec<(usize, u32)> {
     newest(&sent[..=previous], receivers, sent[number].ended_us)
 }
 
-/// A step of a random run: its kind, a number, and the objects that are damaged.
 type Step = (u8, u32, u8);
 
 fn images_are_as_the_definition_says<const N: usize>(start_us: u32, steps: &[Step]) -> Result<(), TestCaseError> {

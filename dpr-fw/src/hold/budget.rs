@@ -1,6 +1,6 @@
-//! The bound of what the second port costs.
+//! Limits how much processor time the second port may use.
 
-/// The work that the second port may do in a window of [`Budget::WINDOW_US`].
+/// The calls and SPI bytes that the second port may still use in the present window of [`Budget::WINDOW_US`].
 ///
 /// On the bench a window takes 60 calls and 500 bytes while the hold keeps to its period, and 101 calls if the chip is
 /// brought up in it.
@@ -12,28 +12,28 @@ pub struct Budget {
     resting: bool,
 }
 
-/// What a call of the port's tasks may do.
+/// What a call of one of the second port's tasks may do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Turn {
-    /// The port works.
+    /// Work as usual.
     Work,
-    /// The port works, and this is the first call of a window.
+    /// Work as usual; this is the first call of a window.
     Begin {
-        /// Whether the port has rested up to now.
+        /// Whether the port was resting before this call.
         rested: bool,
     },
-    /// The budget is used up: the port rests from now on.
+    /// Stop working: this call has found the budget used up.
     Rest,
-    /// The port rests.
+    /// Do nothing: the budget is used up, and the window is not over.
     Resting,
 }
 
 impl Budget {
     /// The length of a window, µs: the hold's period.
     pub const WINDOW_US: u32 = 1_000 * profile::hold::PERIOD_MS;
-    /// The most calls in a window for which the port works. Calls of tasks that only check in count, too.
+    /// The most calls of the port's tasks in a window. Calls that only make a task check in count, too.
     pub const CALLS: u32 = 150;
-    /// The number of bytes on the SPI in a window after which the port rests.
+    /// The number of SPI bytes in a window after which the port does no more work in that window.
     pub const BYTES: u32 = 1_500;
 
     /// Returns the budget of a window that begins at `now_us`.
@@ -42,7 +42,7 @@ impl Budget {
         Self { window_us: now_us, calls: 0, bytes: 0, resting: false }
     }
 
-    /// Takes a call at `now_us` off the budget. At least one call is needed every 71 minutes.
+    /// Takes a call at `now_us` off the budget. Calls must be less than 71 minutes apart, because `now_us` wraps.
     pub fn call(&mut self, now_us: u32) -> Turn {
         if now_us.wrapping_sub(self.window_us) >= Self::WINDOW_US {
             let rested = self.resting;
@@ -60,12 +60,12 @@ impl Budget {
         Turn::Work
     }
 
-    /// Takes bytes that go over the SPI off the budget.
+    /// Takes `bytes` SPI bytes off the budget.
     pub fn carry(&mut self, bytes: u32) {
         self.bytes += bytes;
     }
 
-    /// Returns the calls and the bytes of this window so far.
+    /// Returns the calls and the SPI bytes that were used in this window.
     #[must_use]
     pub const fn spent(&self) -> (u32, u32) {
         (self.calls, self.bytes)

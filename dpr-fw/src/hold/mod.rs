@@ -1,33 +1,33 @@
-//! The second port of the DPR: the hold's frames come in, and both uplinks go out as the answer (cargo feature `hold`).
+//! The second port of the DPR: receives the hold's frames and answers with both uplinks (cargo feature `hold`).
 //!
 //! # Design
 //!
-//! The hold's front end has an antenna, an SPI, a timer and receive buffers of its own, and its tasks have the lowest
-//! priority above idle. So nothing that comes from the hold delays a task of HORUS's. All three tasks of the port
-//! `hold_spi`, `hold_irq` and `hold_timer` do the same: they call [`Responder::serve`].
+//! The hold's front end has an antenna, an SPI, a timer and receive buffers of its own. Its tasks have the lowest
+//! priority above `idle`, so the hold cannot delay a task of HORUS's port. All three tasks of the second port
+//! (`hold_spi`, `hold_irq` and `hold_timer`) call [`Responder::serve`].
 //!
 //! | step | where |
 //! |---|---|
-//! | The driver's [`Answerer`](st25r3916::Answerer) receives a frame into a scrubbed buffer. | [`Responder`] |
-//! | The frame is judged. An accepted object waits for the next image. | [`Shared::receive`] |
-//! | The uplinks that may be handed on are put into the answer, zeros in place of others. | [`Shared::answer`] |
-//! | A timer starts the answer [`ANSWER_US`] after the frame's end, whatever tasks run then. | [`AnswerPort::arm`] |
-//! | The port task puts the object and its bits of Port-Status into what the next image shows. | [`Shared::show`] |
+//! | The driver's [`Answerer`](st25r3916::Answerer) receives a frame into a cleared buffer. | [`Responder`] |
+//! | The frame is accepted or rejected. An accepted object waits for the next image. | [`Shared::receive`] |
+//! | The answer gets each uplink that is intact and recent, and zeros for any other. | [`Shared::answer`] |
+//! | A timer starts the answer [`ANSWER_US`] after the frame's end, without a task. | [`AnswerPort::arm`] |
+//! | The task `port` puts the object and the hold's bits of Port-Status into the next image. | [`Shared::show`] |
 //!
-//! The hold's tasks share [`Shared`] with the task `port` and with no other. So they never mask a task that a frame of
-//! HORUS's or a transaction waits for.
+//! The hold's tasks share [`Shared`] with the task `port` only. So they never mask the tasks that receive HORUS's
+//! frames or serve the SSI.
 //!
-//! Only a frame that is accepted is answered. A frame that is not is no hold's, or the hold repeats itself.
+//! A rejected frame gets no answer: it is damaged, repeated, or does not come from a hold.
 //!
 //! # Bounds
 //!
-//! Whatever the front end does, [`Budget`] bounds the work: when it is used up, the port *rests*. The interrupts of the
-//! SPI, of the timer and of the IRQ's edge are masked until the window is over. The port's tasks are still called to
-//! check in, once a cycle like all others, and the first such call after the window's end wakes the port. So the
-//! watchdog's check-in depends on nothing that the hold does.
+//! [`Budget`] limits the work of the second port whatever its front end does. When the budget is used up, the port
+//! *rests*: until the window of the budget is over, the interrupts of the SPI, of the timer and of the IRQ's edge are
+//! masked. The port's tasks are still called to check in, once a cycle like all others, so the hold cannot make the
+//! watchdog bite. The first such call after the end of the window unmasks the interrupts.
 //!
-//! An SPI that does not stop may write to its buffers for ever. Then the port is out of use until the next start, and
-//! its buffers with it; nothing else changes. (HORUS's port ends in the safe state there.)
+//! An SPI that does not stop might write to its buffers for ever. Then the second port and its buffers are out of use
+//! until the next start, and HORUS's port goes on. (On HORUS's port the same fault leads to the safe state.)
 
 mod budget;
 mod responder;
@@ -46,29 +46,29 @@ use st25r3916::{answerer::EARLIEST_US, Short};
 
 use crate::rf::LEAD;
 
-/// The time from the end of the hold's frame, as the chip reports it, to the command that starts the answer, µs.
+/// The time from the end of the hold's frame, as the chip reports it, to the transmit command of the answer, µs.
 ///
-/// Until then the frame has to be read and judged and the answer's first bytes loaded. That takes 0.3 ms, and HORUS's
-/// tasks, which go before, take 0.6 ms in each cycle.
+/// In this time the DPR reads and checks the frame and loads the answer's first bytes, which takes 0.3 ms. HORUS's
+/// tasks have higher priorities and take 0.6 ms in each cycle.
 pub const ANSWER_US: u32 = 2_000;
 const _: () = assert!(ANSWER_US >= EARLIEST_US && ANSWER_US + 100 <= ANSWER_WINDOW_US);
 
-/// The memory of an answer, which begins behind [`LEAD`] bytes and a byte for the command that loads it.
+/// The memory of an answer. Before the answer are [`LEAD`] bytes and a byte for the load command.
 pub type AnswerMemory = [u32; (LEAD + 1 + Answer::SIZE) / 4];
 
-/// The memory that the port's SPI reads and writes, beside the receive buffers.
+/// The memory that the second port's SPI accesses, except the receive buffers.
 #[derive(Debug)]
 pub struct SpiMemory {
-    /// The bytes that a short transfer sends, or the command of a read.
+    /// The bytes of a short transfer, or the read command.
     pub tx: [u8; Short::MAX],
     /// The bytes that a short transfer receives.
     pub rx: [u8; Short::MAX],
-    /// The answer.
+    /// The answer that is sent.
     pub answer: AnswerMemory,
 }
 
 impl SpiMemory {
-    /// The memory before the first transfer.
+    /// Zeros, for the start.
     pub const NEW: Self = Self { tx: [0; Short::MAX], rx: [0; Short::MAX], answer: [0; (LEAD + 1 + Answer::SIZE) / 4] };
 }
 

@@ -1,4 +1,4 @@
-//! The state of the second port's tasks.
+//! Receives the hold's frames and answers them: the common code of the second port's three tasks.
 
 use core::borrow::{Borrow, BorrowMut};
 
@@ -16,28 +16,28 @@ use crate::{
     ReceiveMemory,
 };
 
-/// The hardware that the second port needs beside that of a port that only receives.
+/// The hardware that the second port needs in addition to that of a port that only receives.
 pub trait AnswerPort: FrontEndPort {
-    /// Returns the counter to which [`FrontEndPort::irq_edge_us`] belongs.
+    /// Returns the value of the timer that also gives [`FrontEndPort::irq_edge_us`], µs.
     fn now_us(&mut self) -> u32;
-    /// Puts the answer where the driver loads it from. Called while no load runs.
+    /// Copies the answer to where the driver loads it from. It is never called during a load.
     fn put(&mut self, answer: &Answer);
-    /// Sets up the transfer of [`Answerer::transmit`], and makes the timer start it at counter value `at_us`. The
-    /// transfer that the executor starts next is this one. Returns false, and starts nothing, if the instant is over.
+    /// Sets up the transfer of [`Answerer::transmit`], which the timer starts at counter value `at_us`. The executor's
+    /// next transfer is this one. Returns false, and starts nothing, if that instant has passed.
     fn arm(&mut self, at_us: u32) -> bool;
-    /// Makes sure that the timer starts no transfer within 71 minutes, unless one is armed.
+    /// Makes sure that the timer starts no transfer within the next 71 minutes, unless an answer is armed.
     fn park(&mut self);
     /// Masks every interrupt by which the front end calls a task.
     fn rest(&mut self);
-    /// Ends [`AnswerPort::rest`]. An interrupt that came meanwhile calls its task now.
+    /// Unmasks the interrupts that [`AnswerPort::rest`] masked. A pending one calls its task at once.
     fn wake(&mut self);
-    /// Returns the number of bytes of transfers that were started since the last call.
+    /// Returns the number of SPI bytes of the transfers that were started since the last call.
     fn take_carried(&mut self) -> u32;
-    /// Whether a transfer did not stop, so that its buffers may still be accessed.
+    /// Whether a transfer could not be stopped, so that the SPI may still access its buffers.
     fn is_broken(&self) -> bool;
 }
 
-/// Shares the buffers between functions of one task, without a lock.
+/// A resource of one task, accessed through the interface of a shared one but without a lock.
 struct Alone<'a, T>(&'a mut T);
 
 impl<T> Mutex for Alone<'_, T> {
@@ -48,16 +48,16 @@ impl<T> Mutex for Alone<'_, T> {
     }
 }
 
-/// What is known of a frame beside its bytes: the number of payload bytes.
+/// What is kept about a frame in addition to its bytes: the number of payload bytes.
 type Length = usize;
 
-/// The state of the second port's tasks.
+/// The driver, the receive buffers and the budget of the second port.
 #[derive(Debug)]
 pub struct Responder<P: AnswerPort> {
     executor: Executor<Answerer, P>,
     rotation: Rotation<P::Buffer, Length>,
     budget: Budget,
-    /// The counter of the port at the end of the frame that is answered.
+    /// The port's counter at the end of the last frame, µs.
     ended_us: u32,
 }
 
@@ -65,9 +65,9 @@ impl<P: AnswerPort> Responder<P>
 where
     P::Buffer: Memory + BorrowMut<ReceiveMemory>,
 {
-    /// Makes the first step of the front end's bring-up, and returns the state of the port's tasks.
+    /// Starts to bring up the front end.
     pub fn start(port: P, rotation: Rotation<P::Buffer, Length>, now_us: u32) -> Self {
-        // A frame is read after its end: it is short, and the port's work is then fewer calls.
+        // A frame is short, so it is read after its end, which takes fewer calls.
         let config = ListenerConfig { read_mode: ReadMode::StoreAndForward, ..ListenerConfig::new() };
         let mut executor = Executor::new(Answerer::new(config), port);
         let event = executor.resume();
@@ -76,7 +76,7 @@ where
         Self { executor, rotation, budget: Budget::new(now_us), ended_us: 0 }
     }
 
-    /// Carries the driver on as far as possible, if the budget allows it. `now_us` reads the DPR's µs counter.
+    /// Lets the driver work as far as possible, if the budget allows that. `now_us` reads the DPR's µs counter.
     pub fn serve(&mut self, shared: impl Mutex<T = Shared>, now_us: impl Fn() -> u32, telemetry: &HoldTelemetry) {
         if self.executor.port().is_broken() {
             return;
@@ -109,7 +109,7 @@ where
         telemetry.bytes_most.record_max(bytes);
     }
 
-    /// Serves every event of the driver. Returns `None` if the port broke.
+    /// Handles every event of the driver. Returns `None` if the port is broken.
     fn drive(
         &mut self,
         mut shared: impl Mutex<T = Shared>,
@@ -147,7 +147,7 @@ where
         }
     }
 
-    /// Judges a frame, and begins an answer if the frame is accepted.
+    /// Checks a frame, and begins an answer if the frame is accepted.
     fn frame(
         &mut self,
         len: usize,
@@ -171,7 +171,8 @@ where
         let begin = LEAD + st25r3916::listener::PAYLOAD_OFFSET;
         let payload = bytes.get(begin..begin + received.about()).unwrap_or(&[]);
         let judged = shared.lock(|shared| {
-            // The counter is read under the lock, so that it is never behind what the task `port` has read before.
+            // The lock comes first: otherwise the task `port` could have advanced the shared clock beyond this
+            // `now_us`.
             let (now_us, since_us) = (now_us(), executor.port().now_us().wrapping_sub(*ended_us));
             shared.receive(payload, now_us.wrapping_sub(since_us), now_us)
         });
@@ -189,7 +190,8 @@ where
         })
     }
 
-    /// Makes the timer start the answer whose first bytes are loaded, or gives the answer up if it is too late.
+    /// Makes the timer start the answer whose first bytes are loaded. If it is too late for that, the answer is
+    /// dropped.
     fn loaded(&mut self, telemetry: &HoldTelemetry) -> Option<AnswererEvent> {
         let port = self.executor.port();
         if !port.arm(self.ended_us.wrapping_add(ANSWER_US)) {
@@ -201,7 +203,7 @@ where
         self.executor.go_on(|_| Step::Transfer(Transfer::Short(Answerer::transmit())))
     }
 
-    /// Puts a clean buffer in place of the one in which a frame may have begun.
+    /// Replaces the buffer into which a frame may have been written by a clean one.
     fn replace_buffer(&mut self, telemetry: &HoldTelemetry) {
         let Self { executor, rotation, .. } = self;
         executor.port().exchange(|begun| {
@@ -211,7 +213,7 @@ where
         });
     }
 
-    /// Returns the port, for a test.
+    /// Returns the port, for tests.
     pub fn port(&mut self) -> &mut P {
         self.executor.port()
     }

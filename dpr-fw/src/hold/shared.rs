@@ -1,4 +1,4 @@
-//! What the tasks of the second port and the task `port` share: the hold's object, and the uplinks for the hold.
+//! The state that the second port's tasks share with the task `port`: the hold's object, and the uplinks for the hold.
 
 use bytemuck::{Pod, Zeroable};
 use profile::{
@@ -10,24 +10,24 @@ use profile::{
 
 use crate::link::Clock;
 
-/// The number of bytes of the hold's object in the image, which is none without the feature `hold`.
+/// The number of bytes of the hold's object in the image; 0 without the feature `hold`.
 pub const SHOWN: usize = if cfg!(feature = "hold") { HoldObject::SIZE } else { 0 };
 
-/// What the port task prepares for the next image: Port-Status and both uplinks, then the hold's object.
+/// What the task `port` prepares for the next image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Area {
     /// Port-Status and both uplinks.
     pub port: PortArea,
-    /// The hold's object, or zeros.
+    /// The hold's object, or zeros if it is not valid.
     pub hold: [u8; SHOWN],
 }
 
 impl Area {
-    /// Zeros, in which no object verifies.
+    /// Zeros. No object in them has a right CRC.
     pub const EMPTY: Self = Self { port: PortArea::EMPTY, hold: [0; SHOWN] };
 
-    /// Copies the area to its place in `map`, which is one for `N` receivers.
+    /// Copies the area into `map`, which has the objects of `N` receivers.
     pub fn place<const N: usize>(&self, writer: Writer<profile::criticality::Dpr>, map: &mut [u8]) {
         if let Some(place) = map::port_area_mut::<_, N>(writer, map) {
             *place = *self.port.as_bytes();
@@ -40,20 +40,19 @@ impl Area {
     }
 }
 
-/// An uplink that the hold gets, with the instant at which it was stored, µs since start.
+/// An uplink for the hold, and the instant at which the DPR stored it, µs since the start.
 #[derive(Clone, Copy, Debug)]
 struct Kept {
     uplink: Uplink,
     stored_us: Option<u64>,
 }
 
-/// The state that the tasks of the second port share with the task `port`.
+/// The hold's object and the uplinks for the hold.
 #[derive(Clone, Debug)]
 pub struct Shared {
     clock: Clock,
     intake: Intake,
     object: HoldObject,
-    /// The uplinks of the base station and of the flight controller.
     kept: [Kept; 2],
 }
 
@@ -64,7 +63,7 @@ impl Default for Shared {
 }
 
 impl Shared {
-    /// Returns the state before anything has come in.
+    /// Returns the state at the start, without an object or an uplink.
     #[must_use]
     pub fn new() -> Self {
         Self {
@@ -75,7 +74,8 @@ impl Shared {
         }
     }
 
-    /// Judges the payload of a frame that ended when the µs counter was at `ended_us`; it is at `now_us`.
+    /// Checks the payload of a frame that ended at `ended_us` of the µs counter, and keeps its object if it is
+    /// accepted. `now_us` is the present value of that counter.
     ///
     /// # Errors
     ///
@@ -86,7 +86,7 @@ impl Shared {
         Ok(())
     }
 
-    /// Puts the hold's object into `place` as the image shows it at `now_us`, or zeros. Returns the hold's bits of
+    /// Copies the hold's object into `place` if it is valid at `now_us`, otherwise zeros. Returns the hold's bits of
     /// Port-Status.
     pub fn show(&mut self, now_us: u32, place: &mut [u8; SHOWN]) -> PortStatusBits {
         self.clock.advance(now_us);
@@ -97,7 +97,7 @@ impl Shared {
         self.intake.port_status(PortStatusBits::new(), self.clock.us())
     }
 
-    /// Keeps an uplink of role `W`, which was stored `stored_us` µs after the DPR's start, for the hold.
+    /// Keeps an uplink of role `W` for the hold. It was stored `stored_us` µs after the DPR's start.
     pub fn keep<W: WritesUplink>(&mut self, uplink: &Uplink, stored_us: Option<u64>) {
         let [base_station, flight_controller] = &mut self.kept;
         let kept = if W::INDEX == 0 { base_station } else { flight_controller };
@@ -106,8 +106,8 @@ impl Shared {
         }
     }
 
-    /// Returns the answer at `now_us`: each uplink as it was stored, or zeros if it was stored too long ago. It does
-    /// not show whether they are intact.
+    /// Returns the answer at `now_us`: each uplink, or zeros if it was stored too long ago. Their CRCs are not checked
+    /// here.
     #[must_use]
     pub fn answer(&mut self, now_us: u32) -> Answer {
         self.clock.advance(now_us);
@@ -127,7 +127,7 @@ impl Shared {
     }
 }
 
-/// Returns `answer` with zeros in place of an uplink that is not intact.
+/// Replaces each uplink in `answer` that is not intact by zeros.
 pub(super) fn intact(mut answer: Answer) -> Answer {
     if answer.uplink::<BaseStation>().is_err() {
         answer.set_uplink(Writer::<BaseStation>::claim(), Uplink::EMPTY);

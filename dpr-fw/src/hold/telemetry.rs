@@ -1,4 +1,4 @@
-//! The counters of the second port, which a debugger or the bench reads from RAM by symbol.
+//! The counters of the second port. A debugger or the bench reads them from RAM by their symbol.
 
 use crate::triple::Scrubbed;
 
@@ -14,19 +14,19 @@ firmware_common::counters! {
         rejected,
         /// Answers that were sent.
         answers,
-        /// Answers whose first bytes were not loaded in time; they were given up.
+        /// Answers that were dropped because their first bytes were not loaded in time.
         answers_missed,
-        /// Answers that were given up because the field went or another frame began.
+        /// Answers that were dropped because the hold's field ended or another frame began.
         answers_overtaken,
-        /// Faults of the front end, and frames that began but were not delivered.
+        /// Faults of the front end, and frames that began but could not be read.
         faults,
         /// How often the front end began to listen after a bring-up.
         bring_ups,
-        /// Windows in which the budget was used up.
+        /// Windows of the [`Budget`](super::Budget) in which it was used up.
         rests,
-        /// Frames that were dropped because no clean buffer was at hand.
+        /// Frames that were dropped because no cleared buffer was left.
         overruns,
-        /// Buffers that were scrubbed.
+        /// Buffers that were scrubbed, that is cleared and tested for stuck bits.
         scrubs,
         /// Stuck bits found by scrubs.
         scrub_faults,
@@ -38,9 +38,9 @@ firmware_common::counters! {
         calls_most,
         /// The most bytes on the port's SPI in a window of the budget.
         bytes_most,
-        /// The longest run of a task of the port, processor cycles, including what preempted it.
+        /// The longest run of a task of the port, processor cycles, including the tasks that preempted it.
         worst_cycles,
-        /// The longest time from a frame's end until the answer waited for its instant, µs.
+        /// The longest time from the end of a frame until the answer was armed, µs.
         armed_worst_us,
     }
 }

@@ -1,4 +1,4 @@
-//! Tests what the second port decides: how much it works, what the image shows of the hold, and what the hold gets.
+//! Tests the second port's budget, what the image has of the hold, and the answers to the hold.
 
 use profile::{
     criticality::{ActiveLoad, BaseStation, Dpr, FlightController, Writer},
@@ -22,7 +22,7 @@ fn object(timestamp: u32) -> HoldStatus {
     HoldStatus::seal(Writer::<ActiveLoad>::claim(), &HoldValues::absent(timestamp))
 }
 
-/// Makes calls every `every_us` from `from_us` on, up to `until_us`. Returns how often the port worked.
+/// Calls the budget every `every_us` from `from_us` to `until_us`. Returns for how many calls the port may work.
 fn flood(budget: &mut Budget, from_us: u32, until_us: u32, every_us: usize) -> u32 {
     let works = |at_us| matches!(budget.call(at_us), Turn::Work | Turn::Begin { .. });
     (from_us..until_us).step_by(every_us).map(works).map(u32::from).sum()
@@ -90,7 +90,7 @@ fn the_image_shows_the_object_of_the_hold_for_300_ms() {
     shared.show(1_000, &mut place);
     assert_eq!(place, [0; SHOWN]);
     shared.receive(object(100).as_bytes(), 9_000, 9_100).unwrap();
-    // A frame that is rejected leaves the object as it is.
+    // A rejected frame must not change the object.
     shared.receive(&[0x5A; 64], 20_000, 20_000).unwrap_err();
     shared.show(308_999, &mut place);
     assert_eq!(&place, object(100).as_bytes());
@@ -112,7 +112,7 @@ fn the_hold_gets_each_uplink_as_it_was_stored_for_a_second() {
     shared.keep::<BaseStation>(&base_station, Some(STORED_US));
     assert_eq!(parts(&mut shared, 2_000_100), (Some(base_station), None));
     shared.keep::<FlightController>(&flight_controller, Some(STORED_US + 10));
-    // The map shows an uplink for 500 ms; then its store is emptied, which does not concern the hold.
+    // The DPR empties the store of an uplink after 500 ms. The copy for the hold must stay.
     shared.keep::<BaseStation>(&Uplink::EMPTY, Some(STORED_US));
     let last_us = 2_000_000 + 1_000 * COMMAND_AGE_MS;
     assert_eq!(parts(&mut shared, last_us), (Some(base_station), Some(flight_controller)));
@@ -131,7 +131,7 @@ fn an_uplink_that_memory_has_damaged_becomes_zeros() {
     let answer = intact(shared.answer(1));
     assert_eq!(answer.as_bytes()[..64], [0; 64]);
     assert_eq!(answer.as_bytes()[64..], *good.as_bytes());
-    // An intact uplink in the place of the other writer is none of that place.
+    // An intact uplink of the wrong writer must not count as intact.
     shared.keep::<FlightController>(&Uplink::seal(BASE, &VALUES), Some(2));
     assert_eq!(intact(shared.answer(3)), profile::hold::Answer::EMPTY);
 }

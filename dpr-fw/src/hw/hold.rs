@@ -1,15 +1,16 @@
-//! The second port's registers: SPIM2, EGU3 and TIMER4, by which the hold's front end is reached.
+//! Drives the hold's front end with SPIM2, EGU3 and TIMER4.
 //!
-//! The IRQ's edge calls the task `hold_irq` by GPIOTE without an interrupt, PPI and EGU3. So the front end cannot call
-//! a task of HORUS's, and once EGU3's interrupt is masked it calls none.
+//! The edge of the front end's IRQ raises no GPIOTE interrupt. It triggers EGU3 through PPI, and the interrupt of EGU3
+//! calls the task `hold_irq`. So this front end calls no task of HORUS's port, and while the interrupt of EGU3 is
+//! masked, its IRQ calls no task at all.
 //!
-//! An answer starts at a fixed instant: the transmit command is set up in SPIM2 with the chip selected, and a compare
-//! of TIMER4 starts the transfer through PPI. The chip carries out a command when chip select rises; the transfer's end
-//! lets it rise, also through PPI. So no task comes between. The tasks cannot reach the PPI, whose channels are always
-//! enabled; so the compare register holds a past instant except while an answer is armed ([`AnswerPort::park`]).
+//! An answer starts at a fixed instant without a task. The transmit command is set up in SPIM2 with the chip selected;
+//! a compare of TIMER4 then starts the transfer through PPI. The end of the transfer raises chip select, also through
+//! PPI, and the chip executes the command. The PPI channels are always enabled, because tasks have no access to the
+//! PPI. So the compare register holds an instant in the past, except while an answer is armed ([`AnswerPort::park`]).
 //!
-//! `tests/interleavings/hold.rs` makes the same register accesses in the same order on a model, and every order of
-//! events is explored there. Whoever changes this file has to change that file, too.
+//! `tests/interleavings/hold.rs` makes the same register accesses on a model and explores every order of events. A
+//! change of this file needs the same change there.
 
 use core::convert::Infallible;
 
@@ -30,14 +31,10 @@ use super::{
 };
 use crate::board::{HOLD_ANSWER_COMPARE, HOLD_SELECT_CHANNEL, NOW_CAPTURE, WAIT_COMPARE};
 
-/// The hold's front end.
 pub(crate) struct Hold;
 
-/// The port of the hold's front end.
 pub(crate) type HoldPort = Port<Hold>;
-/// The state of the tasks of the second port.
 pub(crate) type HoldResponder = Responder<HoldPort>;
-/// The state that they share with the task `port`.
 pub(crate) type HoldShared = Shared;
 
 impl Wiring for Hold {
@@ -57,11 +54,11 @@ impl Wiring for Hold {
     }
 }
 
-/// Sets the compare that starts an answer to an instant that has just passed. The counter comes back to it after 71
+/// Sets the compare that starts an answer to an instant that has just passed. The counter reaches it again after 71
 /// minutes.
 fn park() {
-    // SAFETY: the pointer to the peripheral is valid for ever; only the hold's tasks, which do not interrupt each other,
-    // use this register.
+    // SAFETY: the pointer to the peripheral is valid for ever. Only the hold's tasks use this register, and they do not
+    // interrupt each other.
     let timer = unsafe { &*pac::TIMER4::ptr() };
     // SAFETY: the compare register takes any value.
     timer.cc[HOLD_ANSWER_COMPARE].write(|w| unsafe { w.bits(Hold::now_us().wrapping_sub(1)) });
@@ -75,7 +72,7 @@ pub(super) fn stop() {
     timer.tasks_stop.write(|w| unsafe { w.bits(1) });
 }
 
-/// Chip select of the hold's front end, which GPIOTE drives. It also rises by itself at the end of a transfer.
+/// Chip select of the hold's front end, which GPIOTE drives. At the end of a transfer PPI also raises it.
 pub(crate) struct HoldSelect;
 
 impl ErrorType for HoldSelect {
@@ -100,10 +97,9 @@ impl OutputPin for HoldSelect {
     }
 }
 
-/// The answer that is sent, and the instant of its start.
 pub(crate) struct Answers {
     memory: &'static mut AnswerMemory,
-    /// The counter of TIMER4 at which the transfer that is set up starts.
+    /// The value of TIMER4 at which the armed transfer starts; `None` without one.
     armed: Option<u32>,
     carried: u32,
     broken: bool,
@@ -118,7 +114,8 @@ impl Answers {
 impl Sends for Answers {
     fn load(&mut self, offset: usize, len: usize) -> Option<&[u8]> {
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(self.memory.as_mut_slice());
-        // The command overwrites a byte that was loaded before, or that stands before the answer.
+        // The load command overwrites the byte before the data: one that was loaded before, or the first byte of the
+        // memory.
         let place = bytes.get_mut(LEAD + offset..LEAD + offset + 1 + len)?;
         place[0] = command::FIFO_LOAD;
         Some(place)
@@ -167,7 +164,7 @@ impl AnswerPort for HoldPort {
         // SAFETY: the compare register takes any value.
         self.timer.cc[HOLD_ANSWER_COMPARE].write(|w| unsafe { w.bits(at_us) });
         if is_passed(0) && self.timer.events_compare[HOLD_ANSWER_COMPARE].read().bits() == 0 {
-            // Another task was longer than was left, and the counter has passed the value before it was set.
+            // A preemption was longer than the time that was left: the counter had passed the value before it was set.
             park();
             self.finish();
             return false;
@@ -207,7 +204,6 @@ impl AnswerPort for HoldPort {
     }
 }
 
-/// The interrupt of the IRQ pin of the hold's front end.
 pub(crate) struct HoldEdge(pac::EGU3);
 
 impl HoldEdge {
@@ -216,7 +212,7 @@ impl HoldEdge {
         Self(egu)
     }
 
-    /// Clears the interrupt. The driver's state machine then reads the pin's level, not the edge.
+    /// Clears the interrupt. No edge is lost by that, because the driver reads the level of the pin.
     pub(crate) fn clear(&mut self) {
         take_event!(self.0.events_triggered[0]);
     }

@@ -1,12 +1,12 @@
-//! The register accesses. This firmware has `unsafe` code only in the files of this module.
+//! Accesses the registers. Only the files of this module have `unsafe` code in this firmware.
 //!
-//! | file | what |
+//! | file | content |
 //! |---|---|
-//! | `mod.rs` | start-up: debug port, program check, supply, clocks, all the files below; the safe state |
-//! | `time.rs` | the deadline of the next frame |
-//! | `integrity.rs` | the image that the SSI streams, as the idle loop accesses it |
-//! | `rf.rs` | the front end's SPI, interrupt pin and timer |
-//! | `hold.rs` | the second front end (feature `hold`) |
+//! | `mod.rs` | start-up: debug port, program check, supply, clocks, all files below; the safe state |
+//! | `time.rs` | the timer for the deadline of the next frame |
+//! | `integrity.rs` | reads of the streamed image, for the idle loop |
+//! | `rf.rs` | SPI, interrupt pin and timer of a front end |
+//! | `hold.rs` | what only the hold's front end has (feature `hold`) |
 //! | `ssi.rs` | the SSI, FRESH and the expiry of the image |
 //!
 //! # Design
@@ -21,31 +21,30 @@
 //!
 //! The following anomalies of nRF52840 revisions 1 to 3 concern the peripherals that this firmware uses:
 //!
-//! | no. | what | measure |
+//! | no. | what is wrong | consequence or measure |
 //! |---|---|---|
 //! | 36 | CLOCK: some registers survive a reset | the event of the HFXO is cleared before it is awaited |
-//! | 78 | TIMER: high current after STOP | only TIMER3 stops, after each pause of the SSI; only current is lost |
+//! | 78 | TIMER: high current after STOP | harmless; TIMER3 stops after each pause, TIMER4 in the safe state |
 //! | 87 | CPU: FPU exceptions wake the processor | the FPU computes nothing here; an extra wake-up does no harm |
 //! | 136 | RESETREAS: bits set that should not be | if the pin's bit is set, the others are ignored |
 //! | 155 | GPIOTE: an edge may be reported twice | the interrupt reads the pin's level ([`dpr_fw::rf`]) |
 //! | 173, 210 | GPIO: LATCH is slow, and wrong | LATCH is not used |
 //! | 176 | a flash erase through CTRL-AP fails with the watchdog running | the flashing tool must halt the part |
-//! | 195, 198 | SPIM3 draws current when disabled and can corrupt what it sends | SPIM0 and SPIS1 are used |
+//! | 195, 198 | SPIM3 draws current when disabled and can corrupt what it sends | SPIM3 is not used |
 //! | 213 | WDT: configuration lost in System OFF | System OFF is not used |
 //! | 241 | SAADC: more current after it was used | the SAADC is not used |
 //! | 242 | NVMC: an erase or write hangs the processor if POFWARN comes in it | the firmware writes no flash |
 //! | 246 | extra current in idle after EasyDMA | only current is lost |
 //!
 //! Anomaly 241 is described by embassy-rs/embassy (`embassy-nrf`, change log, SAADC), and 242 by Zephyr
-//! (`soc_flash_nrf.c`, `suspend_pofwarn`). No public source at hand describes 259, 266 and 270; Nordic's errata sheet
-//! of the revision that is fitted has to be read for them before a board flies.
-//!
-//! Anomalies 58 (SPIM, one byte too many) and 156 (GPIOTE CLR tasks) concern only Engineering A.
+//! (`soc_flash_nrf.c`, `suspend_pofwarn`). No public source describes 259, 266 and 270: before a flight, Nordic's
+//! errata sheet of the fitted revision must be read for them. Anomalies 58 (SPIM, one byte too many) and 156 (GPIOTE
+//! CLR tasks) concern only the revision Engineering A.
 #![allow(unsafe_code)]
 
 #[cfg(feature = "hold")]
 mod hold;
-/// RTIC wants the types of all resources, so without the feature those of the second port are nothing.
+/// RTIC needs types for all resources, so without the feature the second port's types are empty.
 #[cfg(not(feature = "hold"))]
 mod hold {
     pub(crate) type HoldEdge = ();
@@ -97,18 +96,16 @@ pub(crate) static DPR_TELEMETRY: Telemetry = Telemetry::new();
 #[no_mangle]
 pub(crate) static DPR_HOLD_TELEMETRY: dpr_fw::hold::HoldTelemetry = dpr_fw::hold::HoldTelemetry::new();
 
-/// A receive buffer of the RFID side in static memory.
 pub(crate) type ReceiveBuffer = &'static mut ReceiveMemory;
 pub(crate) type ImageBuffer = &'static mut ImageMemory;
 pub(crate) type AreaBuffer = &'static mut ReceiveArea;
 
-/// The hardware that the tasks own once it is set up.
 pub(crate) struct Board {
     pub(crate) rf: RfPort,
     pub(crate) rf_edge: RfEdge,
     pub(crate) ssi: SsiPort,
     pub(crate) deadline: Deadline,
-    /// The second front end, and the IRQ edge of it.
+    /// The port and the IRQ edge of the hold's front end.
     #[cfg(feature = "hold")]
     pub(crate) hold: (hold::HoldPort, HoldEdge),
     /// The watchdog; `None` if something else has configured the watchdog, which then has to feed it.
@@ -119,16 +116,13 @@ pub(crate) struct Board {
 
 pub(crate) struct DmaMemory {
     pub(crate) spi_tx: &'static mut [u8; Short::MAX],
-    /// The bytes that SPIM0 receives in a short transfer.
     pub(crate) spi_rx: &'static mut [u8; Short::MAX],
     /// The area into which the SSI receives, and the queues that carry the areas to the port task.
     pub(crate) ssi_rx: (Filling<AreaBuffer>, SsiEnd<'static, AreaBuffer>),
-    /// The memory of the second port.
     #[cfg(feature = "hold")]
     pub(crate) hold: HoldDma,
 }
 
-/// The static memory that the DMA of the second port uses.
 #[cfg(feature = "hold")]
 pub(crate) struct HoldDma {
     pub(crate) spi: &'static mut dpr_fw::hold::SpiMemory,
@@ -143,10 +137,10 @@ pub(crate) fn init(
     memory: DmaMemory,
     receive: Filling<ReceiveBuffer>,
 ) -> Board {
-    // The debug port is opened first, so that a debugger reaches a board whose firmware stops early.
+    // The debug port is opened first, so that a debugger can connect even if the firmware stops early.
     let debug_port = nrf52840::open_debug_port(&p.FICR, &p.UICR);
 
-    // The watchdog was started by the first instructions (`firmware_common::nrf52840`), or before a soft reset or a lockup.
+    // The first instructions have started the watchdog, or it still runs from before a soft reset or a lockup.
     let watchdog = Watchdog::try_recover::<One>(p.WDT).ok().map(|parts| parts.handles.0);
 
     let reset_reason = nrf52840::reset_reason();
@@ -228,7 +222,7 @@ fn POWER_CLOCK() -> ! {
 /// Takes the SSI's buffers back, so that the flight controller reads 0xFF. A transaction under way still ends with its
 /// image. Before the SSI is set up, every transaction reads 0xFF anyway.
 pub(crate) fn safe_state() {
-    // An answer to the hold that has not begun is not sent.
+    // From here on no timer starts an answer to the hold.
     #[cfg(feature = "hold")]
     hold::stop();
     if SsiDoorbell::is_enabled() {

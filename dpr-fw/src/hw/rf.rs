@@ -1,6 +1,6 @@
-//! A front end's registers: the SPIM, chip select, the IRQ pin, and the driver's timer.
+//! Drives a front end's SPI (a SPIM), chip select, IRQ pin and timer.
 //!
-//! HORUS's front end and that of the hold have one [`Port`] each, which differ in their [`Wiring`].
+//! HORUS's front end and the hold's front end have one [`Port`] each; [`Wiring`] says in what the two differ.
 
 use core::{
     convert::Infallible,
@@ -28,7 +28,7 @@ use st25r3916::{
 use super::{now_us, take_event, time::SHORTEST_US, ReceiveBuffer};
 use crate::board::{call, RfPins, EDGE_CAPTURE, WAIT_COMPARE};
 
-/// The number of polls within which a SPIM must have stopped; it stops at the end of the byte under way, within 1 µs.
+/// The most polls until a SPIM has stopped. A SPIM stops at the end of the present byte, so within 1 µs.
 const STOP_POLLS: u32 = 1_000;
 
 pub(crate) struct RfEdge(Gpiote);
@@ -38,47 +38,41 @@ impl RfEdge {
         Self(gpiote)
     }
 
-    /// Clears the interrupt. The driver then reads the pin's level, not the edge.
+    /// Clears the interrupt. No edge is lost by that, because the driver reads the level of the pin.
     pub(crate) fn clear(&mut self) {
         let channel = self.0.channel0();
         take_event!(*channel.event());
     }
 }
 
-/// What a front end is wired to.
 pub(crate) trait Wiring {
-    /// The SPIM that the front end is on.
     type Spim: spim::Instance;
-    /// The timer of the driver's waits and of the IRQ's edge, which counts µs.
+    /// The timer for the driver's delays and for the time of the IRQ's edge, which counts µs.
     type Timer: timer::Instance;
-    /// Chip select.
     type Select: OutputPin<Error = Infallible>;
-    /// What the front end sends.
     type Sends: Sends;
-    /// The task that the timer calls.
     const TIMER_TASK: Task;
-    /// Returns the timer's counter.
     fn now_us() -> u32;
 }
 
-/// What a front end sends over the air.
+/// The bytes that a front end sends over the air, and the timer that may start their transfer.
 pub(crate) trait Sends {
-    /// Puts the command of a FIFO load before these bytes of what is sent, and returns command and bytes; `None` if
-    /// there are no such bytes.
+    /// Puts the FIFO load command before the `len` bytes at `offset` of the bytes to send. Returns the command with
+    /// these bytes, or `None` if they do not exist.
     fn load(&mut self, offset: usize, len: usize) -> Option<&[u8]>;
-    /// Whether a timer starts the present transfer, and not the port. The transfer is then already set up.
+    /// Whether a timer, not the port, starts the present transfer, which is then already set up.
     fn is_armed(&self) -> bool;
-    /// Takes note of a transfer of so many bytes.
+    /// Counts the bytes of a transfer.
     fn carries(&mut self, bytes: usize);
-    /// Takes note that the present transfer is over or is about to be stopped, so that no timer may start it any more.
+    /// Is called when the present transfer has ended or is about to be stopped. No timer may start it afterwards.
     fn disarm(&mut self);
-    /// Returns the time limit of a transfer that has `us` from its start, counted from `now_us` on.
+    /// Returns the time limit, counted from `now_us`, of a transfer that may take `us` from its start.
     fn limit_us(&self, us: u32, now_us: u32) -> u32;
-    /// Called if the SPIM does not stop. It may go on writing to its buffers, which are never given away then.
+    /// Is called if the SPIM does not stop. Its buffers are never released then, because it may still write to them.
     fn does_not_stop(&mut self);
 }
 
-/// HORUS's front end, which sends nothing.
+/// The wiring of HORUS's front end, which sends nothing.
 pub(crate) struct Horus;
 
 impl Wiring for Horus {
@@ -106,19 +100,18 @@ impl Sends for () {
         us
     }
     fn does_not_stop(&mut self) {
-        // A peripheral that never stops would overwrite a frame, so the DPR enters the safe state.
+        // A SPIM that never stops could overwrite a frame, so the DPR enters the safe state.
         panic!("SPIM0 does not stop");
     }
 }
 
-/// The SPI transfer with the front end that runs or has ended last.
 #[derive(Clone, Copy)]
 enum Transfer {
     None,
     Short {
         len: usize,
     },
-    /// A read of the FIFO. It overwrites the byte of the buffer before `offset`, whose value is `kept`.
+    /// A read of the FIFO. It overwrites the byte before `offset` in the buffer, which had the value `kept`.
     Read {
         offset: usize,
         len: usize,
@@ -126,7 +119,7 @@ enum Transfer {
     },
 }
 
-/// SPIM, chip select, IRQ pin and timer compare 0 of a front end, with the receive buffer that is being written.
+/// SPIM, chip select, IRQ pin and timer of a front end, with the receive buffer that is being written.
 pub(crate) struct Port<W: Wiring> {
     pub(super) spim: W::Spim,
     pub(super) timer: W::Timer,
@@ -141,7 +134,6 @@ pub(crate) struct Port<W: Wiring> {
     timer_us: u32,
 }
 
-/// The port of HORUS's front end.
 pub(crate) type RfPort = Port<Horus>;
 
 impl<W: Wiring> Port<W> {
@@ -184,7 +176,8 @@ impl<W: Wiring> Port<W> {
         }
     }
 
-    /// Sets the SPIM up to send `send` bytes from `from` and receive `receive` bytes at `into`, and selects the chip.
+    /// Sets the SPIM up to send `send` bytes from `from` and to receive `receive` bytes at `into`, and selects the
+    /// chip.
     ///
     /// # Safety
     ///
@@ -202,12 +195,11 @@ impl<W: Wiring> Port<W> {
         self.spim.events_end.reset();
         self.sends.carries(send.max(receive));
         self.running = true;
-        // All writes to the buffers must be in memory before the DMA reads or overwrites it.
+        // The fence lets no write to a buffer move behind the start of the DMA.
         compiler_fence(Ordering::SeqCst);
         let Ok(()) = self.pins.select.set_low();
     }
 
-    /// Sets up a short transfer, and selects the chip.
     pub(super) fn set_up_short(&mut self, short: &Short) {
         let len = short.bytes().len();
         *self.tx = *short.padded();
@@ -218,13 +210,12 @@ impl<W: Wiring> Port<W> {
         unsafe { self.set_up(from, len, into, len) };
     }
 
-    /// Starts the transfer that was set up.
     fn start(&mut self) {
         // SAFETY: 1 is a valid value of a task register.
         self.spim.tasks_start.write(|w| unsafe { w.bits(1) });
     }
 
-    /// Ends a transfer that is complete or was stopped: its buffers belong to the processor again.
+    /// Ends a transfer that is complete or was stopped. Its buffers then belong to the processor again.
     pub(super) fn finish(&mut self) {
         self.sends.disarm();
         let Ok(()) = self.pins.select.set_high();
@@ -260,7 +251,7 @@ impl<W: Wiring> executor::Port for Port<W> {
         let Some(receive) = &mut self.receive else { return false };
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(receive.memory().as_mut_slice());
         let place = LEAD + offset - 1;
-        // The slice has one byte more than the data, for the byte that is received while the command is sent.
+        // The slice has one byte before the data, for the byte that the chip returns under the command.
         let into = &mut bytes[place..place + 1 + len];
         self.transfer = Transfer::Read { offset, len, kept: into[0] };
         self.tx[0] = command::FIFO_READ;
@@ -298,7 +289,7 @@ impl<W: Wiring> executor::Port for Port<W> {
         // SAFETY: 1 is a valid value of a task register.
         self.spim.tasks_stop.write(|w| unsafe { w.bits(1) });
         let stopped = (0..STOP_POLLS).any(|_| self.spim.events_stopped.read().bits() != 0);
-        // Until STOPPED the peripheral may still write to the buffers (PS v1.7, 6.25, "Low power": wait for it).
+        // Before STOPPED the peripheral may still write to the buffers (PS v1.7, 6.25, "Low power").
         if !stopped {
             self.sends.does_not_stop();
             return;
@@ -322,7 +313,7 @@ impl<W: Wiring> executor::Port for Port<W> {
         timer.cc[WAIT_COMPARE].write(|w| unsafe { w.bits(self.timer_from.wrapping_add(us)) });
         timer.events_compare[WAIT_COMPARE].reset();
         if W::now_us().wrapping_sub(self.timer_from) >= us {
-            // If the task was preempted for long, the counter has passed the value already, so the task is called now.
+            // The counter may have passed the compare value already if the task was preempted for long.
             call(W::TIMER_TASK);
         }
     }

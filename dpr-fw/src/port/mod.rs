@@ -77,7 +77,6 @@ pub struct Diagnostics {
     pub hold: PortStatusBits,
 }
 
-/// The stored uplink of one writer.
 #[derive(Clone, Copy, Debug)]
 struct Slot<W> {
     timestamps: Timestamps,

@@ -28,7 +28,6 @@ fn command(timestamp: u32, command: Command) -> CommandObject {
     CommandObject::seal(FC, timestamp, command)
 }
 
-/// Returns `bytes` with a new CRC at their end.
 fn sealed(mut bytes: [u8; 64]) -> [u8; 64] {
     let crc = profile::crc::frame(&bytes[..60]);
     bytes[60..].copy_from_slice(&crc.to_be_bytes());

@@ -1,42 +1,41 @@
-//! Explores the registers of the second port: SPIM2, the compare of TIMER4 that starts an answer, chip select, and the
-//! interrupts that a rest masks.
+//! Explores every order of events at the registers of the second port: SPIM2, the compare of TIMER4 that starts an
+//! answer, chip select, and the interrupts that are masked while the port rests (its budget is used up).
 //!
-//! The hold's tasks have one priority, and every other task is above them. So at each register access any time may pass
-//! and the hardware may do anything. [`Port`] makes the accesses of `hw/hold.rs` and `hw/rf.rs` in the same order;
-//! plain code stands in for the driver, which reads a frame, loads the answer's first bytes, arms the answer, and loads
-//! the rest. A time limit may run out at any time, also where it is longer than what it limits.
+//! All other tasks have higher priorities than the hold's tasks. So at each register access any time may pass, and the
+//! hardware may do anything. [`Port`] makes the accesses of `hw/hold.rs` and `hw/rf.rs` in the same order. Plain code
+//! replaces the driver: it reads a frame, loads the answer's first bytes, arms the answer and loads the rest. A time
+//! limit may expire at any time, even before the operation that it limits could have ended.
 
 use std::{cell::RefCell, rc::Rc};
 
 use super::explorer::{digest, holds, Counterexample, Explored, Explorer};
 
-/// The counter at which time ends, and the time from the IRQ's edge to the answer.
+/// The counter value at which the exploration ends; also the time from the IRQ's edge to the answer.
 const LAST: u8 = 6;
 const ANSWER: u8 = 3;
-/// The shortest time to a compare that is set.
+/// The shortest time from now to a new compare value.
 const SHORTEST: u8 = 1;
 
-/// A rule that is broken on purpose.
+/// A rule that a test breaks on purpose, so that the exploration must find a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mutation {
     None,
-    /// The compare is set without a check whether its instant has passed meanwhile.
+    /// The compare is set without a check whether its value has passed meanwhile.
     PassedNotChecked,
     /// The compare is set before the transfer is set up.
     ComparedBeforeSetUp,
     /// The compare's event is cleared after the compare is set.
     EventClearedLast,
-    /// A transfer is stopped although its compare is still ahead.
+    /// A transfer is stopped although the compare that starts it is still ahead.
     AbortNotParked,
-    /// The task deselects the chip, and not the end of the transfer.
+    /// The task deselects the chip, instead of the end of the transfer.
     DeselectedByTask,
-    /// A rest leaves the IRQ's edge unmasked.
+    /// The IRQ's edge stays unmasked while the port rests.
     EdgeNotMasked,
-    /// A rest ends without unmasking the end of a transfer.
+    /// After a rest the end of a transfer stays masked.
     EndStaysMasked,
 }
 
-/// A transfer by what it does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Kind {
     Frame,
@@ -45,7 +44,7 @@ enum Kind {
     Rest,
 }
 
-/// The hardware. A masked event calls no task.
+/// The state of the hardware. A masked event calls no task.
 #[derive(Clone, Debug, Default, Hash)]
 struct Hardware {
     now: u8,
@@ -66,9 +65,9 @@ struct Hardware {
     time_outs: u8,
     check_ins: u8,
     rests: u8,
-    /// The transfer that was clocked since the chip was selected, and when it ended.
+    /// The transfer whose bytes were clocked since the chip was selected, and the time of its end.
     clocked: Option<(Kind, u8)>,
-    /// The instant for which an answer is armed.
+    /// The time for which an answer is armed.
     armed_for: Option<u8>,
 }
 
@@ -82,7 +81,7 @@ enum Step {
     BudgetSpent,
 }
 
-/// The driver's state between two calls of the task.
+/// The state of the driver between two calls of the task.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 enum Driver {
     #[default]
@@ -96,7 +95,7 @@ struct Board {
     hw: RefCell<Hardware>,
     driver: RefCell<Driver>,
     resting: RefCell<bool>,
-    /// A digest of what the running task has done and seen; 0 while none runs.
+    /// A hash of all that the running task has done and read; 0 while no task runs.
     seen: RefCell<u64>,
     wants_rest: RefCell<bool>,
     called_to_check_in: RefCell<bool>,
@@ -166,7 +165,7 @@ impl Board {
         }
     }
 
-    /// Chip select rises: the chip carries out a command that was clocked in.
+    /// Raises chip select, at which the chip executes the command that was clocked in.
     fn deselect(&self, hw: &mut Hardware) {
         hw.selected = false;
         if let Some((Kind::Command, ended_at)) = hw.clocked.take() {
@@ -175,7 +174,7 @@ impl Board {
         }
     }
 
-    /// A register access of the task: anything may happen before it.
+    /// Makes a register access of the task. Anything may happen before the access.
     fn access<T: std::hash::Hash>(&self, name: &'static str, act: impl FnOnce(&mut Hardware) -> T) -> T {
         loop {
             let steps = self.steps();
@@ -222,7 +221,7 @@ impl Board {
             self.happen(steps[taken]);
         }
         if *self.resting.borrow() {
-            // The first call to check in after the window's end wakes the port, and serves what waits.
+            // After the window of the budget, the first call to check in ends the rest and handles pending events.
             *self.wants_rest.borrow_mut() = false;
             *self.called_to_check_in.borrow_mut() = true;
             self.wake();
@@ -261,7 +260,7 @@ impl Board {
         hw.end_masked &= self.mutation == Mutation::EndStaysMasked;
     }
 
-    /// What the executor and the machine do: at most one of the port's operations for each cause.
+    /// Does what executor and machine would do: at most one operation of the port for each event.
     fn drive(&self) {
         let driver = *self.driver.borrow();
         match driver {
@@ -274,7 +273,7 @@ impl Board {
             }
             Driver::Waits(kind) if self.ended() => match kind {
                 Kind::Frame => {
-                    // The status was read, so the pin is low.
+                    // The pin goes low when the status has been read.
                     self.hw.borrow_mut().irq = false;
                     self.start(Kind::Head);
                 }
@@ -291,7 +290,7 @@ impl Board {
             Driver::Waits(_) => {
                 if self.access("takes the time-out", |hw| std::mem::take(&mut hw.time_out)) {
                     self.abort();
-                    // The machine begins anew, and reads what waits.
+                    // The machine starts again and reads the status.
                     self.hw.borrow_mut().irq = false;
                     self.listen();
                 }

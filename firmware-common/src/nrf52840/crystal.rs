@@ -1,7 +1,7 @@
-//! The wait for the 32 MHz crystal (HFXO), without register accesses.
+//! Waits for the 32 MHz crystal (HFXO), without register accesses.
 //!
-//! The DPR starts on the part's internal oscillator (HFINT), which is off by up to 8 % (PS v1.7, 5.4.4, tolerance of
-//! HFINT), and runs no task on it (docs/decisions/0023-start-and-clocks.md). The crystal takes 0.36 ms typically to
+//! The part starts on its internal oscillator (HFINT), which is off by up to 8 % (PS v1.7, 5.4.4). No task runs on
+//! HFINT (docs/decisions/0023-start-and-clocks.md). The crystal typically starts within 0.36 ms (PS v1.7, 5.4.4).
 //! start (PS v1.7, 5.4.4, start-up time).
 
 /// How often [`starts`] polls the crystal before it reports a failure.
@@ -15,12 +15,12 @@ pub const PAUSE_CYCLES: u32 = 64 * PAUSE_US;
 /// The least time that the crystal has for its start, ms: 27 times the typical start-up time.
 pub const START_MS: u32 = POLLS * PAUSE_US / 1_000;
 
-/// The longest duration of [`starts`], ms. A delay loop of the processor takes up to twice the cycles asked for, the
-/// internal oscillator may be 8 % slow, and the polls take some cycles too. The watchdog resets the part after 100 ms.
+/// The longest duration of [`starts`], ms; the watchdog resets the part after 100 ms. The factor allows for a processor
+/// delay of up to twice the cycles, an internal oscillator that is 8 % slow, and the time of the polls.
 pub const START_MAX_MS: u32 = START_MS * 5 / 2;
 
-/// Waits until the crystal runs, and returns whether it runs after [`START_MAX_MS`] at most. `pause` waits
-/// [`PAUSE_CYCLES`] or a little longer.
+/// Waits until the crystal runs, [`START_MAX_MS`] at most, and returns whether it runs. `pause` must wait at least
+/// [`PAUSE_CYCLES`].
 pub fn starts(mut is_started: impl FnMut() -> bool, mut pause: impl FnMut()) -> bool {
     for _ in 0..POLLS {
         if is_started() {

@@ -34,7 +34,7 @@ pub const SW_DISABLE: u32 = 0x5A;
 /// The first character of the lowest build code of parts that start with a locked debug port.
 const FIRST_LOCKED: u8 = b'F';
 
-/// The registers that decide about the debug port.
+/// The registers that control access to the debug port.
 pub trait Registers {
     /// Reads FICR.INFO.VARIANT, 0x1000_0104.
     fn variant(&self) -> u32;
@@ -72,8 +72,8 @@ impl DebugPort {
     }
 }
 
-/// Opens the debug port if the part needs that and UICR allows it. To be called first after every reset, so that a
-/// debugger reaches a board whose firmware stops early.
+/// Opens the debug port if the part needs that and UICR allows it. Call it first after every reset, so that a debugger
+/// can connect even if the firmware stops early.
 pub fn open(registers: &mut impl Registers) -> DebugPort {
     let port = DebugPort::of(registers.variant(), registers.uicr_approtect());
     if port == DebugPort::ToBeOpened {

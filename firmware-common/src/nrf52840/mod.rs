@@ -1,15 +1,15 @@
-//! What the firmwares for the nRF52840 have in common beside that for any part: its start, its clock, its supply.
+//! Code that both firmwares for the nRF52840 need: start, clock, supply.
 //!
-//! | file | what |
+//! | file | content |
 //! |---|---|
 //! | `start_up.rs` | the first instructions: reset reasons and watchdog |
-//! | [`reset`] | why the part last started |
-//! | [`debug_port`] | whether the debug port stays open |
+//! | [`reset`] | the reason of the last reset |
+//! | [`debug_port`] | keeps the debug port open |
 //! | [`crystal`] | the wait for the 32 MHz crystal |
-//! | `registers.rs` | the registers of these, and the µs counter; with the feature `nrf52840` |
+//! | `registers.rs` | the register accesses of these files, and the µs counter (feature `nrf52840`) |
 
-/// Reads and clears an event register, and waits until the write is through the bus bridge, so that the event does not
-/// call its interrupt again (PS v1.7, 6.1.8).
+/// Reads and clears an event register. Then waits until the write has reached the peripheral, so that the event does
+/// not raise its interrupt again (PS v1.7, 6.1.8).
 #[macro_export]
 macro_rules! take_event {
     ($event:expr) => {{

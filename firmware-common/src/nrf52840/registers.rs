@@ -1,4 +1,4 @@
-//! The registers of the start, and the µs counter.
+//! Accesses the registers for the start, and reads the µs counter.
 #![allow(unsafe_code)]
 
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -14,13 +14,13 @@ use super::{
 };
 use crate::start;
 
-/// The registers that decide about the debug port (PS v1.7, "Debug and trace").
+/// The registers that control access to the debug port (PS v1.7, "Debug and trace").
 struct Protection<'a> {
     ficr: &'a pac::FICR,
     uicr: &'a pac::UICR,
 }
 
-/// The address of APPROTECT.DISABLE, which this PAC does not have.
+/// The address of APPROTECT.DISABLE, which the PAC lacks.
 const APPROTECT_DISABLE: u32 = 0x4000_0558;
 
 impl debug_port::Registers for Protection<'_> {
@@ -33,13 +33,12 @@ impl debug_port::Registers for Protection<'_> {
     }
 
     fn disable_protection(&mut self) {
-        // SAFETY: the register exists on the parts for which this is called; it opens the debug port and does nothing
-        // else.
+        // SAFETY: this is called only on parts that have the register. It opens the debug port and does nothing else.
         unsafe { (APPROTECT_DISABLE as *mut u32).write_volatile(debug_port::SW_DISABLE) };
     }
 }
 
-/// Opens the debug port where that is due ([`debug_port::open`]).
+/// Opens the debug port if the part needs that and UICR allows it ([`debug_port::open`]).
 pub fn open_debug_port(ficr: &pac::FICR, uicr: &pac::UICR) -> DebugPort {
     debug_port::open(&mut Protection { ficr, uicr })
 }
@@ -50,14 +49,14 @@ static RAM_KEPT: AtomicU32 = AtomicU32::new(0);
 /// The value of [`RAM_KEPT`] once the firmware has run since power-on.
 const KEPT: u32 = 0x4450_5221;
 
-/// Returns the reason of this start. To be called once: a later call at the same start would find the RAM kept.
+/// Returns the reason of the last reset. Call it once only: the first call marks the RAM as kept.
 pub fn reset_reason() -> ResetReason {
     let ram_kept = RAM_KEPT.swap(KEPT, Ordering::Relaxed) == KEPT;
     reset::reason(start::reset_flags(), ram_kept)
 }
 
-/// Starts the 32 MHz crystal and waits for it, [`crystal::START_MAX_MS`] at most (the HAL would wait for ever). Returns
-/// whether it runs.
+/// Starts the 32 MHz crystal and waits for it, [`crystal::START_MAX_MS`] at most. Returns whether it runs. (The HAL's
+/// wait has no limit.)
 #[must_use]
 pub fn start_crystal(clock: &pac::CLOCK) -> bool {
     // The event HFCLKSTARTED may still be set from an earlier start (anomaly 36).
@@ -69,13 +68,13 @@ pub fn start_crystal(clock: &pac::CLOCK) -> bool {
 }
 
 /// The supply voltage at which a board stops, mV. The part itself needs 1.7 V, but its front end needs 2.4 V (DS13541,
-/// operating conditions). This threshold is the lowest one that lies above 2.4 V in every part: it is off by 5 % at
-/// most (PS v1.7, 5.3.8), so it is 2.57 to 2.84 V, below the kit's 3.0 V.
+/// operating conditions). The threshold has an error of 5 % at most (PS v1.7, 5.3.8), so it is 2.57 to 2.84 V: always
+/// above 2.4 V and below the kit's 3.0 V.
 pub const POWER_FAIL_MV: u32 = 2_700;
 
-/// Switches the power-fail comparator and its interrupt on, whose handler must not return. Returns whether the supply
-/// is already below [`POWER_FAIL_MV`], which raises the event as well (PS v1.7, 5.3.3). The part's own brown-out reset,
-/// at 1.6 V, is always on.
+/// Enables the power-fail comparator and its interrupt, whose handler must not return. Returns whether the supply is
+/// already below [`POWER_FAIL_MV`], which raises the event as well (PS v1.7, 5.3.3). The part's own brown-out reset, at
+/// 1.6 V, is always enabled.
 #[must_use]
 pub fn watch_supply(power: &pac::POWER) -> bool {
     power.events_pofwarn.reset();
@@ -86,13 +85,13 @@ pub fn watch_supply(power: &pac::POWER) -> bool {
     power.events_pofwarn.read().bits() != 0
 }
 
-/// The prescaler of timers that count microseconds: 16 MHz / 2^4.
+/// The prescaler with which a timer counts µs: 16 MHz / 2^4.
 pub const COUNTER_PRESCALER: u8 = 4;
 
-/// The capture register of a timer for the present time; that of TIMER0 belongs to [`now_us`].
+/// The capture register that every timer uses for the present time. [`now_us`] uses that of TIMER0.
 pub const NOW_CAPTURE: usize = 3;
 
-/// Starts a timer, which counts µs in 32 bits from zero and never stops.
+/// Starts a 32-bit timer that counts µs from zero and never stops.
 pub fn start_counter(timer: &impl Instance) {
     let timer = timer.as_timer0();
     timer.bitmode.write(|w| w.bitmode()._32bit());
@@ -104,13 +103,12 @@ pub fn start_counter(timer: &impl Instance) {
     timer.tasks_start.write(|w| unsafe { w.bits(1) });
 }
 
-/// Returns the value of TIMER0, the µs counter; any task may call this. It wraps after 71 minutes.
+/// Returns the µs counter (TIMER0). Any task may call this. The counter wraps after 71 minutes.
 #[inline]
 #[must_use]
 pub fn now_us() -> u32 {
-    // SAFETY: the pointer to the peripheral is valid for ever, and only this function uses this capture register. If
-    // another task preempts between the two accesses and captures too, the value that is read is later than this call's
-    // own capture, but still lies within the time of this call.
+    // SAFETY: the pointer is valid for ever, and only this function uses this capture register. A task that preempts
+    // between the two accesses may capture a later value. That value still lies within the time of this call.
     let timer = unsafe { &*pac::TIMER0::ptr() };
     // SAFETY: 1 is a valid value of a task register.
     timer.tasks_capture[NOW_CAPTURE].write(|w| unsafe { w.bits(1) });

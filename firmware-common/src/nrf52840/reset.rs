@@ -1,19 +1,21 @@
-//! Why the part last started.
+//! Finds the reason of the last reset.
 //!
 //! RESETREAS (PS v1.7, 5.3.7.8) collects the reasons since it was last cleared. It is zero after power-on and after a
-//! brown-out. A word of RAM that no start initialises tells these apart: after a brown-out it may have kept its value.
+//! brown-out. To tell these two apart, a word of RAM that no start initialises is used: a brown-out may preserve it.
 
 use profile::ResetReason;
 
 const RESETPIN: u32 = 1;
 const DOG: u32 = 1 << 1;
-/// A reset by software or by a debugger (AIRCR.SYSRESETREQ) has bit 2.
+/// The bit of a reset by software or by a debugger (AIRCR.SYSRESETREQ).
 const SREQ: u32 = 1 << 2;
 const LOCKUP: u32 = 1 << 3;
 
-/// Returns the reason for the RESETREAS value `bits`. `ram_kept` says whether the word of RAM has kept its value.
+/// Returns the reason for the RESETREAS value `bits`. `ram_kept` says whether the uninitialised word of RAM has kept
+/// its value.
 ///
-/// If the bit of the reset pin is set, all others are ignored (anomaly 136). System OFF, never used, is "other".
+/// If the bit of the reset pin is set, all others are ignored (anomaly 136). System OFF, which the firmwares never use,
+/// counts as "other".
 #[must_use]
 pub const fn reason(bits: u32, ram_kept: bool) -> ResetReason {
     if bits & RESETPIN != 0 {

@@ -53,7 +53,7 @@ pub trait Memory {
     fn load_shut(&self, address: u32) -> u32;
     /// Stores `word` at `address`, which belongs to a guard word.
     fn store(&mut self, address: u32, word: u32);
-    /// Inverts and restores two words from `address` on, uninterrupted. Returns the bits that read wrong.
+    /// Inverts and restores two words from `address` on, without interruption. Returns the bits that were read wrong.
     fn exercise(&mut self, address: u32) -> u32;
 }
 
@@ -101,7 +101,7 @@ impl Rate {
         (bytes.div_ceil(4).div_ceil(self.code_words) + 1) * SLICE_US
     }
 
-    /// Returns the time, µs, of one pass over `bytes` of RAM in use, a slice longer since it begins within one.
+    /// Returns the longest time of a pass over `bytes` of RAM in use, µs. One slice is added, in which the pass begins.
     #[must_use]
     pub const fn ram_pass_us(&self, bytes: u32) -> u32 {
         (bytes.div_ceil(4).div_ceil(self.ram_words) + 1) * SLICE_US
@@ -121,7 +121,7 @@ impl Pace {
         Self { last_us: now_us }
     }
 
-    /// Returns the number of slices due at `now_us`, less than 71 minutes after the last call. They then count as done.
+    /// Returns the number of slices due at `now_us` and counts them as done. Calls must be less than 71 minutes apart.
     pub fn due(&mut self, now_us: u32) -> u32 {
         let due = now_us.wrapping_sub(self.last_us) / SLICE_US;
         if due > MOST_SLICES {

@@ -10,7 +10,8 @@ use crate::memory::{self, address};
 pub struct PartMemory(());
 
 impl PartMemory {
-    /// Returns the access to memory. To be called once, in thread mode with no interrupt masked, as for the slices.
+    /// Returns the access to memory. Call it once, in thread mode with no interrupt masked; the slices need the same
+    /// state.
     #[must_use]
     pub fn take() -> Self {
         Self(())

@@ -79,7 +79,7 @@ impl Walk {
         }
     }
 
-    /// Makes the next `steps` steps in `used`. Passing over one of the ranges `apart`, in any order, is one step.
+    /// Makes the next `steps` steps in `used`. To skip one of the ranges `apart`, which have any order, takes one step.
     pub fn run(&mut self, steps: u32, used: &Range<u32>, apart: &[Range<u32>], memory: &mut impl Memory) -> Found {
         let mut found = Found::default();
         for _ in 0..steps {

@@ -1,8 +1,9 @@
-//! The beats and the slot (TIMER1), and the command that fires a frame.
+//! Raises the beats and the slot (TIMER1), and sends the frame in the slot.
 //!
-//! TIMER1 counts µs and clears itself at each beat, so that the beats are exact. The interrupt of beat and slot has the
-//! highest priority and shares only single words with other tasks, so no lock ever masks it: in each cycle the same
-//! instructions start the transfer of the command, the same time after the tick.
+//! A *beat* comes every [`BEAT_MS`] ms; every [`BEATS`]th beat is a tick, the start of a cycle. The *slot* is the
+//! instant in each cycle at which the frame is sent. TIMER1 counts µs and clears itself at each beat, so the beats do
+//! not drift. Its interrupt has the highest priority, and no lock masks it. In each cycle the same instructions run
+//! from the interrupt to the transmit command, so the command comes a constant time after the tick.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -13,28 +14,24 @@ use nrf52840_hal::pac;
 use super::{radio, take_event};
 use crate::board::{BEAT_COMPARE, SLOT_COMPARE};
 
-/// The number of beats so far, which only the timer's interrupt writes.
+/// The number of beats so far. Only the interrupt of TIMER1 writes it.
 static COUNT: AtomicU32 = AtomicU32::new(0);
 
-/// Returns the number of the present beat.
 pub(crate) fn beat() -> u32 {
     COUNT.load(Ordering::Relaxed)
 }
 
-/// Returns the number of the present cycle.
 pub(crate) fn tick() -> u32 {
     beat() / BEATS
 }
 
-/// What the timer's interrupt was.
+/// What has raised the interrupt of TIMER1.
 pub(crate) enum Beat {
     /// A beat; the value is true at the tick.
     Began { is_tick: bool },
-    /// The slot, or nothing.
     Other,
 }
 
-/// TIMER1.
 pub(crate) struct Beats(pac::TIMER1);
 
 impl Beats {
@@ -51,15 +48,15 @@ impl Beats {
         Self(timer)
     }
 
-    /// Starts the beats; the first one comes after [`BEAT_MS`].
+    /// Starts the beats; the first one comes [`BEAT_MS`] ms later.
     pub(crate) fn start(&mut self) {
-        // Beat 0 is a tick, so the counter begins one before it.
+        // The first beat must have the number 0, which is that of a tick.
         COUNT.store(u32::MAX, Ordering::Relaxed);
         // SAFETY: 1 is a valid value of a task register.
         self.0.tasks_start.write(|w| unsafe { w.bits(1) });
     }
 
-    /// Serves the interrupt. In the slot of a cycle it fires the frame that is loaded.
+    /// Handles the interrupt of TIMER1. In the slot it sends the loaded frame.
     #[inline(always)]
     pub(crate) fn interrupt(&mut self) -> Beat {
         if take_event!(self.0.events_compare[SLOT_COMPARE]) {

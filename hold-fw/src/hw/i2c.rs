@@ -1,11 +1,11 @@
-//! The bus of the sensors: TWIM1 as embedded-hal's `I2c`.
+//! Drives the I2C bus of the sensors: TWIM1 as embedded-hal's `I2c`.
 //!
-//! The HAL's TWIM waits without a bound, so a sensor that holds the bus would make it wait for ever. Here every wait has
-//! a bound: a transfer that has not ended in time is given up, and the bus is recovered. All of it is for one task of
-//! the lowest priority, which waits for the bus.
+//! The HAL's TWIM is not used, because it would wait for ever for a sensor that holds the bus. Here every wait has a
+//! bound: a transfer that does not end in time is given up, and the bus is recovered. The caller waits for the end of
+//! the transfer, so only a task of the lowest priority may use this driver.
 //!
-//! The bus works at 390 kbit/s: at 400 kbit/s the TWIM's SCL is low for 1.25 µs only (anomaly 219), and the
-//! accelerometer wants 1.3 µs.
+//! The bus works at 390 kbit/s. At 400 kbit/s the TWIM's SCL is low for only 1.25 µs (anomaly 219), and the
+//! accelerometer needs 1.3 µs.
 
 use core::sync::atomic::{compiler_fence, Ordering};
 
@@ -19,14 +19,13 @@ use nrf52840_hal::pac;
 use super::{now_us, HOLD_TELEMETRY};
 use crate::board::BusPins;
 
-/// The longest transfer of one operation, bytes.
+/// The most bytes that one transfer sends or receives.
 const LONGEST: usize = 8;
-/// The time after which a transfer is given up, µs: [`LONGEST`] bytes each way with three addresses take 0.5 ms.
+/// The time after which a transfer is given up, µs. [`LONGEST`] bytes in each direction with the addresses take 0.5 ms.
 const TRANSFER_US: u32 = 1_000;
 /// The value of FREQUENCY for 390 kbit/s (anomaly 219).
 const FREQUENCY: u32 = 0x0620_0000;
 
-/// The memory that the bus's DMA reads and writes.
 pub(crate) struct Memory {
     send: [u8; LONGEST],
     receive: [u8; LONGEST],
@@ -36,14 +35,13 @@ impl Memory {
     pub(crate) const EMPTY: Self = Self { send: [0; LONGEST], receive: [0; LONGEST] };
 }
 
-/// A transfer that failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Error {
-    /// No sensor acknowledged.
+    /// No sensor has acknowledged the address or a byte.
     NoAcknowledge,
-    /// A line is low, or the transfer did not end in time.
+    /// A line stays low, or the transfer did not end in time.
     Stuck,
-    /// The transfer is of a kind or of a length that this driver does not have.
+    /// This driver does not support the kind or the length of the transfer.
     Unsupported,
 }
 
@@ -57,7 +55,6 @@ impl i2c::Error for Error {
     }
 }
 
-/// TWIM1 with its lines.
 pub(crate) struct Bus {
     twim: pac::TWIM1,
     lines: OpenDrains,
@@ -88,7 +85,7 @@ impl Bus {
         free
     }
 
-    /// Waits until the TWIM has stopped, and stops it after an error. Returns whether it stopped in time.
+    /// Waits until the TWIM has stopped; after an error it stops the TWIM. Returns false if that takes too long.
     fn stopped(&mut self) -> bool {
         let from = now_us();
         while self.twim.events_stopped.read().bits() == 0 {
@@ -104,7 +101,7 @@ impl Bus {
         true
     }
 
-    /// Sends bytes, then receives bytes; either may be none.
+    /// Sends bytes, then receives bytes. One of the two may be empty.
     fn run(&mut self, address: u8, send: &[u8], receive: &mut [u8]) -> Result<(), Error> {
         let Some(out) = self.memory.send.get_mut(..send.len()) else { return Err(Error::Unsupported) };
         out.copy_from_slice(send);
@@ -144,7 +141,7 @@ impl Bus {
             return Err(Error::Stuck);
         }
         compiler_fence(Ordering::SeqCst);
-        // A direction that was not used still has the amount of an earlier transfer.
+        // After this transfer, AMOUNT of a direction without bytes still holds the count of an earlier transfer.
         let sent = send.is_empty() || self.twim.txd.amount.read().bits() as usize == send.len();
         let received = receive.is_empty() || self.twim.rxd.amount.read().bits() as usize == receive.len();
         if self.twim.errorsrc.read().bits() != 0 || !sent || !received {
@@ -170,21 +167,20 @@ impl I2c for Bus {
     }
 }
 
-/// SDA and SCL as GPIO, for a recovery.
+/// SDA and SCL as open-drain GPIO pins, for a recovery of the bus.
 struct OpenDrains(BusPins);
 
-/// The bits of SDA and SCL in port 0.
 const SDA: usize = 26;
 const SCL: usize = 27;
 
 impl OpenDrains {
     fn port() -> &'static pac::p0::RegisterBlock {
-        // SAFETY: a register block is always there; tasks of other priorities access only other pins, by registers in
-        // which zeros change nothing.
+        // SAFETY: a register block is always there. Tasks of other priorities access only other pins, through registers
+        // in which zeros change nothing.
         unsafe { &*pac::P0::ptr() }
     }
 
-    /// Makes both pins inputs with their drive as the TWIM wants it. A pin that is low makes no output afterwards.
+    /// Makes both pins inputs, with the drive that the TWIM needs. The GPIO then no longer holds a line low.
     fn let_go(&mut self) {
         for pin in [SDA, SCL] {
             Self::port().pin_cnf[pin].write(|w| w.dir().input().input().connect().pull().pullup().drive().s0d1());
@@ -229,14 +225,13 @@ impl Lines for OpenDrains {
     }
 }
 
-/// Delays by the µs counter.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pause;
 
 impl DelayNs for Pause {
     fn delay_ns(&mut self, ns: u32) {
         let from = now_us();
-        // The counter may be about to count on, so one more is waited for.
+        // The first µs may be almost over already, so one more is waited for.
         while now_us().wrapping_sub(from) <= ns.div_ceil(1_000) {}
     }
 }

@@ -1,31 +1,31 @@
-//! The registers. Only the files of this module have `unsafe` code in this firmware.
+//! Accesses the registers. Only the files of this module have `unsafe` code in this firmware.
 //!
-//! | file | what |
+//! | file | content |
 //! |---|---|
-//! | `mod.rs` | start-up: debug port, program check, supply, clock, all the files below; the safe state |
-//! | `beats.rs` | the beats and the slot, in which the frame is fired |
-//! | `radio.rs` | the front end's SPI, interrupt pin and timer |
-//! | `i2c.rs` | the sensors' bus |
+//! | `mod.rs` | start-up: debug port, program check, supply, clock, all files below; the safe state |
+//! | `beats.rs` | the timer that raises the beats (every 25 ms) and the slot; the transmit command in the slot |
+//! | `radio.rs` | SPI, interrupt pin and timer of the front end |
+//! | `i2c.rs` | I2C bus of the sensors |
 //! | `outputs.rs` | heater, cooler and lock |
-//! | `supply.rs` | the measurement of the supply |
+//! | `supply.rs` | measurement of the supply voltage |
 //!
 //! # Design
 //!
-//! Each peripheral is a type that owns the memory that its DMA may access. Compiler fences stand before each start and
-//! after each end of a transfer, so that no access to a buffer moves across; the Cortex-M4 has no data cache and
-//! completes its stores in order, so only the compiler could reorder them.
+//! Each peripheral is a type that owns the memory that its DMA accesses. A compiler fence before each start and after
+//! each end of a transfer keeps the compiler from moving an access to a buffer across. The Cortex-M4 itself has no data
+//! cache and completes its stores in order.
 //!
 //! # Anomalies
 //!
-//! The anomalies that concern this firmware are those that `dpr-fw/src/hw/mod.rs` lists for peripherals that are used
-//! here as well, and these:
+//! The table lists errata of the nRF52840 by Nordic's numbers. `dpr-fw/src/hw/mod.rs` lists those of the peripherals
+//! that both firmwares use.
 //!
-//! | no. | what | measure |
+//! | no. | what is wrong | consequence or measure |
 //! |---|---|---|
-//! | 87 | CPU: FPU exceptions wake the processor | an extra wake-up of the idle loop does no harm |
+//! | 87 | FPU exceptions wake the processor | harmless: the idle loop runs once more |
 //! | 195, 198 | SPIM3 draws current when disabled and can corrupt what it sends | SPIM0 is used |
-//! | 219 | TWIM: SCL is low for 1.25 µs only at 400 kbit/s, and I2C wants 1.3 µs | see `i2c.rs` |
-//! | 241 | SAADC: more current after it was used | only current is lost |
+//! | 219 | at 400 kbit/s the TWIM's SCL is low for 1.25 µs only, and I2C wants 1.3 µs | 390 kbit/s, see `i2c.rs` |
+//! | 241 | the SAADC draws more current after its first use | harmless |
 #![allow(unsafe_code)]
 
 mod beats;
@@ -61,39 +61,30 @@ use crate::board;
 firmware_common::install_nrf52840_start!(cfg!(feature = "debugger-stops-watchdog"));
 firmware_common::install_safe_state!(safe_state, protection::area, board::task_of);
 
-/// The counters, which a debugger finds by this symbol.
+/// The counters. A debugger finds them by this symbol.
 #[no_mangle]
 pub(crate) static HOLD_TELEMETRY: Telemetry = Telemetry::new();
 
-/// The memory of what is kept over a reset.
+/// The records that outlive a reset. The start code does not clear them.
 #[link_section = ".uninit.KEPT"]
 static KEPT: kept::Memory = [const { [const { AtomicU32::new(0) }; kept::WORDS] }; 2];
 
-/// The hardware that the tasks own once it is set up.
 pub(crate) struct Board {
-    /// The front end.
     pub(crate) rf: RfPort,
-    /// The IRQ edge of the front end.
     pub(crate) rf_edge: RfEdge,
-    /// The beats, which are started last.
+    /// The timer of beats and slot, which is started last.
     pub(crate) beats: Beats,
-    /// The bus of the sensors.
     pub(crate) bus: Bus,
-    /// Heater, cooler and lock.
     pub(crate) outputs: Outputs,
-    /// The measurement of the supply.
     pub(crate) supply: SupplyMeter,
-    /// The watchdog; `None` if something else has configured the watchdog, which then has to feed it.
+    /// The watchdog; `None` if other code has configured the watchdog, and so has to feed it.
     pub(crate) watchdog: Option<WatchdogHandle<Hdl0>>,
-    /// The reason for which the part last started.
     pub(crate) reset_reason: ResetReason,
-    /// Whether the debug port stays open.
     pub(crate) debug_port: DebugPort,
-    /// The keeper of what is kept over a reset, and what it has kept.
+    /// The keeper of the records that outlive a reset, and the newest record.
     pub(crate) kept: (kept::Keeper, Option<kept::Kept>),
 }
 
-/// The static memory that DMA uses.
 pub(crate) struct DmaMemory {
     pub(crate) radio: &'static mut radio::Memory,
     pub(crate) bus: &'static mut i2c::Memory,
@@ -104,10 +95,10 @@ pub(crate) struct DmaMemory {
 /// Configures all hardware. If the program differs from the one that was built, the hold enters the safe state before
 /// any pin is an output.
 pub(crate) fn init(core: &mut cortex_m::Peripherals, p: pac::Peripherals, memory: DmaMemory) -> Board {
-    // The debug port is opened first, so that a debugger reaches a board whose firmware stops early.
+    // The debug port is opened first, so that a debugger can connect even if the firmware stops early.
     let debug_port = nrf52840::open_debug_port(&p.FICR, &p.UICR);
 
-    // The watchdog was started by the first instructions, or before a soft reset or a lockup.
+    // The first instructions have started the watchdog, or it still runs from before a soft reset or a lockup.
     let watchdog = Watchdog::try_recover::<One>(p.WDT).ok().map(|parts| parts.handles.0);
     let reset_reason = nrf52840::reset_reason();
 
@@ -132,7 +123,7 @@ pub(crate) fn init(core: &mut cortex_m::Peripherals, p: pac::Peripherals, memory
     if nrf52840::watch_supply(&p.POWER) {
         stop_for_supply();
     }
-    // Without the crystal the hold's clock is too coarse for the DPR and for the writers of commands.
+    // The DPR and the writers of commands rely on the hold's time, for which only the crystal is exact enough.
     if !nrf52840::start_crystal(&p.CLOCK) {
         let log = |_: &Stop| defmt::error!("the 32 MHz crystal does not start");
         safe_state::enter(safe_state, || Stop::new(Cause::ClockStart, 0, 0), log);
@@ -164,7 +155,7 @@ fn stop_for_supply() -> ! {
     safe_state::enter(safe_state, stop, |stop| log_stop("supply", stop))
 }
 
-/// Stops the hold because the supply falls; no other event of CLOCK and POWER is enabled to raise this interrupt.
+/// Stops the hold because the supply voltage falls. No other event raises this interrupt.
 #[interrupt]
 fn POWER_CLOCK() -> ! {
     stop_for_supply()

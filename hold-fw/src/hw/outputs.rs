@@ -1,7 +1,7 @@
-//! Heater and cooler (PWM0) and the lock.
+//! Drives heater and cooler (PWM0) and the lock.
 //!
-//! PWM0 plays one step of duties, which goes on until the next one. If it is disabled, its pins follow GPIO's output,
-//! which is low, so heater and cooler are off.
+//! PWM0 repeats one pair of duties until the next pair is given. While PWM0 is disabled, the GPIO drives its pins low,
+//! so heater and cooler are off.
 
 use core::sync::atomic::{compiler_fence, Ordering};
 
@@ -14,15 +14,14 @@ use nrf52840_hal::{
 
 use crate::board::OutputPins;
 
-/// The counts of a period of the PWM: 1 ms.
+/// The number of counts in a PWM period of 1 ms.
 const TOP: u16 = 1_000;
-/// The bit of a duty that makes the pin high from the period's start until the duty's count (PS v1.7, 6.17).
+/// The bit of a duty that makes the pin high from the start of the period until the duty's count (PS v1.7, 6.17).
 const HIGH_FIRST: u16 = 1 << 15;
 
-/// The duties that the PWM's DMA reads, one for each channel.
+/// The duties that the PWM's DMA reads, one for each of four channels.
 pub(crate) type Memory = [u16; 4];
 
-/// Heater, cooler and lock.
 pub(crate) struct Outputs {
     pwm: pac::PWM0,
     lock: Pin<Output<PushPull>>,
@@ -36,14 +35,14 @@ impl Outputs {
             // SAFETY: the selector is that of an output, which the PWM owns from now on.
             select.write(|w| unsafe { w.bits(pin.psel_bits()) });
         }
-        // 16 MHz / 2^4 makes a count of 1 µs.
+        // 16 MHz / 2^4 gives a count of 1 µs.
         pwm.prescaler.write(|w| w.prescaler().div_16());
         // SAFETY: the field has 15 bits and takes 3..=32767 (PS v1.7, 6.17).
         pwm.countertop.write(|w| unsafe { w.countertop().bits(TOP) });
         pwm.decoder.write(|w| w.load().individual().mode().refresh_count());
-        // SAFETY: the memory is that of the duties, which `self` owns for ever.
+        // SAFETY: the pointer is that of `duties`, which `self` owns for ever.
         pwm.seq0.ptr.write(|w| unsafe { w.bits(duties.as_ptr() as u32) });
-        // SAFETY: the sequence has as many values as the duties.
+        // SAFETY: the count is the number of `duties`.
         pwm.seq0.cnt.write(|w| unsafe { w.bits(duties.len() as u32) });
         pwm.seq0.refresh.reset();
         pwm.enable.write(|w| w.enable().enabled());
@@ -54,7 +53,7 @@ impl Outputs {
 
     fn play(&mut self, duty: Duty) {
         let [heater, cooler] = duty.counts(TOP);
-        // Two halves of a word are stored one after the other, so the side that goes off is stored first.
+        // The DMA may read between these two stores, so the output that goes off is stored first.
         if heater == 0 {
             (self.duties[0], self.duties[1]) = (HIGH_FIRST, cooler | HIGH_FIRST);
         } else {
@@ -65,14 +64,13 @@ impl Outputs {
         self.pwm.tasks_seqstart[0].write(|w| unsafe { w.bits(1) });
     }
 
-    /// Does what the hold's state wants.
     pub(crate) fn apply(&mut self, wanted: state::Outputs) {
         self.play(Duty::of(wanted.output));
         let Ok(()) = self.lock.set_state(if wanted.locked { PinState::High } else { PinState::Low });
     }
 }
 
-/// Switches heater and cooler off, whether or not they were ever set up. All interrupts must be masked for good.
+/// Switches heater and cooler off; also valid before they are set up. All interrupts must be masked for good.
 pub(super) fn off() {
     // SAFETY: a register block is always there, and no task runs any more.
     let pwm = unsafe { &*pac::PWM0::ptr() };

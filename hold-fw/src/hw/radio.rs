@@ -1,8 +1,8 @@
-//! The front end's registers: SPIM0, chip select, the IRQ pin, and the driver's timer.
+//! Drives the front end's SPI (SPIM0), chip select, IRQ pin and timer.
 //!
-//! Every operation of the port starts something and returns. The SPI has two users that never use it at once: the
-//! slot's interrupt from [`FrontEndPort::arm`] to the slot, and otherwise the tasks of the front end, which have one
-//! priority.
+//! Every operation starts something and returns. Two users share the SPI and never use it at once: from
+//! [`FrontEndPort::arm`] to the slot only the slot's interrupt, otherwise only the front end's tasks, which all have
+//! one priority.
 
 use core::sync::atomic::{compiler_fence, AtomicU32, Ordering};
 
@@ -23,24 +23,23 @@ use st25r3916::{
 use super::{now_us, take_event};
 use crate::board::{call, RfPins, WAIT_COMPARE};
 
-/// The number of polls within which SPIM0 must have stopped; it stops at the end of the byte under way, within 1 µs.
+/// The most polls until SPIM0 has stopped. SPIM0 stops at the end of the present byte, so within 1 µs.
 const STOP_POLLS: u32 = 1_000;
-/// The shortest time from now to a compare value, µs: the counter could pass a nearer value before it is set.
+/// The shortest delay, µs: the counter could pass a nearer compare value before that value is set.
 const SHORTEST_US: u32 = 2;
-/// The byte that is clocked in under a command.
+/// The length of the byte that the chip returns while it receives a command.
 const LEAD: usize = 1;
 
-/// The ticket for the next slot, as a word; 0 is none.
+/// The ticket for the next slot, as a word; 0 if there is none.
 static ARMED: AtomicU32 = AtomicU32::new(0);
-/// The bit of chip select in port 1, for the slot.
 const SELECT: u32 = 1 << 12;
 
-/// The number of polls that last longer than the transfer of one byte, 1 µs.
+/// The number of polls of the end event that last longer than the 1 µs of one byte.
 const BYTE_POLLS: u32 = 50;
 
-/// Fires the frame of cycle `tick`, if it is loaded: makes the transfer of the command, which [`FrontEndPort::arm`] has
-/// set up, and waits for its end, since the command counts from chip select's rise on. The transfer's event stays set
-/// and calls the task that goes on.
+/// Sends the transmit command for the frame of cycle `tick`, if its [`Ticket`] is armed. [`FrontEndPort::arm`] has set
+/// up the transfer. The chip executes a command when chip select rises, so this function waits for the end of the
+/// transfer. The end event stays set and then calls the task `rf_spi`.
 #[inline(always)]
 pub(super) fn fire(tick: u32) {
     if !Ticket::is_due(ARMED.load(Ordering::Acquire), tick) {
@@ -63,7 +62,7 @@ pub(super) fn fire(tick: u32) {
     port.outset.write(|w| unsafe { w.bits(SELECT) });
 }
 
-/// The interrupt of the front end's IRQ pin, which its rising edge raises.
+/// The interrupt that the rising edge of the front end's IRQ pin raises.
 pub(crate) struct RfEdge(Gpiote);
 
 impl RfEdge {
@@ -71,21 +70,20 @@ impl RfEdge {
         Self(gpiote)
     }
 
-    /// Clears the interrupt of the IRQ pin. The driver's state machine then reads the pin's level, not the edge.
+    /// Clears the interrupt of the IRQ pin. No edge is lost by that, because the driver reads the level of the pin.
     pub(crate) fn clear(&mut self) {
         let channel = self.0.channel0();
         take_event!(*channel.event());
     }
 }
 
-/// The memory that the SPI's DMA reads and writes.
 pub(crate) struct Memory {
-    /// The bytes to send: a short transfer, or the command of a load with the bytes of the frame behind it.
+    /// The bytes to send: a short transfer, or the load command and the bytes of the frame.
     send: [u8; LEAD + HoldObject::SIZE],
-    /// The bytes that a short transfer brings. They must not overwrite an answer: the driver masks the receiver before
-    /// it reports one.
+    /// The bytes that a short transfer receives. `answer` is separate, because the driver uses short transfers between
+    /// the read of an answer and its report.
     short: [u8; Short::MAX],
-    /// The byte under the command of a read, and the answer behind it.
+    /// The byte that the chip returns under the read command, and the answer.
     answer: [u8; LEAD + BUFFER],
 }
 
@@ -94,17 +92,15 @@ impl Memory {
         Self { send: [0; LEAD + HoldObject::SIZE], short: [0; Short::MAX], answer: [0; LEAD + BUFFER] };
 }
 
-/// What the transfer that runs, or has ended last, has to bring.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Transfer {
     Nothing,
-    /// All bytes of a short transfer.
     Short(usize),
-    /// The bytes behind the one under the command.
+    /// The bytes after the one that the chip returns under the command.
     Read(usize),
 }
 
-/// SPIM0, chip select, IRQ pin and timer compare 0.
+/// The front end's port: SPIM0, chip select, IRQ pin and compare 0 of the timer.
 pub struct RfPort {
     spim: pac::SPIM0,
     timer: pac::TIMER0,
@@ -118,7 +114,7 @@ pub struct RfPort {
 
 impl RfPort {
     pub(super) fn new(spim: pac::SPIM0, timer: pac::TIMER0, pins: RfPins, memory: &'static mut Memory) -> Self {
-        // SAFETY: the value is the selector of a pin that `pins` owns and that is configured as PS v1.7, 6.25.2 wants.
+        // SAFETY: the selector is that of the clock pin, which `pins` owns and has configured (PS v1.7, 6.25.2).
         spim.psel.sck.write(|w| unsafe { w.bits(pins.clock.psel_bits()) });
         // SAFETY: the selector is that of the MOSI pin, which `pins` owns.
         spim.psel.mosi.write(|w| unsafe { w.bits(pins.mosi.psel_bits()) });
@@ -144,13 +140,12 @@ impl RfPort {
         }
     }
 
-    /// Clears the interrupt of a wait that is over. The executor asks for the time and not for this event, and not at
-    /// all while it waits for its owner.
+    /// Clears the interrupt of a delay that is over. The executor does not use the event; it compares the time.
     pub(crate) fn clear_timer(&mut self) {
         take_event!(self.timer.events_compare[WAIT_COMPARE]);
     }
 
-    /// Sets SPIM0 up to send `send` bytes of its memory, and to receive what `transfer` has to bring.
+    /// Sets SPIM0 up to send `send` bytes of its memory, and to receive the bytes of `transfer`.
     fn set_up(&mut self, send: usize, transfer: Transfer) {
         self.transfer = transfer;
         let send = send.min(self.memory.send.len()) as u16;
@@ -170,7 +165,7 @@ impl RfPort {
         // SAFETY: as above.
         self.spim.rxd.maxcnt.write(|w| unsafe { w.maxcnt().bits(receive) });
         self.spim.events_end.reset();
-        // All writes to the buffers must be in memory before the DMA reads or overwrites it.
+        // The fence lets no write to a buffer move behind the start of the DMA.
         compiler_fence(Ordering::SeqCst);
     }
 
@@ -203,11 +198,11 @@ impl Port for RfPort {
     }
 
     fn start_read(&mut self, offset: usize, len: usize) -> bool {
-        // An exchange reads an answer at once.
+        // Only reads of a whole answer are supported.
         if offset != 0 || len > BUFFER {
             return false;
         }
-        // An answer that came before can never be taken for this one.
+        // The buffer is cleared, so that an earlier answer can never be taken for this one.
         self.memory.answer.fill(0);
         self.memory.send[0] = command::FIFO_READ;
         self.start(LEAD, Transfer::Read(len));
@@ -237,7 +232,7 @@ impl Port for RfPort {
         // SAFETY: 1 is a valid value of a task register.
         self.spim.tasks_stop.write(|w| unsafe { w.bits(1) });
         let stopped = (0..STOP_POLLS).any(|_| self.spim.events_stopped.read().bits() != 0);
-        // Until STOPPED the peripheral may still write to the buffers (PS v1.7, 6.25, "Low power": wait for it).
+        // Before STOPPED the peripheral may still write to the buffers (PS v1.7, 6.25, "Low power").
         assert!(stopped, "SPIM0 does not stop");
         self.spim.events_end.reset();
         self.finish();
@@ -256,7 +251,7 @@ impl Port for RfPort {
         self.timer.cc[WAIT_COMPARE].write(|w| unsafe { w.bits(self.timer_from.wrapping_add(us)) });
         self.timer.events_compare[WAIT_COMPARE].reset();
         if now_us().wrapping_sub(self.timer_from) >= us {
-            // If the task was preempted for long, the counter has passed the value already, so the task is called now.
+            // The counter may have passed the compare value already if the task was preempted for long.
             call(Task::rf_timer);
         }
     }

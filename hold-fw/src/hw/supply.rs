@@ -1,7 +1,7 @@
-//! The measurement of the supply: the SAADC converts VDD once in each cycle, and nobody waits for it.
+//! Measures the supply: the SAADC converts VDD once in each cycle, and no task waits for it.
 //!
-//! The supply is an internal input. With a gain of 1/6 and the internal reference of 0.6 V, 3.6 V are the full scale
-//! (PS v1.7, 6.23.7).
+//! The SAADC can select VDD as an internal input. With a gain of 1/6 and the internal reference of 0.6 V its full scale
+//! is 3.6 V (PS v1.7, 6.23.7).
 
 use core::sync::atomic::{compiler_fence, Ordering};
 
@@ -9,14 +9,12 @@ use nrf52840_hal::pac;
 
 use super::take_event;
 
-/// The full scale, V, and the number of its steps with 12 bits.
+/// The full scale, V; `STEPS` is its number of steps with a resolution of 12 bits.
 const FULL_SCALE: f32 = 3.6;
 const STEPS: f32 = 4_096.0;
 
-/// The result that the SAADC's DMA writes.
 pub(crate) type Memory = [i16; 1];
 
-/// The SAADC.
 pub(crate) struct SupplyMeter {
     saadc: pac::SAADC,
     result: &'static mut Memory,
@@ -29,9 +27,9 @@ impl SupplyMeter {
         saadc.samplerate.write(|w| w.mode().task());
         saadc.ch[0].pselp.write(|w| w.pselp().vdd());
         saadc.ch[0].config.write(|w| w.gain().gain1_6().refsel().internal().tacq()._10us().mode().se());
-        // SAFETY: the memory is that of the result, which `self` owns for ever.
+        // SAFETY: the pointer is that of `result`, which `self` owns for ever.
         saadc.result.ptr.write(|w| unsafe { w.ptr().bits(result.as_mut_ptr() as u32) });
-        // SAFETY: the result is one value.
+        // SAFETY: the count is that of the one value in `result`.
         saadc.result.maxcnt.write(|w| unsafe { w.maxcnt().bits(1) });
         saadc.enable.write(|w| w.enable().enabled());
         let mut meter = Self { saadc, result };
@@ -47,15 +45,15 @@ impl SupplyMeter {
         self.saadc.tasks_sample.write(|w| unsafe { w.bits(1) });
     }
 
-    /// Returns the supply, V, as it was in the cycle before, and starts the next conversion. `None` if the conversion
-    /// has not ended or has no possible result.
+    /// Returns the supply voltage, V, of the cycle before, and starts the next conversion. `None` if the conversion has
+    /// not ended, or if its result is below 2.5 V.
     pub(crate) fn take(&mut self) -> Option<f32> {
         let ended = take_event!(self.saadc.events_end);
         compiler_fence(Ordering::SeqCst);
         let volts = f32::from(self.result[0]) * (FULL_SCALE / STEPS);
         self.result[0] = 0;
         self.start();
-        // The hold stops below 2.57 V, so a lower result is none.
+        // The hold stops below 2.57 V, so a lower result is an error of the measurement.
         (ended && volts > 2.5).then_some(volts)
     }
 }

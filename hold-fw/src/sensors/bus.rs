@@ -1,22 +1,22 @@
-//! Recovery of an I2C bus that a sensor holds.
+//! Recovers an I2C bus whose SDA a sensor holds low.
 //!
-//! A sensor whose read was cut off holds SDA low until it has got the clocks that it waits for. Nine clocks end any
-//! byte, and the stop behind them makes every sensor wait for a start (UM10204, 3.1.16 "Bus clear").
+//! A sensor does so when its transfer was cut off, until it has received the missing clocks. Nine clocks end any byte,
+//! and the stop condition after them makes every sensor wait for a start (UM10204, 3.1.16 "Bus clear").
 
-/// The clocks after which a sensor has ended any byte.
+/// The number of clocks that end any byte.
 const CLOCKS: u32 = 9;
 
-/// Both lines of the bus as open drains; `true` lets a line go, so that it is high unless a sensor holds it.
+/// Both lines of the bus as open drains: `true` releases a line, which then rises unless a sensor holds it low.
 pub trait Lines {
-    /// Drives SCL low or lets it go.
+    /// Releases SCL or drives it low.
     fn set_scl(&mut self, high: bool);
-    /// Drives SDA low or lets it go.
+    /// Releases SDA or drives it low.
     fn set_sda(&mut self, high: bool);
     /// Whether SCL is high.
     fn scl(&mut self) -> bool;
     /// Whether SDA is high.
     fn sda(&mut self) -> bool;
-    /// Waits for half a clock, 5 µs.
+    /// Waits for half a clock period, 5 µs.
     fn pause(&mut self);
 }
 
@@ -31,7 +31,7 @@ pub fn recover(lines: &mut impl Lines) -> bool {
         lines.set_scl(true);
         lines.pause();
     }
-    // The stop: SDA rises while SCL is high.
+    // A rise of SDA while SCL is high is the stop condition.
     lines.set_scl(false);
     lines.pause();
     lines.set_sda(false);
@@ -47,7 +47,7 @@ pub fn recover(lines: &mut impl Lines) -> bool {
 mod tests {
     use super::*;
 
-    /// A sensor that holds SDA until it has got some clocks, and lines that may be shorted.
+    /// A sensor that holds SDA low for a number of clocks, on lines that may be shorted.
     #[derive(Default)]
     struct Bus {
         scl: bool,

@@ -1,35 +1,35 @@
-//! The sensors of the hold: temperature and humidity, and three axes of acceleration, on one I2C bus.
+//! Reads the sensors of the hold: temperature and humidity, and acceleration along three axes, on one I2C bus.
 //!
 //! # Drivers
 //!
-//! | sensor | driver | why this one |
+//! | sensor, bus address | driver | reason for this driver |
 //! |---|---|---|
-//! | SHT4x (Sensirion), 0x44 | `sht4x` | embedded-hal 1, checks the CRC, kept up; its rival `sht4x-ng` refers to it |
-//! | LIS3DH or LIS2DH12 (ST), 0x19 | `lis2dh` | embedded-hal 1, FIFO with its level, every register, no dependency |
+//! | SHT4x (Sensirion), 0x44 | `sht4x` | embedded-hal 1, checks the CRC, maintained |
+//! | LIS3DH or LIS2DH12 (ST), 0x19 | `lis2dh` | embedded-hal 1, FIFO with its level, access to every register |
 //!
-//! Both accelerometers have the same registers as far as they are used here. The driver `lis2dh12` keeps the registers
-//! to itself, so that no setting could be read back, and `lis3dh` reads no more than one sample of the FIFO in a call;
-//! both bring a crate with a trait that nothing here needs.
+//! Both accelerometers have the same registers, as far as this firmware uses them. The driver `lis2dh12` gives no
+//! access to the registers, so settings could not be read back. The driver `lis3dh` reads only one sample of the FIFO
+//! in a call.
 //!
 //! # Schedule
 //!
-//! [`Sensors::serve`] is called in each [beat](crate::timing::BEATS), by a task of the lowest priority, and waits for
-//! the bus. One call does at most one of these:
+//! A timer raises a beat every 25 ms, four in a cycle ([`timing`](crate::timing)). At each beat a task of the lowest
+//! priority calls [`Sensors::serve`], which waits for the bus. Its work depends on the beat's number in the cycle:
 //!
-//! | beat | what | time on the bus |
+//! | beat | work | time on the bus |
 //! |---|---|---|
-//! | 1, 3 | read the accelerometer's FIFO, which has 20 samples | 5 ms |
-//! | 2, once a second | measure temperature and humidity | 9 ms, most of which is the sensor's conversion |
+//! | 1, 3 | read the 20 new samples in the accelerometer's FIFO | 5 ms |
+//! | 2, once a second | measure temperature and humidity | 9 ms, most of it the sensor's conversion |
 //! | 0, once a second | verify the accelerometer's settings, or set it up | 2 ms |
 //!
-//! The first transfer that fails ends the call, and the bus gives up each transfer after a bounded time. So the longest
-//! call takes [`LONGEST_MS`], which is shorter than a beat.
+//! The first failed transfer ends the call, and each transfer has a longest time. So a call takes [`LONGEST_MS`] at
+//! most, which is shorter than a beat.
 //!
 //! # Faults
 //!
-//! A sensor is faulty from a transfer that fails, a wrong CRC or an impossible value until it works again, which is
-//! tried every second. The last temperature stands for [`CLIMATE_VALID_BEATS`] meanwhile, so that one damaged transfer
-//! does not switch the control off. The vibration is unknown until there is a second of samples again.
+//! A sensor is faulty after a failed transfer, a wrong CRC or an impossible value, until it works again; the hold tries
+//! that once a second. The last temperature stays valid for [`CLIMATE_VALID_BEATS`], so that one damaged transfer does
+//! not switch the control off. The vibration is unknown until there are samples of a full second again.
 
 pub mod bus;
 pub mod vibration;
@@ -44,37 +44,35 @@ use crate::{
 };
 use vibration::{Sample, Vibration};
 
-/// The samples of the accelerometer in a second. It then passes vibration up to 200 Hz (LIS3DH data sheet, 3.2.1).
+/// The accelerometer's samples in a second. At this rate it passes vibration up to 200 Hz (LIS3DH data sheet, 3.2.1).
 pub const SAMPLES_PER_SECOND: u32 = 400;
-/// The length of the accelerometer's FIFO, samples.
 const FIFO: usize = 32;
-/// The beats for which a temperature is valid after its measurement: 3 s.
+/// The number of beats for which a temperature is valid after its measurement: 3 s.
 pub const CLIMATE_VALID_BEATS: u32 = 3_000 / BEAT_MS;
-/// The beats in a second.
 const SECOND: u32 = BEATS * CYCLES_PER_SECOND;
-/// The longest time of a call of [`Sensors::serve`], ms: a full FIFO takes 33 transfers of 0.25 ms each, the conversion
-/// of the climate sensor 9 ms, and a transfer that fails 1.2 ms with the recovery of the bus.
+/// The longest time of a call of [`Sensors::serve`], ms. A full FIFO takes 33 transfers of 0.25 ms each, and a
+/// measurement of the climate sensor 9 ms. A failed transfer adds 1.2 ms, with the recovery of the bus.
 pub const LONGEST_MS: u32 = 12;
 
 const _: () = {
     assert!(LONGEST_MS < BEAT_MS);
-    // Two readings in each cycle, and a FIFO that holds what comes in a beat more than between two of them.
+    // There are two readings in a cycle. The FIFO must hold the samples between two of them and of one more beat.
     assert!(vibration::READINGS as u32 == 2 * CYCLES_PER_SECOND && BEATS == 4);
     assert!(SAMPLES_PER_SECOND * 3 * BEAT_MS / 1_000 < FIFO as u32);
 };
 
-/// The identity of the accelerometers (WHO_AM_I of LIS3DH and LIS2DH12).
+/// The value of WHO_AM_I of LIS3DH and LIS2DH12.
 const IDENTITY: u8 = 0x33;
 
-/// The settings of the accelerometer that are read back: 400 Hz with all axes on; a range of 8 g with 10 bits; the FIFO
-/// on; the FIFO as a stream. With 12 bits the sensor passes only a ninth of its rate, 44 Hz, and not half of it.
+/// The accelerometer's settings that are read back: 400 Hz with all axes on; a range of 8 g with 10 bits; the FIFO on;
+/// the FIFO as a stream. 12 bits are not used, because then the sensor passes only 44 Hz, a ninth of its rate.
 const SETTINGS: [(Register, u8); 4] =
     [(Register::CtrlReg1, 0x77), (Register::CtrlReg4, 0x20), (Register::CtrlReg5, 0x40), (Register::FifoCtrlReg, 0x80)];
 
-/// The temperatures, °C, that the climate sensor can measure; it is wrong about any other (SHT4x data sheet, table 4).
+/// The temperatures, °C, that the climate sensor can measure (SHT4x data sheet, table 4). Any other is an error.
 const POSSIBLE: core::ops::RangeInclusive<f32> = -40.0..=125.0;
 
-/// A failure of a sensor: a transfer that failed, a wrong CRC, an impossible value.
+/// The error of a sensor: a failed transfer, a wrong CRC or an impossible value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Faulty;
 
@@ -90,47 +88,46 @@ impl<E> From<sht4x::Error<E>> for Faulty {
     }
 }
 
-/// What the sensors say.
+/// The latest values of the sensors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Readings {
-    /// The temperature, °C, and the relative humidity, %, if they are valid.
+    /// The temperature, °C, and the relative humidity, %; `None` without a valid measurement.
     pub climate: Option<[f32; 2]>,
-    /// The vibration along x, y, z, m/s², if it is known.
+    /// The vibration along x, y and z, m/s²; `None` without samples of a full second.
     pub vibration: Option<[f32; 3]>,
-    /// The greatest shock since the readings were taken last, m/s², if one could be measured.
+    /// The greatest shock since the readings were last taken, m/s²; `None` if no shock could be measured.
     pub shock: Option<f32>,
     /// Whether a sensor is faulty.
     pub fault: bool,
 }
 
-/// The sensors, with the bus and a delay.
+/// The driver of both sensors, with the bus and a delay.
 #[derive(Debug)]
 pub struct Sensors<B, D> {
     bus: B,
     delay: D,
     climate: Option<[f32; 2]>,
-    /// The beat in which the climate was measured last.
+    /// The number of the beat in which temperature and humidity were last measured.
     measured: u32,
     climate_faulty: bool,
     vibration: Vibration,
     accelerometer: Accelerometer,
-    /// Whether the last reading found no sample.
+    /// Whether the last reading of the FIFO found no sample.
     empty: bool,
 }
 
-/// The state of the accelerometer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Accelerometer {
-    /// It was not accessed since the start.
+    /// The accelerometer was not accessed since the start.
     New,
-    /// It is set up and samples.
+    /// The accelerometer is set up and samples.
     Works,
-    /// It has failed, and is set up anew.
+    /// The accelerometer has failed and must be set up again.
     Faulty,
 }
 
 impl<B: I2c, D: DelayNs> Sensors<B, D> {
-    /// Returns the sensors, which have not been accessed yet.
+    /// Returns the driver without accessing the sensors.
     pub fn new(bus: B, delay: D) -> Self {
         Self {
             bus,
@@ -144,7 +141,7 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
         }
     }
 
-    /// Does the work of `beat`, which counts from the start on and wraps.
+    /// Does the work of beat number `beat`. The number counts from the start and wraps.
     pub fn serve(&mut self, beat: u32, telemetry: &Telemetry) {
         match (beat % BEATS, beat % SECOND) {
             (1 | 3, _) if self.accelerometer == Accelerometer::Works => {
@@ -172,7 +169,7 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
         }
     }
 
-    /// Puts what the sensors say into `readings`; the greatest shock there stays if it is greater.
+    /// Writes the latest values into `readings`. A greater shock that is already there stays.
     pub fn report(&mut self, readings: &mut Readings) {
         let shock = self.vibration.take_greatest();
         *readings = Readings {
@@ -201,7 +198,7 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
         let measured = Sht4x::new(&mut self.bus).measure(Precision::High, &mut self.delay)?;
         let celsius = measured.temperature_milli_celsius() as f32 / 1_000.0;
         let percent = measured.humidity_milli_percent() as f32 / 1_000.0;
-        // The sensor's formula goes beyond what a relative humidity can be, and the sheet says to cut it (4.6).
+        // The sensor's formula can give less than 0 % or more than 100 %; the data sheet says to limit it (4.6).
         POSSIBLE.contains(&celsius).then_some([celsius, percent.clamp(0.0, 100.0)]).ok_or(Faulty)
     }
 
@@ -214,14 +211,14 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
         if sensor.get_device_id()? != IDENTITY {
             return Err(Faulty);
         }
-        // Settings of an earlier start that are not set below are cleared: filters, interrupts, byte order, self-test.
+        // Settings of an earlier start are cleared: filters, interrupts, byte order, self-test.
         for register in [Register::CtrlReg2, Register::CtrlReg3, Register::CtrlReg4, Register::CtrlReg5] {
             sensor.write_register(register, 0)?;
         }
         sensor.write_register(Register::CtrlReg1, 0x07)?;
         sensor.set_mode(Mode::Normal)?;
         sensor.set_full_scale(FullScale::Fs8g)?;
-        // The way to another mode leads through bypass, which empties the FIFO.
+        // The FIFO's mode may change only through bypass, which also empties the FIFO.
         sensor.configure_fifo(FifoConfig::Bypass)?;
         sensor.configure_fifo(FifoConfig::Stream { watermark: 0 })?;
         sensor.set_output_data_rate(OutputDataRate::Hz400)?;
@@ -247,21 +244,21 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
         let count = if level.full { FIFO } else { usize::from(level.sample_count).min(FIFO) };
         let data = &mut data[..count];
         sensor.read_data(data)?;
-        // A sensor that was reset measures nothing. The first reading after the set-up may come before a sample.
+        // Two readings in a row without a sample mean that the sensor was reset. A single one may follow the set-up.
         if core::mem::replace(&mut self.empty, count == 0) && count == 0 {
             return Err(Faulty);
         }
         let mut samples = [Sample::default(); FIFO];
         for (sample, data) in samples.iter_mut().zip(&*data) {
             let left_aligned = [data.x, data.y, data.z];
-            // The lowest six of 16 bits are 0 with a resolution of 10 bits, and are not on a line that is stuck.
+            // With 10 bits left-aligned in 16, the lowest six bits are 0. Other values come from a stuck line.
             if left_aligned.iter().any(|value| value & 0x3F != 0) {
                 return Err(Faulty);
             }
             *sample = left_aligned.map(|value| value >> 6);
         }
         let samples = &samples[..count];
-        // Gravity and noise leave no axis exactly at 0 for 50 ms, and not all three.
+        // Gravity and noise never leave all three axes at exactly 0 in all samples of 50 ms.
         if count > 0 && samples.iter().all(|sample| *sample == [0; 3]) {
             return Err(Faulty);
         }

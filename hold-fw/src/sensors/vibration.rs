@@ -1,26 +1,25 @@
-//! Vibration and shocks from the samples of an accelerometer.
+//! Computes vibration and shocks from the samples of an accelerometer.
 //!
-//! The *vibration* along an axis is the standard deviation of the samples of the last second: the root mean square of
-//! the acceleration without its mean, which has gravity in it. A *shock* is the greatest distance of a sample from that
-//! mean. Sums are integers, so that nothing is lost as samples enter and leave.
+//! The *vibration* along an axis is the standard deviation of the samples of the last second. The mean, which includes
+//! gravity, is thus left out. A *shock* is the greatest distance of a sample from that mean. All sums are integers, so
+//! adding and removing samples causes no rounding error.
 
 use super::SAMPLES_PER_SECOND;
 
-/// The number of readings of the sensor in a second.
+/// The number of times in a second that the sensor's FIFO is read.
 pub const READINGS: usize = 20;
 
-/// The fewest samples in a second that make a result: the sensor's clock may be 10 % slow (LIS3DH data sheet, 2.1), and
-/// a reading may come late.
+/// The fewest samples in a second from which a result is computed. The sensor's clock may be 10 % slow (LIS3DH data
+/// sheet, 2.1), and a reading may come late.
 const FEWEST: u32 = SAMPLES_PER_SECOND * 17 / 20;
 
-/// A sample: x, y, z in [digits](DIGIT).
+/// One sample: the accelerations along x, y and z in units of [`DIGIT`].
 pub type Sample = [i16; 3];
 
-/// A digit, m/s²: 16 mg, in a range of 8 g with 10 bits (LIS3DH and LIS2DH12 data sheets, table "mechanical
-/// characteristics").
+/// The acceleration of one digit, m/s²: 16 mg in the range of 8 g with 10 bits (LIS3DH and LIS2DH12 data sheets, table
+/// "mechanical characteristics").
 pub const DIGIT: f32 = 0.016 * 9.806_65;
 
-/// The sums over the samples of one reading.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Sums {
     samples: u32,
@@ -42,7 +41,7 @@ impl Sums {
     }
 }
 
-/// The samples of the last second, as sums, and the greatest shock.
+/// The sums over the samples of the last second, and the greatest shock.
 #[derive(Clone, Debug, Default)]
 pub struct Vibration {
     readings: [Sums; READINGS],
@@ -57,9 +56,9 @@ impl Vibration {
         Self::default()
     }
 
-    /// Takes the samples of a reading, in the place of the reading a second ago.
+    /// Adds the samples of one reading and removes those of the reading a second ago.
     pub fn take(&mut self, samples: &[Sample]) {
-        // A shock is measured against the second before it, so that it does not move its own mean.
+        // The mean is that of the second before these samples, so that a shock does not move the mean.
         if let Some(total) = self.total() {
             let count = total.samples as f32;
             let mean = total.sum.map(|sum| sum as f32 / count);
@@ -73,12 +72,12 @@ impl Vibration {
         self.next = (self.next + 1) % READINGS;
     }
 
-    /// Forgets all samples, after a fault of the sensor, but not the greatest shock.
+    /// Removes all samples after a fault of the sensor. The greatest shock stays.
     pub fn clear(&mut self) {
         self.readings = [Sums::default(); READINGS];
     }
 
-    /// Returns the vibration along x, y, z, m/s²; `None` while there is not about a second of samples.
+    /// Returns the vibration along x, y and z, m/s²; `None` without samples of about a second.
     #[must_use]
     pub fn rms(&self) -> Option<[f32; 3]> {
         let total = self.total()?;
@@ -89,7 +88,7 @@ impl Vibration {
         }))
     }
 
-    /// Returns the greatest shock since the last call, m/s²; `None` if none could be measured.
+    /// Returns the greatest shock since the last call, m/s²; `None` if no shock could be measured.
     pub fn take_greatest(&mut self) -> Option<f32> {
         self.greatest.take()
     }
@@ -138,7 +137,7 @@ mod tests {
         assert!(vibration.rms().is_some());
         vibration.clear();
         assert_eq!(vibration.rms(), None);
-        // Readings that find nothing push the samples of a second ago out.
+        // Readings without a sample replace those of a second ago.
         let mut vibration = second(|_| [0, 0, 62]);
         (0..4).for_each(|_| vibration.take(&[]));
         assert_eq!(vibration.rms(), None);

@@ -1,4 +1,4 @@
-//! Tests the hold's link on the model of the chip that it drives, against a listener that answers.
+//! Tests the hold's link with the front end's model, against a listener that answers.
 
 mod world;
 
@@ -23,7 +23,7 @@ fn status(tick: u32) -> HoldStatus {
     HoldStatus::seal(Writer::<ActiveLoad>::claim(), &HoldValues::absent(timestamp(tick)))
 }
 
-/// Returns the cycle of a frame, which has to be whole, of that cycle and as long after the tick as every other one.
+/// Returns the cycle of a sent frame. Panics if the frame is incomplete, of another cycle, or not sent in the slot.
 fn check(frame: &SentFrame, config: &Config) -> u32 {
     let tick = (frame.started_ns / PERIOD_NS) as u32;
     let object = HoldStatus::verify(&frame.bytes[1..65]).expect("an intact object");
@@ -107,7 +107,7 @@ fn a_frame_is_never_changed_while_it_is_loaded() {
     let (telemetry, config) = (Telemetry::new(), Config::default());
     let mut world = World::new(&telemetry, config.clone(), AnswerFaults::default());
     world.run(2, status);
-    // The first frame is offered so late that its load goes on at the next tick, at which the second is offered.
+    // The first frame is offered so late that its load is still under way when the second frame is offered.
     world.late_ns = PERIOD_NS - 10_000;
     world.run(1, status);
     world.late_ns = 0;
@@ -142,7 +142,7 @@ fn whichever_transfer_hangs_the_frames_come_back_on_time() {
         world.run(3, status);
         world.link.port().hang_in = Some(hang_in);
         let mut frames = world.run(12, status);
-        // A frame whose load hangs breaks off on the air.
+        // A frame whose load never ends is cut off on the air.
         frames.retain(|frame| frame.whole);
         let sent = ticks(&frames, &config);
         assert_eq!((world.link.port().aborted, telemetry.rf_faults.get()), (1, 1), "transfer {hang_in}");
@@ -154,7 +154,7 @@ fn memory() -> &'static Memory {
     Box::leak(Box::new([[(); WORDS]; 2].map(|record| record.map(|()| AtomicU32::new(0)))))
 }
 
-/// Both writers with their uplinks, as a DPR hands them on.
+/// Base station and flight controller with their uplinks, in the form in which a DPR passes them on.
 struct Writers {
     base_station: Sender<BaseStation>,
     flight_controller: Sender<FlightController>,
@@ -215,7 +215,7 @@ fn a_command_goes_the_whole_way_and_its_acknowledgement_comes_back() {
     let values = cycle(&mut world, &mut writers, &mut hold);
     assert_eq!((values.set_point, values.acknowledged[0]), (8.5, Acknowledged::new(2, Outcome::Refused)));
     assert_eq!((telemetry.commands_done.get(), telemetry.commands_refused.get()), (2, 1));
-    // A reset that keeps the RAM keeps lock, set-point and acknowledgements.
+    // After a reset that keeps the RAM, lock, set-point and acknowledgements must be the same.
     let mut restarted = Hold::new(ResetReason::Watchdog, Keeper::take(memory));
     let values = restarted.cycle(0, &mut Readings::default(), None).0.values();
     assert_eq!((values.set_point, values.status.locked()), (8.5, false));

@@ -1,5 +1,5 @@
-//! The hold's link and a listener that answers, each with the model of its chip, in virtual time: byte by byte on each
-//! SPI, and with the air between them.
+//! Simulates the hold's link and a listener that answers, byte by byte on each SPI. Each has a model of its chip; a
+//! model of the air connects them. All times are virtual.
 
 use hold_fw::{
     exchange::{FrontEndPort, Link, Ticket},
@@ -17,12 +17,11 @@ use st25r3916::{
 };
 use st25r3916_model::{Air, AirFaults, AnswerFaults, AnswerPath, Chip, Config, SentFrame};
 
-/// The time of one byte at 8 MHz, ns, and of the interrupts around a transfer, ns.
+/// The time of one byte at 8 MHz, ns; the time of the interrupts around a transfer, ns.
 const BYTE_NS: u64 = 1_000;
 const OVERHEAD_NS: u64 = 2_000;
-/// The period of the hold, ns.
 pub(crate) const PERIOD_NS: u64 = PERIOD_MS as u64 * 1_000_000;
-/// The time from the end of the hold's frame to the command of the answer, ns.
+/// The time from the end of the hold's frame to the listener's transmit command, ns.
 const ANSWER_AFTER_NS: u64 = 700_000;
 
 struct Running {
@@ -31,21 +30,20 @@ struct Running {
     next_at: u64,
 }
 
-/// A front end with its SPI, its timer and the buffers of its driver.
 pub(crate) struct Side {
     now: u64,
     pub(crate) chip: Chip,
     running: Option<Running>,
-    /// The bytes that an ended transfer has brought: `response[skip..]`.
+    /// The bytes of the last transfer. `response[skip..]` is what the driver receives.
     response: Vec<u8>,
     skip: usize,
     timer: u64,
     irq: bool,
     ticket: u32,
     payload: Vec<u8>,
-    /// LEN and payload of the frame that was read last.
+    /// The length byte and the payload of the frame that was read last.
     received: Vec<u8>,
-    /// The number of transfers until one hangs, and whether it does.
+    /// The number of transfers before one that never ends; `hangs` says whether that one has begun.
     pub(crate) hang_in: Option<u32>,
     hangs: bool,
     pub(crate) aborted: u32,
@@ -89,7 +87,7 @@ impl Side {
         transfer.min(timer).min(self.chip.next_event().unwrap_or(u64::MAX))
     }
 
-    /// Moves to `at`. Returns whether an interrupt comes: a transfer has ended, the timer is over, IRQ has risen.
+    /// Advances to time `at`, ns. Returns whether an interrupt occurs: end of a transfer, end of a delay, edge of IRQ.
     fn advance(&mut self, at: u64) -> bool {
         let timer = self.timer > self.now && self.timer <= at;
         self.now = at;
@@ -173,7 +171,7 @@ impl FrontEndPort for Side {
     }
 }
 
-/// Both sides, the air, and the cycles.
+/// The hold's link, the listener, the air between them, and the ticks and slots.
 pub(crate) struct World<'a> {
     pub(crate) link: Link<'a, Side>,
     listener: Executor<Answerer, Side>,
@@ -184,12 +182,10 @@ pub(crate) struct World<'a> {
     slot_at: u64,
     offer_at: u64,
     fire_at: u64,
-    /// What the listener answers; `None` if it is mute.
+    /// The answer of the listener, or `None` if the listener does not answer.
     pub(crate) answer: Option<Vec<u8>>,
-    /// The frames that the listener has received.
     pub(crate) heard: Vec<HoldStatus>,
     pub(crate) answers: Vec<Answer>,
-    /// How late after the tick the frame is offered, ns.
     pub(crate) late_ns: u64,
 }
 
@@ -218,12 +214,11 @@ impl<'a> World<'a> {
         }
     }
 
-    /// The number of the present cycle; the first tick begins cycle 1.
     pub(crate) fn tick(&self) -> u32 {
         self.tick
     }
 
-    /// Runs to the end of the next `cycles`; `status` makes the frame of a tick. Returns the frames that were sent.
+    /// Runs `cycles` cycles and returns the frames that were sent. `status` gives the Hold-Status of a tick.
     pub(crate) fn run(&mut self, cycles: u32, mut status: impl FnMut(u32) -> HoldStatus) -> Vec<SentFrame> {
         let last = self.tick + cycles;
         let end = (u64::from(last) + 1) * PERIOD_NS;

@@ -34,7 +34,8 @@ fn load(rig: &mut Rig, exchange: &mut Exchange) {
     assert_eq!(rig.run(exchange, Step::Event(ExchangeEvent::Prepared)), ExchangeEvent::Loaded);
 }
 
-/// Sends the loaded frame and runs the exchange to its result. `answer` gets the chip and the frame's end.
+/// Sends the loaded frame and returns the result of the exchange. `answer` gets the chip and the time of the frame's
+/// end.
 fn fire<R>(rig: &mut Rig, exchange: &mut Exchange, answer: impl FnOnce(&mut Chip, u64) -> R) -> ExchangeEvent {
     let end = rig.chip.now + 3 + FRAME_US;
     answer(&mut rig.chip, end);
@@ -72,7 +73,7 @@ fn bring_up_sets_the_receiver_for_answers_and_masks_it() {
             assert_eq!(settings.iter().filter(|other| *other == entry).count(), 1, "{entry}");
         }
         assert_eq!(settings[settings.len() - 3..], ["02 C8", "D0", "42 00 00 00"], "{variant:?}");
-        // All settings are written and read back, also IO and regulator control. Three transfers follow.
+        // Each setting is written and read back, IO and regulator control included. Three other transfers follow.
         assert_eq!(settings.len(), number + 5, "{variant:?}: {settings:?}");
         assert!(!rig.chip.unmasked);
     }
@@ -217,7 +218,8 @@ fn a_second_answer_is_never_mixed_with_the_first() {
                 assert_eq!(rig.buffer[1..=128], [1; 128], "{gap}");
                 whole += 1;
             }
-            // If the second answer began within the status read at the first one's end, the first is a runt.
+            // If the second answer begins during the status read at the end of the first, the first is reported as too
+            // short.
             event => {
                 assert!([OVERRUN, ExchangeEvent::NoAnswer(NoAnswer::Dropped(Dropped::Runt))].contains(&event), "{gap}");
                 overrun += u32::from(event == OVERRUN);

@@ -1,4 +1,4 @@
-//! Tests that no machine panics or stops, whatever executor and chip do, and that each works with a working chip.
+//! Tests that no machine panics or hangs, whatever executor and chip do, and that each works with a working chip.
 
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -89,7 +89,7 @@ fn answer<E>(step: &Step<E>, bytes: [u8; 8]) -> Vec<u8> {
     bytes.iter().copied().cycle().take(len).collect()
 }
 
-/// Gives the inputs to a machine and returns its outstanding step. `send` prepares a frame or an answer.
+/// Gives the inputs to a machine and returns the step that it still waits for. `send` prepares a frame or an answer.
 fn feed<M: Machine<Event: Copy>>(
     machine: &mut M,
     said: &[Said],
@@ -120,7 +120,7 @@ fn feed_poller(machine: &mut Poller, said: &[Said]) -> Step<PollerEvent> {
     feed(machine, said, |machine, len| machine.prepare(len).ok())
 }
 
-/// Sends frames every 10 ms until the listener receives one whole, at most 30. A recovery takes about ten.
+/// Sends up to 30 frames, one every 10 ms, until the listener receives one without damage. A recovery takes about ten.
 fn listens_again(rig: &mut Rig, machine: &mut Listener, mut step: Step<ListenerEvent>) -> bool {
     let payload: Vec<u8> = (0..244).map(|index| index as u8 ^ 0x5A).collect();
     let start = rig.chip.now;
@@ -195,7 +195,7 @@ fn exchanges_again(rig: &mut Rig, machine: &mut Exchange, mut step: Step<Exchang
     None
 }
 
-/// Carries out `step`, then sends 30 frames, one every 20 ms. Returns whether the machine answers one of them.
+/// Carries out `step`, then sends 30 frames, one every 20 ms. Returns whether the machine has answered one of them.
 fn answers_again(rig: &mut Rig, machine: &mut Answerer, mut step: Step<AnswererEvent>) -> bool {
     rig.payload = vec![0xC3; 128];
     rig.chip.clear_air();
@@ -400,7 +400,8 @@ proptest! {
         prop_assert!(matches!(event, ExchangeEvent::Answer { .. } | ExchangeEvent::NoAnswer(_)), "{:?}", event);
         let bound = u64::from(WINDOW_US + FRAME_US) + 600 + 4 * lateness;
         prop_assert!(rig.chip.now - end <= bound, "{} us", rig.chip.now - end);
-        // Signals that are still on the air do not disturb the next frame. After them an answer is received.
+        // Signals that are still on the air must not disturb the next frame. Its answer comes after them and is
+        // received.
         let ready = rig.run(&mut machine, Step::Event(event));
         prop_assert_eq!(ready, ExchangeEvent::Ready);
         let step = machine.prepare(64).expect("it is ready");

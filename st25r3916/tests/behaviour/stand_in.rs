@@ -188,7 +188,6 @@ impl Chip {
         });
     }
 
-    /// Sets the output of the field detector, without its interrupt.
     pub(crate) fn senses_field(&mut self, there: bool) {
         self.a[0x31] = self.a[0x31] & !0x40 | u8::from(there) << 6;
     }
@@ -392,7 +391,8 @@ impl Chip {
                 self.needs_oscillator("FIFO read");
                 let mut dry = false;
                 for slot in &mut miso[1..] {
-                    // A byte leaves the FIFO when it is clocked out, after the command and the bytes before it.
+                    // A byte leaves the FIFO only when its own clocks come, after those of the command and of the bytes
+                    // before it.
                     self.advance(self.now + 1);
                     match self.fifo.pop_front() {
                         Some(byte) => *slot = byte,
@@ -485,8 +485,7 @@ impl Chip {
                 (self.sending, self.receiving) = (true, false);
                 let ntx = usize::from(self.a[0x22]) << 5 | usize::from(self.a[0x23]) >> 3;
                 self.sent.push((self.now, vec![]));
-                // `after` is the time, µs, of preamble, sync and this number of bytes; a bit is 32 periods of 13.56
-                // MHz.
+                // The time, µs, of preamble, sync and this number of bytes. A bit takes 32 periods of 13.56 MHz.
                 let after = |bytes: usize| (48 + 16 + 8 * bytes as u64) * 3_200 / 1_356;
                 for byte in 0..ntx {
                     self.at(self.now + after(1 + byte), Happening::Taken);
@@ -669,7 +668,7 @@ impl Rig {
         }
     }
 
-    /// Runs a listener for at most `steps` steps, to its next event, if one comes; the next call continues.
+    /// Runs a listener to its next event, for at most `steps` steps. The next call continues from there.
     pub(crate) fn listener_within(&mut self, machine: &mut Listener, steps: u32) -> Option<ListenerEvent> {
         for _ in 0..steps {
             let given = self.carry_out(self.outstanding);
