@@ -62,7 +62,7 @@ pub trait World {
     /// The exit status of the run so far, which gdb shows at the end.
     fn status(&mut self) -> u8;
 
-    /// The end of the run, virtual ns.
+    /// The end of the run, virtual ns; `u64::MAX` if it is not known.
     fn end(&self) -> u64;
 
     /// The instant, virtual ns, that all boards of the run have reached.

@@ -41,10 +41,13 @@ impl<W: World> Debuggee<W> {
     }
 
     fn time(&mut self) -> String {
-        let end = self.world.end() as f64 / 1e6;
+        let end = match self.world.end() {
+            u64::MAX => String::new(),
+            end => format!(" of {:.0} ms", end as f64 / 1e6),
+        };
         let node = self.node();
         let (ms, instructions, doing) = (node.now() as f64 / 1e6, node.instructions(), node.doing());
-        format!("{ms:.6} ms of {end:.0} ms, {instructions} instructions; {doing}\n")
+        format!("{ms:.6} ms{end}, {instructions} instructions; {doing}\n")
     }
 
     fn named(&mut self, name: &str) -> Result<Pin, String> {

@@ -257,10 +257,10 @@ impl<P: Part> Board for Leads<P> {
 
     fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) {
         while self.next_event() <= at
-            && let Some((_, input)) = self.plan.pop_first()
+            && let Some(((due, _), input)) = self.plan.pop_first()
         {
             match input {
-                Input::Level(pin, level) => self.note_driven(at, pin, level),
+                Input::Level(pin, level) => self.note_driven(due, pin, level),
                 Input::Frame(pin, began, frame) => {
                     let level = |(after_ps, level): (u64, bool)| (began + (after_ps + 500) / 1_000, Some(level));
                     frame.levels().map(level).for_each(|(at, level)| self.note_driven(at, pin, level));
