@@ -39,6 +39,21 @@ fn uplinks_need_a_key_and_a_heartbeat_is_asked_for() {
 }
 
 #[test]
+fn commands_to_a_hold_need_a_key_and_exclude_uplinks() {
+    let (began, said) = run(&["serve", "--hold-commands"]);
+    assert!(!began && said.contains("--key <FILE>"), "{said}");
+    let key = file("key-of-a-hold", &"0".repeat(64));
+    let on = |more: &[&str]| {
+        let serve = ["serve", "--udp", "127.0.0.1:0", "--http", "127.0.0.1:0", "--seconds", "0", "--hold-commands"];
+        run(&[&serve[..], &["--key", key.to_str().unwrap()], more].concat())
+    };
+    let (began, said) = on(&["--uplink"]);
+    assert!(!began && said.contains("cannot be used with"), "{said}");
+    let (began, said) = on(&[]);
+    assert!(began && said.contains("whoever opens the page can command drones' active holds"), "{said}");
+}
+
+#[test]
 fn a_page_for_other_machines_requires_a_login_or_explicit_consent() {
     let udp = ["serve", "--udp", "127.0.0.1:0", "--seconds", "0"];
     let on = |more: &[&str]| run(&[&udp[..], more].concat());

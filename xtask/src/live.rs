@@ -16,7 +16,8 @@
 //!
 //! **The way back.** With `--uplink` the page sends signed uplinks through the same socket to the flight controller,
 //! which receives them with [`base_station::carrier::mavlink::Inbound`], writes them to the DPR, and forwards what the
-//! DPR then shows. With `--hold` an active hold is beside the DPR, and the page commands it in the same way. With `--loss` messages are lost in both directions, drawn from the seed.
+//! DPR then shows. With `--hold` an active hold is beside the DPR, and the page commands it in the same way. With
+//! `--loss` messages are lost in both directions, drawn from the seed.
 
 mod panel;
 #[cfg(test)]

@@ -5,7 +5,7 @@
 //!
 //! | offset | what |
 //! |---|---|
-//! | 0 | u8 number of the first object in the order of the map: 0 Link-Status to 6 GPS5, 7 Port-Status, 8 uplink, 9 Hold-Status |
+//! | 0 | u8 number of the first object: 0 Link-Status to 6 GPS5, 7 Port-Status, 8 uplink, 9 Hold-Status |
 //! | 1 | u8 number n of successive objects from there |
 //! | 2 | u64 instant at which they arrived at the publishing station, µs since 1970 by its clock |
 //! | 10 | n × u8 verdict on each object ([`VERDICTS`]) |

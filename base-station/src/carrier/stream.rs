@@ -1,9 +1,9 @@
 //! Frames a byte stream from a flight controller to a base station, for links without MAVLink.
 //!
-//! The link may lose and damage bytes. A profile, an image or a map travels unchanged, in consistent overhead byte stuffing
-//! (COBS: Cheshire and Baker, *Consistent Overhead Byte Stuffing*, IEEE/ACM Transactions on Networking 7(2), 1999),
-//! ended by a zero byte. The encoded bytes contain no zero, so a receiver resynchronises at the next zero. The objects
-//! have their own CRCs, so a frame has none.
+//! The link may lose and damage bytes. A profile, an image or a map travels unchanged, in consistent overhead byte
+//! stuffing (COBS: Cheshire and Baker, *Consistent Overhead Byte Stuffing*, IEEE/ACM Transactions on Networking 7(2),
+//! 1999), ended by a zero byte. The encoded bytes contain no zero, so a receiver resynchronises at the next zero. The
+//! objects have their own CRCs, so a frame has none.
 //!
 //! The crate `cobs` is not used, because this deframer holds at most one frame and reports damaged frames.
 

@@ -120,7 +120,8 @@ impl HoldState {
         self.restarts
     }
 
-    /// Returns the number of objects that did not continue the earlier ones, as those of a hold that has just restarted.
+    /// Returns the number of objects that did not continue the earlier ones, as those of a hold that has just
+    /// restarted.
     #[must_use]
     pub const fn strange(&self) -> u64 {
         self.strange

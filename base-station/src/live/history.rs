@@ -6,8 +6,8 @@
 //!
 //! **Bound.** Each drone has 602 samples of at most [`SAMPLE_BYTES`] bytes: 58 kB for a drone, 58 MB for a thousand,
 //! and 237 MB for the greatest number of drones that are kept ([`MAX_DRONES`](crate::fleet::MAX_DRONES)). A drone with
-//! an active hold has as many [samples of the hold](HoldSample), 25 kB more. Positions are in 1e-7 degrees (1 cm), since
-//! they are only drawn.
+//! an active hold has as many [samples of the hold](HoldSample), 25 kB more. Positions are in 1e-7 degrees (1 cm),
+//! since they are only drawn.
 
 use std::collections::{BTreeMap, VecDeque};
 

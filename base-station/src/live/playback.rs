@@ -227,9 +227,13 @@ mod tests {
     use std::sync::Arc;
     use std::thread;
 
-    use profile::{GpsValues, Profile, ReportedValues};
+    use profile::criticality::{ActiveLoad, Writer};
+    use profile::hold::HoldCommand;
+    use profile::{GpsValues, HoldStatus, HoldValues, Layout, Profile, ReportedValues};
 
     use super::*;
+    use crate::carrier::mavlink::commander::{CommandRecord, CommandState};
+    use crate::drone::hold::Presence;
     use crate::intake::{Carried, Intake, Kind};
     use crate::live::{self, Time};
     use crate::recorder::{Files, Recorder};
@@ -253,6 +257,50 @@ mod tests {
             recorder.tick(carried.at_us);
         }
         if killed { std::mem::forget(recorder) } else { recorder.finish().unwrap() }
+    }
+
+    #[test]
+    fn a_playback_shows_the_hold_and_the_commands_to_it() {
+        let folder = std::env::temp_dir().join(format!("horus-base-playback-hold-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let path = folder.join("hold.mcap");
+        let mut recorder = Recorder::new(Files::new(path.clone()));
+        let mut intake = Intake::default();
+        let layout = Layout::for_receivers(1).unwrap().with_hold();
+        let command = |state| {
+            let (drone, command, since_us) = ("127.0.0.1:4000".to_owned(), HoldCommand::Lock, START);
+            CommandRecord { drone, number: 3, command, state, since_us, at_us: START }
+        };
+        for cycle in 0..5 {
+            let mut carried = arrival(cycle);
+            let values = HoldValues { temperature: 4.5, ..HoldValues::absent(100 * cycle) };
+            let hold = HoldStatus::seal(Writer::<ActiveLoad>::claim(), &values);
+            carried.bytes = [&[0; 32][..], &carried.bytes, &[0; 192], hold.as_bytes()].concat();
+            assert_eq!(carried.bytes.len(), layout.map_len());
+            let judged = intake.take(&carried);
+            recorder.carried(&carried, &judged, &[]);
+            recorder.command(&command(if cycle < 2 { CommandState::Pending } else { CommandState::Done }));
+        }
+        recorder.finish().unwrap();
+        let recording = Recording::new(vec![path]);
+        let contents = recording.contents(|_| {}).unwrap();
+        let player = Arc::new(Player::new(&contents, contents.last_us, 0.0));
+        let (inlet, station, _) = live::start(None, None, Time::Playback(Arc::clone(&player)), |_, _| {});
+        let mut changes = station.changes();
+        thread::spawn(move || player.play(&recording, &inlet));
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        runtime.block_on(async {
+            while station.known().commands.back() != Some(&command(CommandState::Done)) {
+                changes.changed().await.unwrap();
+            }
+        });
+        let known = station.known();
+        assert_eq!(known.commands.len(), 1, "the states of one command");
+        let (_, drone) = known.intake.fleet().iter().next().unwrap();
+        let hold = drone.hold().unwrap();
+        assert_eq!((hold.held().unwrap().values.temperature, hold.presence(known.now_us)), (4.5, Presence::Valid));
+        drop(known);
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]

@@ -239,8 +239,8 @@ fn chunk_head(body: &[u8]) -> Option<(u32, String, u64, &[u8])> {
 }
 
 /// Parses a record other than a chunk, and returns it if it is an arrival. The number of a channel of arrivals or of
-/// commands is added to `channels`, and so is a command. `is_lossy` means that an earlier chunk was lost, perhaps with definitions of channels. Then each
-/// message may be an arrival.
+/// commands is added to `channels`, and so is a command. `is_lossy` means that an earlier chunk was lost, perhaps with
+/// definitions of channels. Then each message may be an arrival.
 fn look(channels: &mut Channels, is_lossy: bool, opcode: u8, body: &[u8]) -> Result<Option<Record>, Stop> {
     let malformed = |what: &str| Stop::Torn(format!("a {what} that is malformed"));
     match opcode {

@@ -1,7 +1,11 @@
 use mavlink::dialects::common::{MavMessage, MavState, STATUSTEXT_DATA};
 use mavlink::{MAVLinkV2MessageRaw, MavHeader, MavlinkReader, MavlinkVersion, Message, MessageData};
+use profile::criticality::{ActiveLoad, Writer};
 use profile::image::Image;
-use profile::{GpsValues, HorusState, Layout, LinkStatus, LinkValues, Profile, ReportedStatus, ReportedValues};
+use profile::{
+    GpsValues, HoldStatus, HoldValues, HorusState, Layout, LinkStatus, LinkValues, Profile, ReportedStatus,
+    ReportedValues,
+};
 use proptest::prelude::*;
 
 use super::forwarder::*;
@@ -52,6 +56,27 @@ fn drain(forwarder: &mut Forwarder, now_us: u64) -> Vec<Vec<u8>> {
 
 fn free() -> Rates {
     Rates { bytes_per_s: 100_000, period_us: 0, standard_us: 0 }
+}
+
+#[test]
+fn each_new_object_of_the_hold_is_sent_once_beside_the_others() {
+    let mut forwarder = Forwarder::new(7, 1, free());
+    let mut receiver = Receiver::default();
+    let mut sent = |ms: u32, at: u64| {
+        let hold = HoldStatus::seal(Writer::<ActiveLoad>::claim(), &HoldValues::absent(ms));
+        offer(&mut forwarder, &image_of(1, 70_000 + ms));
+        forwarder.offer(&Bundle::new(Place::Hold, 1, hold.as_bytes()).unwrap());
+        forwarder.offer(&Bundle::new(Place::Hold, 1, &[0; 64]).unwrap());
+        let frames = drain(&mut forwarder, at);
+        let received = frames.iter().flat_map(|frame| receiver.datagram(NOW, frame)).collect::<Vec<_>>();
+        let objects =
+            received.iter().filter_map(Received::bundle).flat_map(|bundle| bundle.objects().collect::<Vec<_>>());
+        let holds = objects.filter(|(place, _)| *place == Place::Hold).map(|(_, bytes)| bytes == hold.as_bytes());
+        (received.len(), holds.collect::<Vec<_>>())
+    };
+    assert_eq!(sent(100, SECOND), (3, vec![true]), "Link-Status with Reported-Position, GPS1, Hold-Status");
+    assert_eq!(sent(100, 2 * SECOND), (0, vec![]));
+    assert_eq!(sent(200, 3 * SECOND), (3, vec![true]), "in a message of its own");
 }
 
 #[test]

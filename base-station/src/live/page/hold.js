@@ -67,7 +67,8 @@ function drawHold() {
   section.hidden = !drone;
   if (!drone) return;
   const { shown, values, notices, commands, damaged, restarts } = drone.hold;
-  section.dataset.hold = shown;
+  // Green is for a hold without a notice, live and now.
+  section.dataset.hold = shown === "valid" && !notices.length && !state.playback ? "well" : shown;
   element("hold-known").hidden = !values;
   const age = values ? values.age_ms + since() : 0;
   put("hold-state", HOLD_SHOWN[shown] + (values ? `, ${seconds(age)} old` : ""));
@@ -92,7 +93,7 @@ function drawHold() {
       ["Supply", number(values.supply, 2, " V")],
       ["Lock", values.locked ? "locked" : "unlocked"],
       ["Values", values.valid ? "valid" : "NOT VALID", !values.valid],
-      ["Limits", values.within_limits ? "within the hold's limits" : "NOT WITHIN the hold's limits", !values.within_limits],
+      ["Within the hold's limits", values.within_limits ? "yes" : "NO", !values.within_limits],
       ["Sensors", values.sensor_fault ? "FAULT" : "no fault", values.sensor_fault],
       ["Hold's memory", values.memory_fault ? "FAULT FOUND" : "no fault found", values.memory_fault],
       ["Safe state", values.safe_state ? "SAFE STATE: the output is off" : "no", values.safe_state],
@@ -114,9 +115,11 @@ function drawCommands(shown, commands) {
   const pending = last && last.state === "pending";
   if (pending) notCommanded = null;
   if (allowed) {
-    element("hold-form").querySelectorAll("button").forEach((button) => { button.disabled = pending || shown !== "valid"; });
+    for (const button of element("hold-form").querySelectorAll("button")) {
+      button.disabled = pending || shown !== "valid";
+    }
   }
-  const words = (command) => `${COMMAND_NAMES[command.name]}${command.value === null ? "" : ` ${command.value} °C`}`;
+  const words = ({ name, value }) => COMMAND_NAMES[name] + (value === null ? "" : ` ${value} °C`);
   put("hold-command", notCommanded !== null ? "NOT SENT: " + notCommanded
     : last ? `Command ${last.number}, ${words(last)}: ${COMMAND_STATES[last.state]}` : allowed ? "no command sent" : "");
   element("hold-command").dataset.state = notCommanded !== null ? "lost" : last ? last.state : "";
@@ -154,9 +157,11 @@ async function commandHold(name, value) {
 
 function drawHoldPlots() {
   if (element("hold-section").hidden || element("hold-known").hidden) return;
-  drawPlot("plot-hold-temperature", "Temperature", " °C", [
-    [(point) => point.temperature, "--r1", "measured"], [(point) => point.setPoint, "--r2", "set-point"]], 2, holdHistory);
-  drawPlot("plot-hold-output", "Output", "", [[(point) => point.output, "--r1", "1 heating, −1 cooling"]], 0.5, holdHistory);
+  const measured = [(point) => point.temperature, "--r1", "measured"];
+  const wanted = [(point) => point.setPoint, "--r2", "set-point"];
+  drawPlot("plot-hold-temperature", "Temperature", " °C", [measured, wanted], 2, holdHistory);
+  const outputs = [[(point) => point.output, "--r1", "1 heating, −1 cooling"]];
+  drawPlot("plot-hold-output", "Output", "", outputs, 0.5, holdHistory);
   drawPlot("plot-hold-vibration", "Vibration", " m/s²", ["x", "y", "z"].map((axis, index) =>
     [(point) => point.vibration[index], "--r" + (index + 1), axis]), 0.5, holdHistory);
 }
