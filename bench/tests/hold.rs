@@ -60,7 +60,7 @@ fn on_one_thread_and_on_two_a_hold_leaves_the_same_log() {
 }
 
 #[test]
-fn a_copy_of_a_bench_with_a_hold_runs_on_like_the_original() {
+fn a_copied_bench_with_a_hold_runs_on_like_the_original() {
     let Some(setup) = setup(3, 700 * MS) else { return };
     let whole = run::<Fast>(&setup, Threads::Two);
     let mut bench = Bench::<Fast>::new(&setup).unwrap();

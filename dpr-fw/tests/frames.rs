@@ -132,7 +132,7 @@ impl<T> Mutex for Own<'_, T> {
     }
 }
 
-/// As in hardware, the first byte of a read overwrites the byte before the data, which the port restores.
+/// The first byte of a read overwrites the byte before the data, as in hardware, and the port restores that byte.
 struct SimPort {
     world: Rc<RefCell<World>>,
     buffer: Option<Filling<Buffer>>,

@@ -342,7 +342,8 @@ impl Trace {
         let names: BTreeSet<&String> = self.broken.values().flatten().collect();
         let mutants = names.iter().filter(|name| name.starts_with("mutant")).count();
         format!(
-            "{} requirements ({} of safety, {} of the mission, {} of neither), shown by {} rules of the judge, {} tests \
+            "{} requirements ({} of safety, {} of the mission, {} of neither), shown by {} rules of the judge, {} \
+                 tests \
              and {} constant assertions; broken by {} defects and {} mutants.",
             self.requirements.len(),
             weigh("safety"),
@@ -375,7 +376,8 @@ impl Trace {
     /// The page in docs/safety.
     fn page(&self) -> String {
         let mut page = format!(
-            "# Requirements, what shows them, what broke them\n\n`cargo xtask trace` writes this page, and fails on any \
+            "# Requirements, what shows them, what broke them\n\n`cargo xtask trace` writes this page, and fails on \
+                 any \
              gap in it. The requirements: [requirements.md](requirements.md);\nthe mutants: [mutants.md](mutants.md); \
              the defects: `cargo xtask defects NAME` repeats each.\n\n{}\n\n| requirement | weight | shown by | broken \
              by |\n|---|---|---|---|\n",

@@ -2,7 +2,7 @@
 
 /// The largest spread, peak to peak, of the time from a HORUS tick to its transmit command (docs/design.md#timing).
 pub const TICK_TO_COMMAND_JITTER: u64 = 100;
-/// As [`TICK_TO_COMMAND_JITTER`], on the pessimistic clock, where an interrupt waits for the longest instruction.
+/// [`TICK_TO_COMMAND_JITTER`] on the pessimistic clock, where an interrupt waits for the longest instruction.
 pub const TICK_TO_COMMAND_JITTER_PESSIMISTIC: u64 = 1_000;
 /// The largest spread, peak to peak, of the time from a HORUS tick to the first bit on air (docs/design.md#timing).
 pub const TICK_TO_AIR_JITTER: u64 = 3_000;
@@ -241,7 +241,7 @@ pub const DOWNLINK: u64 = 100_000_000;
 /// The longest time from a frame's end, or a deadline, until a transaction reads the resulting image, where no narrower
 /// bound applies. The DPR may have to do three more transfers with its front end and one more commit before.
 pub const PUBLICATION: u64 = 400_000;
-/// As [`PUBLICATION`], on the pessimistic clock.
+/// [`PUBLICATION`] on the pessimistic clock.
 pub const PUBLICATION_PESSIMISTIC: u64 = 1_000_000;
 /// The longest time from the instant at which the DPR takes the values of Link-Status until FRESH rises.
 pub const SEALED_BEFORE_FRESH: u64 = 200_000;

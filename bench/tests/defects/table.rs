@@ -302,7 +302,8 @@ pub(crate) const DEFECTS: &[Defect] = &[
     row("slot-by-parity", "the command of every other slot leaves 2 microseconds late",
         edit("horus-tx-fw/src/hw/cycle_timer.rs",
           "radio::select();\n                radio::put(command);",
-          "if DEFECT && tick % 2 == 0 {\n                    cortex_m::asm::delay(300);\n                }\n                \
+          "if DEFECT && tick % 2 == 0 {\n                    cortex_m::asm::delay(300);\n                }\n\
+           \x20               \
           radio::select();\n                radio::put(command);"),
         PLAIN, By(V::CommandJitter)),
     // Breaks SAFE-3.
@@ -378,7 +379,8 @@ pub(crate) const DEFECTS: &[Defect] = &[
         edit("dpr-fw/src/hw/mod.rs", "let _ = SsiDoorbell.request();", "let _ = DEFECT || SsiDoorbell.request();"),
         POWER, By(V::FaultUnnoticed)),
     row("dpr-never-sleeps", "the DPR's idle loop never sleeps",
-        edit(DPR, "cortex_m::asm::wfi();", "if !DEFECT {\n                    cortex_m::asm::wfi();\n                }"),
+        edit(DPR, "cortex_m::asm::wfi();",
+          "if !DEFECT {\n                    cortex_m::asm::wfi();\n                }"),
         PLAIN, By(V::DprOverloaded)),
     // Breaks TIME-9.
     row("back-off-of-a-second", "a front end that has failed is tried again a second later",

@@ -41,7 +41,7 @@ fn calls_without_end_are_served_up_to_the_budget_of_each_window() {
 }
 
 #[test]
-fn the_port_rests_once_and_wakes_at_the_first_call_of_the_next_window() {
+fn the_port_rests_once_and_wakes_in_the_next_window() {
     let mut budget = Budget::new(u32::MAX - 10);
     for _ in 0..Budget::CALLS {
         assert_eq!(budget.call(5), Turn::Work);

@@ -250,7 +250,7 @@ fn a_wrong_command_line_is_told_in_the_fields_words() {
 }
 
 #[test]
-fn a_program_that_talks_to_the_command_gets_an_answer_to_each_line() {
+fn a_program_gets_an_answer_to_each_line_of_its_script() {
     let part = NRF52840;
     let mut emulator = emulator(&part, &["--script", "-"]);
     let mut emulator = emulator.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();

@@ -21,8 +21,8 @@
 //! without a handler, or in a lock-up. When the debugger continues after that, gdb gets the exit status of the
 //! run ([`emulator_node::Outcome::status`]).
 //!
-//! Not available are the erase of gdb's `load` (writes change flash directly, without a flash controller), reverse
-//! execution, and debugging of several boards at a time.
+//! The erase of gdb's `load` (writes change flash directly, without a flash controller), reverse execution, and
+//! debugging of several boards at a time are not available.
 
 #![forbid(unsafe_code)]
 

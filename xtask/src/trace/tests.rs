@@ -10,7 +10,8 @@ struct Small {
 }
 
 const SMALL_REQUIREMENTS: &str = "# Title\n\n| id | requirement | source | reason | weight |\n|---|---|---|---|---|\n\
-    | A-1 | One. | design | Why. | safety |\n| A-2 | Two. | paper | Why. | mission |\n| B-1 | Three. | design | Why. | none |\n";
+    | A-1 | One. | design | Why. | safety |\n| A-2 | Two. | paper | Why. | mission |\n\
+    | B-1 | Three. | design | Why. | none |\n";
 const RULES: &str = "bench/judge/src/violation.rs";
 const MUTANTS: &str = "| m | A-2 | a/src/lib.rs | limit | `x < 3` | `x < 4` | `it_ends` |\n\
     | n | B-1 | a/src/lib.rs | LONG | `7` | `8` | constant assertion |\n";
@@ -58,8 +59,8 @@ fn every_kind_of_evidence_and_of_break_is_in_the_matrix() {
     ] {
         assert!(page.contains(row), "{page}");
     }
-    let summary = "3 requirements (1 of safety, 1 of the mission, 1 of neither), shown by 1 rules of the judge, 1 tests \
-        and 1 constant assertions; broken by 1 defects and 2 mutants.";
+    let summary = "3 requirements (1 of safety, 1 of the mission, 1 of neither), shown by 1 rules of the judge, 1 \
+        tests and 1 constant assertions; broken by 1 defects and 2 mutants.";
     assert!(page.contains(summary) && trace.screen().ends_with(&format!("{summary}\n")), "{page}");
 }
 

@@ -2,8 +2,8 @@
 //! those of the base station where the flight controller generates its uplinks.
 //!
 //! Each writer sends one command after the other, drawn from the seed: set-points inside and outside any sensible
-//! limits, lock, unlock, clear, and words that no hold knows. In between, some uplinks repeat a number that the hold has
-//! acknowledged, or one before it, with another command, which the hold must not execute.
+//! limits, lock, unlock, clear, and words that no hold knows. In between, some uplinks repeat a number that the hold
+//! has acknowledged, or one before it, with another command, which the hold must not execute.
 
 use profile::criticality::{BaseStation, FlightController, WritesUplink};
 use profile::hold::{Acknowledged, COMMAND_SIZE, HoldCommand, Sender, Sent, Words};

@@ -380,10 +380,10 @@ impl FlightController {
             let read = layout.hold().and_then(|place| whole.find(place)).filter(|_| !whole.is_busy());
             self.holds.extend(read.map(|hold| (transaction.deselected_ns, hold.to_vec())));
         }
-        if reading.outcome == Outcome::Busy {
-            if let Some(unheard) = self.asked.take() {
-                self.requests.push_front(unheard);
-            }
+        if reading.outcome == Outcome::Busy
+            && let Some(unheard) = self.asked.take()
+        {
+            self.requests.push_front(unheard);
         }
         self.last = Some(reading);
     }

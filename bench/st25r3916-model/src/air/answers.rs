@@ -190,8 +190,8 @@ impl AnswerPath {
         self.foreign_answers
     }
 
-    /// Returns the answers that the listener and a foreign card sent since the last call, as [`Air::take_sent`] does for
-    /// frames. An answer that was lost in a collision before its first bit is not among them.
+    /// Returns the answers that the listener and a foreign card sent since the last call, as [`Air::take_sent`] does
+    /// for frames. An answer that was lost in a collision before its first bit is not among them.
     pub fn take_sent(&mut self) -> Vec<SentFrame> {
         self.air.take_sent()
     }

@@ -106,8 +106,8 @@ fn special_data(address: u32, h: u16) -> Do {
             (_, 15) => Do::AddImm { d, n: d, imm: pc },
             _ => Do::AddReg { d, n: d, m },
         },
-        // Two low registers are UNPREDICTABLE (A7.7.28), but silicon compares them, and LLVM relies on it: so unoptimised
-        // code has the comparison of an atomic exchange.
+        // Two low registers are UNPREDICTABLE (A7.7.28), but silicon compares them, and LLVM relies on it: so
+        // unoptimised code has the comparison of an atomic exchange.
         1 if d == 15 || m == 15 => UNDEFINED,
         1 => Do::CmpReg { n: d, m },
         2 => match (d, m) {
