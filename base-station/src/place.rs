@@ -155,8 +155,8 @@ pub enum Intact<'a> {
 
 impl Intact<'_> {
     /// Returns the object's timestamp, ms, which wraps. That of Link-Status and Port-Status counts from the DPR's
-    /// start, that of the profile's objects from HORUS's start, that of Hold-Status from the hold's start. The uplink's is
-    /// on the base station's clock.
+    /// start, that of the profile's objects from HORUS's start, that of Hold-Status from the hold's start. The uplink's
+    /// is on the base station's clock.
     #[must_use]
     pub const fn timestamp(self) -> u32 {
         match self {

@@ -5,8 +5,8 @@
 //! sent.
 //!
 //! - These objects share a message: {Link-Status, Reported-Position}, {GPS1, GPS2}, {GPS3, GPS4}, {GPS5} and, as the
-//!   answer to an uplink ([`inbound`](super::inbound)), {Port-Status, uplink}. Hold-Status is alone. A missing object is left out, or is
-//!   zeros if it is between others.
+//!   answer to an uplink ([`inbound`](super::inbound)), {Port-Status, uplink}. Hold-Status is alone. A missing object
+//!   is left out, or is zeros if it is between others.
 //! - Each message is sent once a period. If the budget does not suffice, Reported-Position is sent before every one of
 //!   the other messages, which take turns.
 //! - An object that is unchanged in the next image is not sent again.

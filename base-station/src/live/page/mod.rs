@@ -1,8 +1,8 @@
 //! Serves the page, which shows the station's state in a browser.
 //!
 //! **Read-only.** The page can only change the pace of a playback, and send an uplink or a command to a hold if the
-//! station was started with these enabled ([`voice`](crate::carrier::mavlink::voice)). A user of the page sees every drone; by default the
-//! page can be opened only on this machine.
+//! station was started with these enabled ([`voice`](crate::carrier::mavlink::voice)). A user of the page sees every
+//! drone; by default the page can be opened only on this machine.
 //!
 //! **Pushed.** Server-sent events come at most every [`PUSH`]. Each has a whole state, made when the connection can
 //! accept it. So a slow reader gets fewer states, never old ones, and no queue grows. The first state of a connection
@@ -299,8 +299,8 @@ async fn uplink(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
     }))
 }
 
-/// Sends a command to a hold: `drone=ID` and `command=` `set-point`, `lock`, `unlock` or `clear-shock`; a set-point also
-/// has `value=`, °C. Returns the command's number.
+/// Sends a command to a hold: `drone=ID` and `command=` `set-point`, `lock`, `unlock` or `clear-shock`; a set-point
+/// also has `value=`, °C. Returns the command's number.
 async fn command(State(page): State<Page>, RawQuery(query): RawQuery) -> Response {
     let value = |name: &str| value(query.as_deref(), name);
     let number = value("value").map(|value| value.parse::<f32>());
