@@ -67,9 +67,9 @@ fn the_hold_is_shown_as_never_received_present_and_expired() {
     let notice = "document.getElementById('hold-notices').textContent === 'Notice: a sensor of the hold has a fault'";
     fly(&mut scene, &mut tab, Some(faulty), &format!("{} && {notice}", well_and("present")));
     assert_eq!(tab.text("#alarms"), "none");
-    let drawn = "holdHistory.length > 30 && document.getElementById('plot-hold-temperature')\
-                 .getAttribute('aria-label').startsWith('Temperature: 21.3 to 22.0')";
-    fly(&mut scene, &mut tab, Some(values()), drawn);
+    let label = "document.getElementById('plot-hold-temperature').getAttribute('aria-label')";
+    let drawn = format!("holdHistory.length > 30 && {label}.startsWith('Temperature: 21.3 to 22.0')");
+    fly(&mut scene, &mut tab, Some(values()), &drawn);
     screenshot(&mut tab, "hold");
 
     fly(&mut scene, &mut tab, None, &well_and("EXPIRED"));

@@ -194,7 +194,8 @@ fn a_restart_of_the_hold_loses_a_command_that_waits() {
     assert_eq!(scene.state(), CommandState::Pending);
     scene.loss = 0;
     scene.stored.clear();
-    scene.fly(300_000);
+    // One object of the hold since its restart has arrived.
+    scene.fly(110_000);
     assert_eq!(scene.state(), CommandState::Lost);
     let stored = scene.stored.len();
     scene.fly(2 * SECOND);
