@@ -8,8 +8,8 @@
 //! would compute other, untested polynomials. Round-trip tests would still pass; only the check values reveal the
 //! mistake.
 //!
-//! **Start value 0xFFFFFFFF.** With a start value of 0, a buffer scrubbed to 0x00 would be a codeword wherever an
-//! object lies in it. With 0xFFFFFFFF, neither 0x00 nor 0xFF throughout is a codeword at the length of any object.
+//! **Start value and final XOR 0xFFFFFFFF.** With 0 for both, a buffer scrubbed to 0x00 would be a codeword wherever an
+//! object lies in it. As they are, neither 0x00 nor 0xFF throughout is a codeword at the length of any object.
 //! (Eight bytes of 0xFF are a codeword, the only length at which this happens; see [`ssi`](crate::ssi).)
 //!
 //! **Most significant byte first.** NFC-F sends each byte's most significant bit first, and these CRCs are not

@@ -136,6 +136,27 @@ impl Board {
     }
 }
 
+/// An image that can be written to a board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Image {
+    /// The DPR's, for an nRF52840-DK.
+    Dpr,
+    /// HORUS's, for a NUCLEO-F429ZI.
+    Horus,
+    /// The active hold's, for a second nRF52840-DK.
+    Hold,
+}
+
+impl Image {
+    /// The board whose microcontroller the image is for.
+    pub(crate) const fn board(self) -> Board {
+        match self {
+            Self::Dpr | Self::Hold => Board::Dpr,
+            Self::Horus => Board::Horus,
+        }
+    }
+}
+
 /// The number of GNSS receivers in the profile (1, 2, 3 or 5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Receivers(pub(crate) usize);
@@ -188,9 +209,12 @@ struct SizeArgs {
 
 #[derive(Args, Clone)]
 pub(crate) struct FlashArgs {
-    /// The board to write.
+    /// The firmware to write, to a board that it is for.
     #[arg(value_enum)]
-    pub(crate) board: Board,
+    pub(crate) image: Image,
+    /// With `dpr`: the image that has the port of an active hold.
+    #[arg(long)]
+    pub(crate) hold: bool,
     /// GNSS receivers in the profile: 1, 2, 3 or 5.
     #[arg(long, default_value_t = Receivers::DEFAULT)]
     pub(crate) gps: Receivers,

@@ -35,7 +35,7 @@ use crate::access::{
 };
 use crate::bench_flash;
 use crate::bench_probe::BenchBoard;
-use crate::{Board, FlashArgs, ProbeArgs, firmware};
+use crate::{Board, FlashArgs, Image, ProbeArgs, firmware};
 
 use watchdog::Feeding;
 
@@ -100,16 +100,26 @@ impl<'a> Span<'a> {
 }
 
 pub(crate) fn flash(args: &FlashArgs) -> Result<ExitCode> {
+    if args.hold && args.image != Image::Dpr {
+        bail!("--hold is an option of the DPR's image: `cargo xtask flash dpr --hold`");
+    }
     // The probe is chosen before the build, which would be in vain without a probe.
-    let probe = choose(args.board, &args.probe)?;
-    let elf = firmware::build(args.board, args.gps)?;
+    let probe = choose(args.image.board(), &args.probe)?;
+    if args.image == Image::Hold && matches!(probe, Found::Bench(_)) {
+        bail!("the bench's probe has the boards dpr and horus; `cargo xtask sim --hold` runs the hold");
+    }
+    let elf = match args.image {
+        Image::Hold => firmware::build_hold()?,
+        Image::Dpr if args.hold => firmware::build_dpr_with_hold(args.gps)?,
+        image => firmware::build(image.board(), args.gps)?,
+    };
     flash_elf(args, &probe, &elf)
 }
 
 fn flash_elf(args: &FlashArgs, probe: &Found, elf: &Path) -> Result<ExitCode> {
-    let (mut session, feeding) = attach(args.board, probe, &args.probe)?;
+    let (mut session, feeding) = attach(args.image.board(), probe, &args.probe)?;
     write(&mut session, elf)?;
-    if args.board == Board::Horus {
+    if args.image == Image::Horus {
         set_brown_out_level(&mut session).context("could not set the brown-out level")?;
     }
     let how_long = match (probe, args.seconds) {

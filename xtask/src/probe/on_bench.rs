@@ -28,7 +28,8 @@ fn board(board: Board) -> Option<(BenchBoard, PathBuf)> {
 
 fn args(board: Board, erase_all: bool) -> FlashArgs {
     let probe = ProbeArgs { probe: None, speed: None, erase_all };
-    FlashArgs { board, gps: Receivers::DEFAULT, seconds: Some(0.02), probe }
+    let image = if board == Board::Dpr { Image::Dpr } else { Image::Horus };
+    FlashArgs { image, hold: false, gps: Receivers::DEFAULT, seconds: Some(0.02), probe }
 }
 
 fn flash(on: &BenchBoard, board: Board, elf: &Path, erase_all: bool) -> Result<(), String> {
