@@ -22,10 +22,13 @@
 //!
 //! The smallest unit that can be shut is an eighth of a region. In most regions this is 4 KiB, one peripheral. In the
 //! region of the watchdog and TIMER3 it is 8 KiB, two peripherals, because the unit has no region left. So RTC1 and
-//! TIMER4 are open too. Nothing starts them, and none of their interrupts or PPI channels is enabled.
+//! TIMER4 are open too. Without the feature `hold` nothing starts them, and none of their interrupts or PPI channels is
+//! enabled.
 //!
-//! With the feature `hold`, SPIM2 needs a region of its own, so two other regions become one with eighths of 8 KiB.
-//! That also opens UARTE0, NFCT, SAADC, RTC0 and EGU2, which nothing uses.
+//! With the feature `hold`, TIMER4, SPIM2 and EGU3 serve the second port. SPIM2 needs a region of its own, so two other
+//! regions become one with eighths of 8 KiB. That also opens UARTE0, NFCT, SAADC, RTC0 and EGU2 for every task. Nothing
+//! uses them, and none of their interrupts or PPI channels is enabled. A task with a fault could start UARTE0, NFCT or
+//! SAADC all the same, and their DMA is not checked by the unit (docs/safety/fmea.md).
 
 use firmware_common::mpu::{Access, Allowed, Memory, Region, Table};
 

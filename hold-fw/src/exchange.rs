@@ -21,7 +21,7 @@ use st25r3916::{
     Exchange, ExchangeEvent, Fault, Input, NoAnswer, Step,
 };
 
-use crate::telemetry::Telemetry;
+use crate::{telemetry::Telemetry, timing::BEATS};
 
 /// The right to send one loaded frame, as one word that interrupts can pass on atomically.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,10 +41,11 @@ impl Ticket {
         self.0
     }
 
-    /// Whether `word` is the ticket for a frame of cycle `tick`.
+    /// Whether `word` is the ticket for the frame that is sent in beat `beat`. That is the first beat of its cycle: the
+    /// timer raises the slot's interrupt after every beat, and in a later beat the frame would come late.
     #[must_use]
-    pub const fn is_due(word: u32, tick: u32) -> bool {
-        word == Self::new(tick).0
+    pub const fn is_due(word: u32, beat: u32) -> bool {
+        word == Self::new(beat / BEATS).0 && beat.is_multiple_of(BEATS)
     }
 }
 

@@ -14,6 +14,7 @@
 //! | [`climate`] | the control of the temperature, with its limits | cycle |
 //! | [`kept`] | keeps lock, set-point, acknowledgements over a reset | answer, start |
 //! | [`sensors`] | temperature, humidity, vibration, shocks | sensors |
+//! | [`supply`] | the supply voltage, with its limits | cycle |
 //! | [`integrity`] | the consequence of a memory fault | idle |
 //! | [`protection`] | the regions that the memory protection unit opens | start |
 //! | [`task`] | the tasks that must check in before the watchdog is fed | every task |
@@ -31,6 +32,7 @@ pub mod kept;
 pub mod protection;
 pub mod sensors;
 pub mod state;
+pub mod supply;
 pub mod task;
 pub mod telemetry;
 pub mod timing;

@@ -10,18 +10,16 @@ use crate::{
     climate::{Climate, WORKING},
     kept::{Keeper, Kept},
     sensors::Readings,
+    supply::LIMITS as SUPPLY,
     telemetry::Telemetry,
     timing,
 };
 
 /// The upper limits of humidity, %, vibration along an axis, m/s², and shock, m/s². The limits of the temperature are
-/// [`WORKING`].
+/// [`WORKING`], those of the supply [`SUPPLY`].
 const MOST_HUMIDITY: f32 = 90.0;
 const MOST_VIBRATION: f32 = 20.0;
 const MOST_SHOCK: f32 = 60.0;
-/// The limits of the supply, V: the lower one is above the voltage at which the hold stops, the upper one is the
-/// highest that the nRF52840 bears (PS v1.7, 5.3.1).
-const SUPPLY: core::ops::RangeInclusive<f32> = 2.9..=3.6;
 
 /// What heater, cooler and lock must do.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -6,6 +6,7 @@ use hold_fw::{
     kept::{Keeper, Memory, WORDS},
     sensors::Readings,
     state::Hold,
+    supply,
     telemetry::Telemetry,
 };
 use profile::{
@@ -77,14 +78,27 @@ fn each_value_has_its_limits() {
         (Readings { vibration: Some([0.0, 0.0, 20.1]), ..READINGS }, 3.0),
         (Readings { shock: Some(60.1), ..READINGS }, 3.0),
         (READINGS, 2.89),
-        (READINGS, 3.61),
+        (READINGS, 3.6),
     ];
     for (readings, supply) in cases {
         let bits = all(readings, supply);
         assert!(bits.values_valid() && !bits.within_limits(), "{readings:?} {supply}");
     }
     let bounds = Readings { climate: Some([45.0, 90.0]), vibration: Some([20.0; 3]), shock: Some(60.0), fault: true };
-    assert!(all(bounds, 3.6).within_limits() && all(bounds, 2.9).sensor_fault());
+    assert!(all(bounds, 3.599).within_limits() && all(bounds, 2.9).sensor_fault());
+}
+
+#[test]
+fn a_supply_at_the_end_of_its_scale_is_outside_the_limits() {
+    let within = |count| {
+        let volts = supply::volts(count).expect("it is a voltage");
+        hold().cycle(0, &mut READINGS.clone(), Some(volts)).0.status().within_limits()
+    };
+    assert!(within(3_300) && within(4_094));
+    // The SAADC counts to 4095 and no further, whatever the supply is.
+    assert!(!within(4_095) && !within(3_299));
+    assert_eq!(supply::volts(4_095), Some(3.6));
+    assert_eq!([2_844, 0, -1].map(supply::volts), [None; 3]);
 }
 
 #[test]

@@ -28,6 +28,7 @@ fn flood(budget: &mut Budget, from_us: u32, until_us: u32, every_us: usize) -> u
     (from_us..until_us).step_by(every_us).map(works).map(u32::from).sum()
 }
 
+// Shows HOLD-7.
 #[test]
 fn calls_without_end_are_served_up_to_the_budget_of_each_window() {
     for every_us in [1, 7, 99] {
@@ -40,6 +41,7 @@ fn calls_without_end_are_served_up_to_the_budget_of_each_window() {
     }
 }
 
+// Shows HOLD-8.
 #[test]
 fn the_port_rests_once_and_wakes_in_the_next_window() {
     let mut budget = Budget::new(u32::MAX - 10);
@@ -54,6 +56,7 @@ fn the_port_rests_once_and_wakes_in_the_next_window() {
     assert_eq!(budget.call(2 * Budget::WINDOW_US), Turn::Begin { rested: false });
 }
 
+// Shows HOLD-7.
 #[test]
 fn bytes_without_end_make_the_port_rest() {
     let mut budget = Budget::new(0);

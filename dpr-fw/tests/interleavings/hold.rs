@@ -403,6 +403,7 @@ fn breaks(mutation: Mutation, rule: &str) {
     assert_eq!(counterexample.broken, rule, "{counterexample:?}");
 }
 
+// Shows HOLD-8.
 #[test]
 fn an_answer_is_sent_at_its_instant_or_given_up() {
     let explored = explore(Mutation::None).expect("no rule is broken");

@@ -1,17 +1,15 @@
-//! Measures the supply: the SAADC converts VDD once in each cycle, and no task waits for it.
-//!
-//! The SAADC can select VDD as an internal input. With a gain of 1/6 and the internal reference of 0.6 V its full scale
-//! is 3.6 V (PS v1.7, 6.23.7).
+//! Measures the supply: the SAADC converts VDD, which is one of its inputs, once in each cycle, and no task waits for
+//! it. [`hold_fw::supply`] has what the counts mean.
 
-use core::sync::atomic::{compiler_fence, Ordering};
+use core::{
+    mem,
+    sync::atomic::{compiler_fence, Ordering},
+};
 
+use hold_fw::supply;
 use nrf52840_hal::pac;
 
 use super::take_event;
-
-/// The full scale, V; `STEPS` is its number of steps with a resolution of 12 bits.
-const FULL_SCALE: f32 = 3.6;
-const STEPS: f32 = 4_096.0;
 
 pub(crate) type Memory = [i16; 1];
 
@@ -46,14 +44,12 @@ impl SupplyMeter {
     }
 
     /// Returns the supply voltage, V, of the cycle before, and starts the next conversion. `None` if the conversion has
-    /// not ended, or if its result is below 2.5 V.
+    /// not ended, or if its result is too low to be right.
     pub(crate) fn take(&mut self) -> Option<f32> {
         let ended = take_event!(self.saadc.events_end);
         compiler_fence(Ordering::SeqCst);
-        let volts = f32::from(self.result[0]) * (FULL_SCALE / STEPS);
-        self.result[0] = 0;
+        let count = mem::take(&mut self.result[0]);
         self.start();
-        // The hold stops below 2.57 V, so a lower result is an error of the measurement.
-        (ended && volts > 2.5).then_some(volts)
+        ended.then(|| supply::volts(count)).flatten()
     }
 }

@@ -4,7 +4,7 @@
 use hold_fw::{
     exchange::{FrontEndPort, Link, Ticket},
     telemetry::Telemetry,
-    timing::SLOT_US,
+    timing::{BEATS, BEAT_MS, SLOT_US},
 };
 use profile::{
     hold::{Answer, HoldObject, PERIOD_MS},
@@ -20,6 +20,7 @@ use st25r3916_model::{Air, AirFaults, AnswerFaults, AnswerPath, Chip, Config, Se
 /// The time of one byte at 8 MHz, ns; the time of the interrupts around a transfer, ns.
 const BYTE_NS: u64 = 1_000;
 const OVERHEAD_NS: u64 = 2_000;
+const BEAT_NS: u64 = BEAT_MS as u64 * 1_000_000;
 pub(crate) const PERIOD_NS: u64 = PERIOD_MS as u64 * 1_000_000;
 /// The time from the end of the hold's frame to the listener's transmit command, ns.
 const ANSWER_AFTER_NS: u64 = 700_000;
@@ -179,6 +180,8 @@ pub(crate) struct World<'a> {
     pub(crate) path: AnswerPath,
     now: u64,
     tick: u32,
+    /// The beats so far, and the time at which the slot's compare value matches in the present one.
+    beat: u32,
     slot_at: u64,
     offer_at: u64,
     fire_at: u64,
@@ -204,6 +207,7 @@ impl<'a> World<'a> {
             path: AnswerPath::new(2, faults),
             now: 0,
             tick: 0,
+            beat: 0,
             slot_at: u64::MAX,
             offer_at: u64::MAX,
             fire_at: u64::MAX,
@@ -235,13 +239,17 @@ impl<'a> World<'a> {
                     break;
                 }
                 self.tick += 1;
+                self.beat = self.tick * BEATS;
                 self.slot_at = at + u64::from(SLOT_US) * 1_000;
                 self.offer_at = at + self.late_ns;
             }
             if at == self.slot_at {
-                self.slot_at = u64::MAX;
+                let is_armed = Ticket::is_due(self.link.port().ticket, self.beat);
+                self.beat += 1;
+                // The timer clears itself at each beat, so the slot's compare value matches once in every beat.
+                self.slot_at = if self.beat.is_multiple_of(BEATS) { u64::MAX } else { at + BEAT_NS };
                 let side = self.link.port();
-                if Ticket::is_due(side.ticket, self.tick) {
+                if is_armed {
                     side.ticket = 0;
                     side.skip = 1;
                     side.select(Exchange::transmit().bytes().to_vec(), 0);

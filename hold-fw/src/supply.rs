@@ -1,0 +1,28 @@
+//! Converts what the SAADC counts of the supply.
+//!
+//! With a gain of 1/6 and the internal reference of 0.6 V the full scale is 3.6 V, and the resolution is 12 bits
+//! (PS v1.7, 6.23.7).
+
+use core::ops::Range;
+
+/// The full scale, V, and the number of steps in it.
+const FULL_SCALE: f32 = 3.6;
+const STEPS: i16 = 4_096;
+
+/// The limits of the supply, V: the lower one is above the voltage at which the hold stops. The upper one, which lies
+/// outside, is the highest that the nRF52840 bears (PS v1.7, 5.3.1).
+pub const LIMITS: Range<f32> = 2.9..FULL_SCALE;
+
+/// The lowest result that is not an error of the measurement, V: the hold stops below 2.57 V.
+const LOWEST: f32 = 2.5;
+
+/// Returns the supply voltage, V, of a conversion's result; `None` if the result is too low to be right.
+///
+/// The greatest count stands for its own voltage and all higher ones, so it counts as the full scale, which is outside
+/// of [`LIMITS`].
+#[must_use]
+pub fn volts(count: i16) -> Option<f32> {
+    let count = if count >= STEPS - 1 { STEPS } else { count };
+    let volts = f32::from(count) * (FULL_SCALE / f32::from(STEPS));
+    (volts > LOWEST).then_some(volts)
+}
