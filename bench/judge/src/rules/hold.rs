@@ -13,9 +13,8 @@
 //! | heater, cooler, lock; temperature, humidity, supply | Hold-Status; the box | [`HoldOutput`](Violation::HoldOutput) |
 //! | restarts, findings | – | [`HoldComplains`](Violation::HoldComplains) |
 //!
-//! What is shown, and that an answer has only what was written, is judged whatever the hold does. The rest is not judged
-//! while the hold or its air is disturbed, and for [`SETTLED`] after that; what the DPR has to do is not judged while the
-//! DPR is disturbed.
+//! What is shown, and that an answer has only what was written, is judged whatever the hold does. [`Calm`] states from
+//! when on the rest is judged after a disturbance.
 
 use std::collections::VecDeque;
 
@@ -24,14 +23,12 @@ use profile::hold::{Acknowledged, Answer, Outcome};
 use profile::{HoldObject, HoldStatus, HoldValues, Layout, Uplink};
 
 use super::{Rule, is_later, ms};
+use crate::disturbance::Excuse;
 use crate::read::is_vacant;
-use crate::{Board, Context, Disturbance, Event, Findings, Header, HoldEvent, HoldFrame, Violation, What, bounds};
+use crate::{Board, Calm, Context, Event, Findings, Header, HoldEvent, HoldFrame, Violation, What, bounds};
 
 const MS: u64 = 1_000_000;
 
-/// The time after a disturbance after which everything has to be as without it, ns: a watchdog's 100 ms, a start, four
-/// exchanges, and a second until the sensors were read again.
-pub const SETTLED: u64 = 2_500 * MS;
 /// The longest time between two frames of the hold, ns: a period and a half.
 pub const LONGEST_GAP: u64 = 150 * MS;
 /// The longest time from power-on to the first frame, ns.
@@ -99,9 +96,7 @@ struct Writer {
 #[derive(Clone, Debug)]
 pub struct Hold {
     layout: Option<Layout>,
-    /// The instants, ns, before which the hold, or the DPR, may do wrong.
-    hold_calm: u64,
-    dpr_calm: u64,
+    calm: Calm,
     /// The instant, ns, at which the hold last sent a whole Hold-Status; before the first one, when it was switched on.
     sent: u64,
     has_sent: bool,
@@ -130,8 +125,7 @@ impl Rule for Hold {
     fn new(header: &Header) -> Self {
         Self {
             layout: header.hold.then(|| header.layout()),
-            hold_calm: 0,
-            dpr_calm: 0,
+            calm: Calm::default(),
             sent: 0,
             has_sent: false,
             statuses: VecDeque::new(),
@@ -147,11 +141,9 @@ impl Rule for Hold {
             return;
         }
         let at = event.at;
+        let before = self.calm;
+        self.calm.take(event);
         match &event.what {
-            What::Injected { disturbs, until, .. } => self.disturbed(*disturbs, until.saturating_add(SETTLED)),
-            What::Reset { board: Board::Dpr, .. } | What::Power { board: Board::Dpr, .. } => {
-                self.dpr_calm = self.dpr_calm.max(at + SETTLED);
-            }
             What::Transaction { mosi, .. } => {
                 self.read(context, findings);
                 if let Some(object) = mosi.get(8..72) {
@@ -161,6 +153,10 @@ impl Rule for Hold {
                     self.written.pop_front();
                 }
             }
+            What::Hold(HoldEvent::Reset { cause, asked: false }) if at >= before.sends() => {
+                findings.add(Violation::HoldComplains, at, || format!("it restarted: {cause:?}"));
+                self.restarted(at);
+            }
             What::Hold(event) => self.hold(at, event, context, findings),
             What::End => self.silent(at, findings),
             _ => {}
@@ -169,30 +165,13 @@ impl Rule for Hold {
 }
 
 impl Hold {
-    fn disturbed(&mut self, disturbs: Disturbance, until: u64) {
-        match disturbs {
-            Disturbance::Hold => self.hold_calm = self.hold_calm.max(until),
-            Disturbance::Wire { .. } | Disturbance::Receiver { .. } | Disturbance::Input { .. } => {}
-            // Whatever else is disturbed may disturb the DPR, and the exchange with it.
-            _ => {
-                self.dpr_calm = self.dpr_calm.max(until);
-                self.hold_calm = self.hold_calm.max(until);
-            }
-        }
-    }
-
     fn hold(&mut self, at: u64, event: &HoldEvent, context: &Context, findings: &mut Findings) {
         match event {
-            HoldEvent::Power { .. } => self.restarted(at),
-            HoldEvent::Reset { cause, asked } => {
-                if !asked && at >= self.hold_calm {
-                    findings.add(Violation::HoldComplains, at, || format!("it restarted: {cause:?}"));
-                }
-                self.restarted(at);
-            }
+            HoldEvent::Power { .. } | HoldEvent::Reset { .. } => self.restarted(at),
             HoldEvent::Finding { text } => findings.add(Violation::HoldComplains, at, || text.clone()),
             // The DPR cannot tell that the carrier goes off when its answer begins.
-            HoldEvent::PortMisuse { .. } if at < self.hold_calm => {}
+            HoldEvent::PortMisuse { .. } if at < self.calm.sends() => {}
+            HoldEvent::PortMisuse { .. } if context.disturbances().excuse(Excuse::DprFrontEndUse, at) => {}
             HoldEvent::PortMisuse { text } => findings.add(Violation::FrontEndMisuse, at, || text.clone()),
             HoldEvent::Field { .. } => {}
             HoldEvent::Sent(frame) => self.sent(at, frame, findings),
@@ -214,7 +193,7 @@ impl Hold {
 
     fn silent(&mut self, at: u64, findings: &mut Findings) {
         let longest = if self.has_sent { LONGEST_GAP } else { FIRST_FRAME };
-        if at > self.sent.max(self.hold_calm) + longest {
+        if at > self.sent.max(self.calm.sends()) + longest {
             let since = self.sent;
             findings.add(Violation::HoldSilent, at, || format!("no Hold-Status since {}", ms(since)));
         }
@@ -237,7 +216,7 @@ impl Hold {
             let Some((came, times)) = writer.insists else { continue };
             if !is_newer(came.number, acknowledged.number()) {
                 writer.insists = None;
-            } else if times >= 3 && at >= self.hold_calm {
+            } else if times >= 3 && at >= self.calm.sends() {
                 writer.insists = None;
                 findings.add(Violation::HoldIgnores, at, || format!("{} came {times} times", told(index, &came)));
             }
@@ -305,7 +284,7 @@ impl Hold {
         let from = place.start.checked_sub(reading.offset);
         let Some(shown) = from.and_then(|from| reading.miso.get(from..from + place.len())) else { return };
         let (at, dpr) = (reading.selected, context.running(Board::Dpr));
-        if reading.silent || context.disturbances().excuse(crate::disturbance::Excuse::UnsoundImage, at) {
+        if reading.silent || context.disturbances().excuse(Excuse::UnsoundImage, at) {
             return;
         }
         let found = self.frames.iter().rposition(|frame| frame.is_new && frame.payload == shown && frame.at <= at);
@@ -317,7 +296,8 @@ impl Hold {
         if let Some(index) = found {
             self.frames[index].shown = true;
         }
-        if at < self.dpr_calm.max(self.hold_calm) || at < dpr.since + SETTLED || !dpr.powered {
+        let calm = self.calm.exchanges();
+        if at < calm || !dpr.powered {
             return;
         }
         let due =
@@ -327,7 +307,6 @@ impl Hold {
             let came = newest.map_or(0, |newest| self.frames[newest].at);
             findings.add(Violation::HoldHidden, at, || format!("what came at {} is not shown", ms(came)));
         }
-        let calm = self.dpr_calm.max(self.hold_calm);
         let unanswered = self
             .frames
             .iter_mut()
@@ -350,7 +329,7 @@ impl Hold {
                 return wrong(format!("the last frame ended at {}", ms(last)));
             }
         }
-        if !answer.whole || context.disturbances().excuse(crate::disturbance::Excuse::Service, at) {
+        if !answer.whole || context.disturbances().excuse(Excuse::Service, at) {
             return;
         }
         let Some(answer) = payload(answer).and_then(|payload| Answer::read(payload).ok()) else {
@@ -377,6 +356,11 @@ impl Hold {
             while writer.came.front().is_some_and(|old| old.at + 2_000 * MS < at) {
                 writer.came.pop_front();
             }
+            // An answer that the air delays may come while the hold does not listen.
+            if at < self.calm.sends() {
+                writer.insists = None;
+                continue;
+            }
             let Some(acknowledged) = acknowledged.map(|of_both: [Acknowledged; 2]| of_both[index]) else { continue };
             if is_newer(came.number, acknowledged.number()) {
                 writer.insists = match writer.insists {
@@ -392,7 +376,7 @@ impl Hold {
 
     fn payload(&self, at: u64, on: [u16; 2], (temperature, humidity): (i32, u32), findings: &mut Findings) {
         // What a silent hold does is not known.
-        if at < self.hold_calm || self.statuses.len() < 3 || self.sent + LONGEST_GAP < at {
+        if at < self.calm.measures() || self.statuses.len() < 3 || self.sent + LONGEST_GAP < at {
             return;
         }
         let outputs = self.statuses.iter().map(|status| status.output);
