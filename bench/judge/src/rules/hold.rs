@@ -45,6 +45,10 @@ pub const SHOWN_AT_LEAST: u64 = 280 * MS;
 pub const ANSWERS: (u64, u64) = (197_000, 3_000_000);
 /// The greatest age of an uplink in an answer, ns: 1 s, and the time until a stored uplink is handed over.
 pub const UPLINK_AGE: u64 = 1_000 * MS + 110 * MS;
+/// The set-points, °C, that the hold accepts; it refuses every other one.
+pub const SET_POINTS: std::ops::RangeInclusive<f32> = 2.0..=40.0;
+/// The shortest time for which a timestamp came before the hold finds it too old, ns: its second, less an exchange.
+pub const TOO_OLD: u64 = 900 * MS;
 /// The deviations that a stated temperature (°C), humidity (%) and supply (V) may have: twice what the sensor's data
 /// sheet states, and what changes in the second between two measurements.
 pub const STATED: (f32, f32, f32) = (0.8, 5.0, 0.1);
@@ -86,10 +90,19 @@ fn is_newer(number: u16, than: u16) -> bool {
 /// What came from one writer.
 #[derive(Clone, Debug, Default)]
 struct Writer {
-    /// The commands that came in the last two seconds.
+    /// The commands that came in the last three seconds.
     came: VecDeque<Came>,
     /// The last new command, and how often it came, each time with a later timestamp.
     insists: Option<(Came, u32)>,
+}
+
+impl Writer {
+    /// For how long an uplink with this command came without a change of its timestamp, ns.
+    fn heard_for(&self, number: u16) -> u64 {
+        let of = self.came.iter().filter(|came| came.number == number);
+        let since = |last: &Came| self.came.iter().find(|came| came.timestamp == last.timestamp).map(|came| came.at);
+        of.filter_map(|last| Some(last.at - since(last)?)).max().unwrap_or(0)
+    }
 }
 
 /// The rule; see the [module](self).
@@ -243,7 +256,9 @@ impl Hold {
             }
             let number = new.number();
             let last = self.writers[index].came.iter().rev().find(|came| came.number == number);
-            let is_right = last.is_some_and(|came| is_newer(number, old.number()) && is_outcome_of(came, new));
+            let is_right = last.is_some_and(|came| {
+                is_newer(number, old.number()) && is_outcome_of(came, new, self.writers[index].heard_for(number))
+            });
             if !is_right {
                 let words = last.map_or("no such command came".to_owned(), |came| told(index, came));
                 findings.add(Violation::HoldCommand, at, || format!("it acknowledges {old:?}, then {new:?}: {words}"));
@@ -353,7 +368,7 @@ impl Hold {
         for (index, (writer, uplink)) in self.writers.iter_mut().zip(uplinks).enumerate() {
             let Some(came) = uplink.ok().and_then(|uplink| Came::of(uplink, at)) else { continue };
             writer.came.push_back(came);
-            while writer.came.front().is_some_and(|old| old.at + 2_000 * MS < at) {
+            while writer.came.front().is_some_and(|old| old.at + 3_000 * MS < at) {
                 writer.came.pop_front();
             }
             // An answer that the air delays may come while the hold does not listen.
@@ -405,15 +420,15 @@ fn payload(frame: &HoldFrame) -> Option<&[u8]> {
     frame.bytes.get(1..len).filter(|_| frame.whole && frame.bytes.len() == len + 2)
 }
 
-/// Whether `acknowledged` may be the outcome of `came`.
-fn is_outcome_of(came: &Came, acknowledged: Acknowledged) -> bool {
+/// Whether `acknowledged` may be the outcome of `came`, whose timestamp came for `heard_for` ns.
+fn is_outcome_of(came: &Came, acknowledged: Acknowledged, heard_for: u64) -> bool {
     let known = came.is_plain && (1..=4).contains(&came.word);
+    let refused = came.word == 1 && !SET_POINTS.contains(&came.value);
     match acknowledged.outcome() {
-        Some(Outcome::Done) => known,
-        Some(Outcome::Refused) => known && came.word == 1,
+        Some(Outcome::Done) => known && !refused,
+        Some(Outcome::Refused) => known && refused,
         Some(Outcome::Unknown) => !known,
-        // The age of a command that was not repeated is not followed here.
-        Some(Outcome::TooOld) => true,
+        Some(Outcome::TooOld) => heard_for >= TOO_OLD,
         Some(Outcome::Nothing) | None => false,
     }
 }
@@ -422,4 +437,44 @@ fn told(index: usize, came: &Came) -> String {
     let writer = ["the base station", "the flight controller"][index.min(1)];
     let Came { number, word, value, .. } = came;
     format!("command {number} of {writer}, word {word}, value {value}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn came(at: u64, timestamp: u32, word: u16, value: f32) -> Came {
+        Came { at, timestamp, number: 1, word, value, is_plain: true }
+    }
+
+    #[test]
+    fn a_set_point_is_done_within_the_limits_and_refused_otherwise() {
+        let is = |value, outcome| is_outcome_of(&came(0, 0, 1, value), Acknowledged::new(1, outcome), 0);
+        for value in [2.0, 20.0, 40.0] {
+            assert!(is(value, Outcome::Done) && !is(value, Outcome::Refused), "{value}");
+        }
+        for value in [1.9, 40.1, f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            assert!(!is(value, Outcome::Done) && is(value, Outcome::Refused), "{value}");
+        }
+    }
+
+    #[test]
+    fn a_lock_is_never_refused_and_another_word_is_unknown() {
+        let is = |word, outcome| is_outcome_of(&came(0, 0, word, f32::NAN), Acknowledged::new(1, outcome), 0);
+        for word in 2..=4 {
+            assert!(is(word, Outcome::Done) && !is(word, Outcome::Refused) && !is(word, Outcome::Unknown), "{word}");
+        }
+        assert!(is(5, Outcome::Unknown) && !is(5, Outcome::Done));
+    }
+
+    #[test]
+    fn a_command_is_too_old_if_its_timestamp_stayed_the_same() {
+        let too_old = |came: &[Came]| {
+            let writer = Writer { came: came.to_vec().into(), insists: None };
+            is_outcome_of(&came[0], Acknowledged::new(1, Outcome::TooOld), writer.heard_for(1))
+        };
+        assert!(!too_old(&[came(0, 7, 2, 0.0), came(899 * MS, 7, 2, 0.0)]));
+        assert!(too_old(&[came(0, 7, 2, 0.0), came(900 * MS, 7, 2, 0.0)]));
+        assert!(!too_old(&[came(0, 7, 2, 0.0), came(900 * MS, 8, 2, 0.0)]));
+    }
 }
