@@ -49,6 +49,8 @@ pub const UPLINK_AGE: u64 = 1_000 * MS + 110 * MS;
 pub const SET_POINTS: std::ops::RangeInclusive<f32> = 2.0..=40.0;
 /// The shortest time for which a timestamp came before the hold finds it too old, ns: its second, less an exchange.
 pub const TOO_OLD: u64 = 900 * MS;
+/// The ages of an uplink, ns, at which an undisturbed DPR has it in the answer, unless there is a newer one.
+pub const STORED: (u64, u64) = (30 * MS, 900 * MS);
 /// The deviations that a stated temperature (°C), humidity (%) and supply (V) may have: twice what the sensor's data
 /// sheet states, and what changes in the second between two measurements.
 pub const STATED: (f32, f32, f32) = (0.8, 5.0, 0.1);
@@ -118,11 +120,23 @@ pub struct Hold {
     /// Frames that came to the DPR, each with the instant of its end (ns), whether its object is one and is new, and
     /// whether it was answered and shown.
     frames: VecDeque<Arrived>,
-    /// Objects that the flight controller wrote, each with the instant of its transaction's end, ns.
-    written: VecDeque<(u64, Vec<u8>)>,
+    /// What the flight controller wrote in the last two seconds.
+    written: VecDeque<Written>,
     writers: [Writer; 2],
     /// The level of the lock's pin, and the instant since which it has been so, ns.
     lock: Option<(u64, bool)>,
+}
+
+/// An object that the flight controller wrote.
+#[derive(Clone, Debug)]
+struct Written {
+    /// The end of the transaction, ns.
+    at: u64,
+    object: Vec<u8>,
+    /// The number of the writer whose intact uplink this is.
+    writer: Option<usize>,
+    /// Whether the DPR served the transaction.
+    stored: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -160,9 +174,15 @@ impl Rule for Hold {
             What::Transaction { mosi, .. } => {
                 self.read(context, findings);
                 if let Some(object) = mosi.get(8..72) {
-                    self.written.push_back((at, object.to_vec()));
+                    let of = [
+                        Uplink::verify::<BaseStation>(object).is_ok(),
+                        Uplink::verify::<FlightController>(object).is_ok(),
+                    ];
+                    let writer = of.iter().position(|is_of| *is_of);
+                    let stored = context.reading().is_some_and(|reading| !reading.silent);
+                    self.written.push_back(Written { at, object: object.to_vec(), writer, stored });
                 }
-                while self.written.front().is_some_and(|(written, _)| written + 2 * UPLINK_AGE < at) {
+                while self.written.front().is_some_and(|written| written.at + 2 * UPLINK_AGE < at) {
                     self.written.pop_front();
                 }
             }
@@ -337,12 +357,13 @@ impl Hold {
         let at = answer.started;
         let mut wrong = |words: String| findings.add(Violation::HoldAnswer, at, || words);
         let may_ask = |frame: &Arrived| (ANSWERS.0..=ANSWERS.1).contains(&at.saturating_sub(frame.at));
-        match self.frames.iter_mut().rev().find(|frame| may_ask(frame) && !frame.answered) {
-            Some(frame) => frame.answered = true,
-            None => {
-                let last = self.frames.iter().rev().find(|frame| frame.at < at).map_or(0, |frame| frame.at);
-                return wrong(format!("the last frame ended at {}", ms(last)));
-            }
+        let Some(frame) = self.frames.iter_mut().rev().find(|frame| may_ask(frame) && !frame.answered) else {
+            let last = self.frames.iter().rev().find(|frame| frame.at < at).map_or(0, |frame| frame.at);
+            return wrong(format!("the last frame ended at {}", ms(last)));
+        };
+        frame.answered = true;
+        if HoldObject::verify(&frame.payload).is_err() {
+            return wrong(format!("the frame of {} has no object of a hold", ms(frame.at)));
         }
         if !answer.whole || context.disturbances().excuse(Excuse::Service, at) {
             return;
@@ -350,13 +371,27 @@ impl Hold {
         let Some(answer) = payload(answer).and_then(|payload| Answer::read(payload).ok()) else {
             return wrong(format!("it has {} bytes", answer.bytes.len()));
         };
+        let intact = [answer.uplink::<BaseStation>().is_ok(), answer.uplink::<FlightController>().is_ok()];
+        let calm = self.calm.exchanges().max(context.running(Board::Dpr).since);
         let bytes = answer.as_bytes();
         for (index, place) in [0..64, 64..128].into_iter().enumerate() {
             let uplink = &bytes[place];
-            let is_written =
-                || self.written.iter().any(|(written, object)| object == uplink && written + UPLINK_AGE >= at);
-            if !is_vacant(uplink) && !is_written() {
-                return wrong(format!("nobody wrote its uplink {index} within the last second"));
+            let of_writer = self.written.iter().rev().filter(|written| written.writer == Some(index));
+            let due = |written: &&Written| {
+                at >= calm
+                    && written.at >= calm
+                    && written.stored
+                    && (STORED.0..=STORED.1).contains(&at.saturating_sub(written.at))
+            };
+            let oldest = of_writer.clone().find(due).map_or(at.saturating_sub(UPLINK_AGE), |due| due.at);
+            let is_right = if is_vacant(uplink) {
+                of_writer.clone().find(due).is_none()
+            } else {
+                intact[index] && of_writer.clone().any(|written| written.object == uplink && written.at >= oldest)
+            };
+            if !is_right {
+                let oldest = ms(oldest);
+                return wrong(format!("its uplink {index} is not what its writer wrote at {oldest} or later"));
             }
         }
     }
