@@ -54,6 +54,8 @@ pub const STORED: (u64, u64) = (30 * MS, 900 * MS);
 /// The deviations that a stated temperature (°C), humidity (%) and supply (V) may have: twice what the sensor's data
 /// sheet states, and what changes in the second between two measurements.
 pub const STATED: (f32, f32, f32) = (0.8, 5.0, 0.1);
+/// The report of the front end whose answer begins after the carrier went off.
+const OVERTAKEN: &str = "transmission without a field";
 /// The supply of the bench's hold, V.
 const SUPPLY: f32 = 3.0;
 
@@ -203,7 +205,7 @@ impl Hold {
             HoldEvent::Power { .. } | HoldEvent::Reset { .. } => self.restarted(at),
             HoldEvent::Finding { text } => findings.add(Violation::HoldComplains, at, || text.clone()),
             // The DPR cannot tell that the carrier goes off when its answer begins.
-            HoldEvent::PortMisuse { .. } if at < self.calm.sends() => {}
+            HoldEvent::PortMisuse { text } if at < self.calm.sends() && text.contains(OVERTAKEN) => {}
             HoldEvent::PortMisuse { .. } if context.disturbances().excuse(Excuse::DprFrontEndUse, at) => {}
             HoldEvent::PortMisuse { text } => findings.add(Violation::FrontEndMisuse, at, || text.clone()),
             HoldEvent::Field { .. } => {}
