@@ -25,7 +25,7 @@ use profile::{HoldObject, HoldStatus, HoldValues, Layout, Uplink};
 use super::{Rule, is_later, ms};
 use crate::disturbance::Excuse;
 use crate::read::is_vacant;
-use crate::{Board, Calm, Context, Event, Findings, Header, HoldEvent, HoldFrame, Violation, What, bounds};
+use crate::{Board, Calm, Cause, Context, Event, Findings, Header, HoldEvent, HoldFrame, Violation, What, bounds};
 
 const MS: u64 = 1_000_000;
 
@@ -125,6 +125,8 @@ pub struct Hold {
     /// What the flight controller wrote in the last two seconds.
     written: VecDeque<Written>,
     writers: [Writer; 2],
+    /// The last status before a restart that the first one after it has to continue.
+    kept: Option<HoldValues>,
     /// The level of the lock's pin, and the instant since which it has been so, ns.
     lock: Option<(u64, bool)>,
 }
@@ -161,6 +163,7 @@ impl Rule for Hold {
             frames: VecDeque::new(),
             written: VecDeque::new(),
             writers: [Writer::default(), Writer::default()],
+            kept: None,
             lock: None,
         }
     }
@@ -190,7 +193,7 @@ impl Rule for Hold {
             }
             What::Hold(HoldEvent::Reset { cause, asked: false }) if at >= before.sends() => {
                 findings.add(Violation::HoldComplains, at, || format!("it restarted: {cause:?}"));
-                self.restarted(at);
+                self.restarted(at, true);
             }
             What::Hold(event) => self.hold(at, event, context, findings),
             What::End => self.silent(at, findings),
@@ -202,7 +205,8 @@ impl Rule for Hold {
 impl Hold {
     fn hold(&mut self, at: u64, event: &HoldEvent, context: &Context, findings: &mut Findings) {
         match event {
-            HoldEvent::Power { .. } | HoldEvent::Reset { .. } => self.restarted(at),
+            HoldEvent::Power { .. } => self.restarted(at, false),
+            HoldEvent::Reset { cause, .. } => self.restarted(at, *cause != Cause::PowerOn),
             HoldEvent::Finding { text } => findings.add(Violation::HoldComplains, at, || text.clone()),
             // The DPR cannot tell that the carrier goes off when its answer begins.
             HoldEvent::PortMisuse { text } if at < self.calm.sends() && text.contains(OVERTAKEN) => {}
@@ -220,10 +224,19 @@ impl Hold {
         }
     }
 
-    fn restarted(&mut self, at: u64) {
+    /// Takes a restart of the hold, which keeps lock, set-point and acknowledgements if its RAM `keeps` its contents.
+    fn restarted(&mut self, at: u64, keeps: bool) {
+        // A hold that sent nothing in its last period may have executed more commands than one.
+        let was_heard = self.has_sent && at <= self.sent + LONGEST_GAP;
+        self.kept = self.statuses.back().copied().filter(|_| keeps && was_heard);
         (self.sent, self.has_sent) = (at, false);
         self.statuses.clear();
-        self.writers = [Writer::default(), Writer::default()];
+        for writer in &mut self.writers {
+            writer.insists = None;
+            if !keeps {
+                writer.came.clear();
+            }
+        }
     }
 
     fn silent(&mut self, at: u64, findings: &mut Findings) {
@@ -237,13 +250,16 @@ impl Hold {
     fn sent(&mut self, at: u64, frame: &HoldFrame, findings: &mut Findings) {
         let Some(status) = payload(frame).and_then(|payload| HoldStatus::verify(payload).ok()) else { return };
         self.silent(at, findings);
+        let is_first = !self.has_sent;
         (self.sent, self.has_sent) = (at, true);
         let values = status.values();
         let before = self.statuses.back().copied().filter(|last| last.timestamp.wrapping_add(100) == values.timestamp);
         if before.is_none() {
             self.statuses.clear();
         }
-        if let Some(before) = before {
+        // Another one than the first after the restart may already tell of a command.
+        let kept = self.kept.take().filter(|_| is_first && values.timestamp == 0);
+        if let Some(before) = before.or(kept) {
             self.commanded(at, &before, &values, findings);
         }
         for (index, acknowledged) in values.acknowledged.into_iter().enumerate() {
@@ -478,7 +494,43 @@ fn told(index: usize, came: &Came) -> String {
 
 #[cfg(test)]
 mod tests {
+    use profile::criticality::{ActiveLoad, Writer as WriterOf};
+
     use super::*;
+    use crate::Bytes;
+    use crate::testing::{self, Events};
+
+    /// Returns the violations of a hold that is open at 30 °C, restarts for `cause`, and then says `after`.
+    fn restarted(cause: Cause, after: impl FnOnce(&mut HoldValues)) -> Vec<Violation> {
+        let mut before = HoldValues { set_point: 30.0, ..HoldValues::absent(1_000) };
+        before.acknowledged[0] = Acknowledged::new(4, Outcome::Done);
+        let mut now = HoldValues { timestamp: 0, ..before };
+        after(&mut now);
+        let mut events = Events::new(1);
+        for (at, values) in [(100 * MS, before), (240 * MS, now)] {
+            let object = HoldStatus::seal(WriterOf::<ActiveLoad>::claim(), &values);
+            let bytes = [&[65], object.as_bytes().as_slice(), &[0; 2]].concat();
+            events.add(at, What::Hold(HoldEvent::Sent(HoldFrame { started: at, bytes: Bytes(bytes), whole: true })));
+        }
+        events.add(200 * MS, What::Hold(HoldEvent::Reset { cause, asked: true }));
+        let mut log = events.log();
+        log.header.hold = true;
+        testing::found(Hold::new(&log.header), &log).0.into_iter().map(|(violation, ..)| violation).collect()
+    }
+
+    #[test]
+    fn lock_set_point_and_acknowledgements_outlast_every_reset_but_power_on() {
+        for cause in [Cause::Pin, Cause::Watchdog] {
+            assert_eq!(restarted(cause, |_| {}), []);
+            assert_eq!(restarted(cause, |now| now.set_point = 20.0), [Violation::HoldCommand]);
+            assert_eq!(restarted(cause, |now| now.status = now.status.with_locked(true)), [Violation::HoldCommand]);
+            assert_eq!(
+                restarted(cause, |now| now.acknowledged = [Acknowledged::default(); 2]),
+                [Violation::HoldCommand]
+            );
+        }
+        assert_eq!(restarted(Cause::PowerOn, |now| *now = HoldValues::absent(0)), []);
+    }
 
     fn came(at: u64, timestamp: u32, word: u16, value: f32) -> Came {
         Came { at, timestamp, number: 1, word, value, is_plain: true }
