@@ -82,7 +82,10 @@ pub enum Disturbance {
         memory: Memory,
     },
     /// The active hold, or the air between it and the DPR's second front end. It excuses nothing of HORUS's link.
-    Hold,
+    Hold {
+        /// What of the hold is disturbed.
+        part: HoldPart,
+    },
     /// The air between each pair of antennas at the DPR, which also carries what is meant for the other pair.
     Crosstalk,
     /// Instructions or variables of a board's firmware, which are changed so that the firmware does something wrong.
@@ -90,6 +93,18 @@ pub enum Disturbance {
         /// The board whose firmware is changed.
         board: Board,
     },
+}
+
+/// What of the active hold a disturbance concerns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum HoldPart {
+    /// The hold's supply, reset or core.
+    Board,
+    /// The air between hold and DPR, and what else sends there.
+    Air,
+    /// The hold's sensors and their bus.
+    Sensors,
 }
 
 /// What is wrong with a front end.
@@ -245,7 +260,7 @@ impl Disturbance {
                 (Excuse::LinkCounters, Start(Dpr)),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
-            Self::Hold => &[],
+            Self::Hold { .. } => &[],
             Self::Supply { board: Horus } => &[
                 (Excuse::HorusFrontEndUse, RECOVERY),
                 (Excuse::DprComplaints, Start(Dpr)),
@@ -357,7 +372,7 @@ impl Disturbance {
             | Self::FlightController { .. }
             | Self::Wire { .. }
             | Self::BaseStation
-            | Self::Hold
+            | Self::Hold { .. }
             | Self::Crosstalk => None,
         }
     }

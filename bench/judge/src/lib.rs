@@ -22,6 +22,7 @@
 #![forbid(unsafe_code)]
 
 pub mod bounds;
+mod calm;
 mod context;
 pub mod disturbance;
 mod event;
@@ -37,6 +38,7 @@ pub mod truth;
 mod verdict;
 mod violation;
 
+pub use calm::Calm;
 pub use context::Context;
 pub use disturbance::{Disturbance, Disturbances};
 pub use event::{Board, Bytes, Cause, Event, Header, SsiEvent, What};

@@ -1,7 +1,7 @@
 //! Faults of the active hold and of the air between it and the DPR's second front end.
 
 use bench_judge::Disturbance;
-use bench_judge::disturbance::Wire;
+use bench_judge::disturbance::{HoldPart, Wire};
 use st25r3916_model::{AirEvent, AirFaults, Chunk, ForeignCard, FrameStart, Technology, nfc_f};
 
 use super::{PowerFault, Rng};
@@ -132,7 +132,11 @@ impl HoldFault {
         match self {
             Self::Crosstalk => Disturbance::Crosstalk,
             Self::Broken(_) => Disturbance::Wire { wire: Wire::Hold },
-            _ => Disturbance::Hold,
+            Self::Power(_) | Self::Hang => Disturbance::Hold { part: HoldPart::Board },
+            Self::Silent(_) | Self::Lies(..) | Self::BusStuck => Disturbance::Hold { part: HoldPart::Sensors },
+            Self::Frames(_) | Self::Answers(_) | Self::Foreign(_) | Self::Hostile(..) => {
+                Disturbance::Hold { part: HoldPart::Air }
+            }
         }
     }
 }

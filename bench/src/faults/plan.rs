@@ -31,6 +31,10 @@ pub const LENGTH: (u64, u64) = (20_000_000, 400_000_000);
 /// The duration of a fault of the hold, ns, whose period is 100 ms.
 pub const HOLD_LENGTH: (u64, u64) = (200_000_000, 2_000_000_000);
 
+/// The time from one fault of the hold to the next, ns, in every fourth gap: the hold has settled, and is judged, before
+/// it ends.
+pub const HOLD_GAP: (u64, u64) = (3_500_000_000, 5_500_000_000);
+
 /// The duration of a receiver's drift, ns: at its end the receiver's position is wrong by a few tens of metres.
 pub const DRIFT_LENGTH: (u64, u64) = (1_000_000_000, 3_000_000_000);
 
@@ -177,7 +181,7 @@ impl Faults {
                 }
                 let Some(draw) = round.pop() else { break };
                 let begins = free_at + rng.between(gap.0, gap.1);
-                gap = GAP;
+                gap = if kind == Kind::Hold && round.len().is_multiple_of(4) { HOLD_GAP } else { GAP };
                 let (least, most) = match draw[..] {
                     [(_, Fault::Power(..)), (_, Fault::Hang(_))] => START_HANG_LENGTH,
                     [(_, ref fault), ..] => length_of(fault),
@@ -432,6 +436,8 @@ fn hangs(rng: &mut Rng) -> Vec<Draw> {
 mod tests {
     use std::collections::BTreeSet;
 
+    use bench_judge::{Calm, Event, What};
+
     use super::*;
 
     const MINUTE: u64 = 60_000_000_000;
@@ -454,7 +460,7 @@ mod tests {
         assert_eq!(
             error,
             "\"radio\" is no kind of fault: give one or several of air, gnss, fc, power, ram, flash, registers, \
-             buffers, inputs, hang, chips"
+             buffers, inputs, hang, chips, hold"
         );
     }
 
@@ -515,6 +521,36 @@ mod tests {
                     } && pair[1].at - pair[0].at <= BETWEEN_BOARDS;
                 assert!(both || pair[1].at >= pair[0].until + GAP.0, "{pair:?}");
             }
+        }
+    }
+
+    /// Returns the shares of ten drawn minutes, in per cent, in which the judge of the hold demands that the hold sends,
+    /// that the DPR shows and answers, and that Hold-Status agrees with the payload.
+    fn judged(kinds: &[Kind], seed: u64) -> [u64; 3] {
+        const STEP: u64 = 10_000_000;
+        let (mut calm, mut judged) = (Calm::default(), [0; 3]);
+        let faults = Faults::drawn(kinds, 3, seed, 10 * MINUTE);
+        let mut episodes = faults.episodes().iter().peekable();
+        for at in (0..10 * MINUTE).step_by(STEP as usize) {
+            while let Some(Episode { at, until, fault }) = episodes.next_if(|episode| episode.at <= at) {
+                let (kind, disturbs) = (fault.name(), fault.disturbs());
+                calm.take(&Event { at: *at, what: What::Injected { kind, disturbs, until: *until } });
+            }
+            for (count, from) in judged.iter_mut().zip([calm.sends(), calm.exchanges(), calm.measures()]) {
+                *count += u64::from(at >= from);
+            }
+        }
+        judged.map(|count| 100 * count * STEP / (10 * MINUTE))
+    }
+
+    #[test]
+    fn most_of_what_the_hold_has_to_do_is_judged_in_a_drawn_run() {
+        for seed in 1..4 {
+            let (alone, all) = (judged(&[Kind::Hold], seed), judged(&Kind::ALL, seed));
+            let is_at_least =
+                |shares: [u64; 3], least: [u64; 3]| shares.iter().zip(least).all(|(it, least)| *it >= least);
+            assert!(is_at_least(alone, [40, 40, 25]), "{alone:?}");
+            assert!(is_at_least(all, [40, 2, 25]), "{all:?}");
         }
     }
 
@@ -669,7 +705,7 @@ mod tests {
     fn the_kinds_keep_the_numbers_that_their_draws_are_seeded_by() {
         let numbers = Kind::ALL.map(|kind| kind as u64);
         assert_eq!(numbers, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]);
-        assert_eq!(Kind::ALL[9..], [Kind::Hang, Kind::Chips]);
+        assert_eq!(Kind::ALL[9..], [Kind::Hang, Kind::Chips, Kind::Hold]);
     }
 
     #[test]

@@ -13,9 +13,8 @@
 //! | heater, cooler, lock; temperature, humidity, supply | Hold-Status; the box | [`HoldOutput`](Violation::HoldOutput) |
 //! | restarts, findings | – | [`HoldComplains`](Violation::HoldComplains) |
 //!
-//! What is shown, and that an answer has only what was written, is judged whatever the hold does. The rest is not judged
-//! while the hold or its air is disturbed, and for [`SETTLED`] after that; what the DPR has to do is not judged while the
-//! DPR is disturbed.
+//! What is shown, and that an answer has only what was written, is judged whatever the hold does. [`Calm`] states from
+//! when on the rest is judged after a disturbance.
 
 use std::collections::VecDeque;
 
@@ -24,14 +23,12 @@ use profile::hold::{Acknowledged, Answer, Outcome};
 use profile::{HoldObject, HoldStatus, HoldValues, Layout, Uplink};
 
 use super::{Rule, is_later, ms};
+use crate::disturbance::Excuse;
 use crate::read::is_vacant;
-use crate::{Board, Context, Disturbance, Event, Findings, Header, HoldEvent, HoldFrame, Violation, What, bounds};
+use crate::{Board, Calm, Cause, Context, Event, Findings, Header, HoldEvent, HoldFrame, Violation, What, bounds};
 
 const MS: u64 = 1_000_000;
 
-/// The time after a disturbance after which everything has to be as without it, ns: a watchdog's 100 ms, a start, four
-/// exchanges, and a second until the sensors were read again.
-pub const SETTLED: u64 = 2_500 * MS;
 /// The longest time between two frames of the hold, ns: a period and a half.
 pub const LONGEST_GAP: u64 = 150 * MS;
 /// The longest time from power-on to the first frame, ns.
@@ -48,9 +45,17 @@ pub const SHOWN_AT_LEAST: u64 = 280 * MS;
 pub const ANSWERS: (u64, u64) = (197_000, 3_000_000);
 /// The greatest age of an uplink in an answer, ns: 1 s, and the time until a stored uplink is handed over.
 pub const UPLINK_AGE: u64 = 1_000 * MS + 110 * MS;
+/// The set-points, °C, that the hold accepts; it refuses every other one.
+pub const SET_POINTS: std::ops::RangeInclusive<f32> = 2.0..=40.0;
+/// The shortest time for which a timestamp came before the hold finds it too old, ns: its second, less an exchange.
+pub const TOO_OLD: u64 = 900 * MS;
+/// The ages of an uplink, ns, at which an undisturbed DPR has it in the answer, unless there is a newer one.
+pub const STORED: (u64, u64) = (30 * MS, 900 * MS);
 /// The deviations that a stated temperature (°C), humidity (%) and supply (V) may have: twice what the sensor's data
 /// sheet states, and what changes in the second between two measurements.
 pub const STATED: (f32, f32, f32) = (0.8, 5.0, 0.1);
+/// The report of the front end whose answer begins after the carrier went off.
+const OVERTAKEN: &str = "transmission without a field";
 /// The supply of the bench's hold, V.
 const SUPPLY: f32 = 3.0;
 
@@ -89,19 +94,26 @@ fn is_newer(number: u16, than: u16) -> bool {
 /// What came from one writer.
 #[derive(Clone, Debug, Default)]
 struct Writer {
-    /// The commands that came in the last two seconds.
+    /// The commands that came in the last three seconds.
     came: VecDeque<Came>,
     /// The last new command, and how often it came, each time with a later timestamp.
     insists: Option<(Came, u32)>,
+}
+
+impl Writer {
+    /// For how long an uplink with this command came without a change of its timestamp, ns.
+    fn heard_for(&self, number: u16) -> u64 {
+        let of = self.came.iter().filter(|came| came.number == number);
+        let since = |last: &Came| self.came.iter().find(|came| came.timestamp == last.timestamp).map(|came| came.at);
+        of.filter_map(|last| Some(last.at - since(last)?)).max().unwrap_or(0)
+    }
 }
 
 /// The rule; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Hold {
     layout: Option<Layout>,
-    /// The instants, ns, before which the hold, or the DPR, may do wrong.
-    hold_calm: u64,
-    dpr_calm: u64,
+    calm: Calm,
     /// The instant, ns, at which the hold last sent a whole Hold-Status; before the first one, when it was switched on.
     sent: u64,
     has_sent: bool,
@@ -110,11 +122,25 @@ pub struct Hold {
     /// Frames that came to the DPR, each with the instant of its end (ns), whether its object is one and is new, and
     /// whether it was answered and shown.
     frames: VecDeque<Arrived>,
-    /// Objects that the flight controller wrote, each with the instant of its transaction's end, ns.
-    written: VecDeque<(u64, Vec<u8>)>,
+    /// What the flight controller wrote in the last two seconds.
+    written: VecDeque<Written>,
     writers: [Writer; 2],
+    /// The last status before a restart that the first one after it has to continue.
+    kept: Option<HoldValues>,
     /// The level of the lock's pin, and the instant since which it has been so, ns.
     lock: Option<(u64, bool)>,
+}
+
+/// An object that the flight controller wrote.
+#[derive(Clone, Debug)]
+struct Written {
+    /// The end of the transaction, ns.
+    at: u64,
+    object: Vec<u8>,
+    /// The number of the writer whose intact uplink this is.
+    writer: Option<usize>,
+    /// Whether the DPR served the transaction.
+    stored: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -130,14 +156,14 @@ impl Rule for Hold {
     fn new(header: &Header) -> Self {
         Self {
             layout: header.hold.then(|| header.layout()),
-            hold_calm: 0,
-            dpr_calm: 0,
+            calm: Calm::default(),
             sent: 0,
             has_sent: false,
             statuses: VecDeque::new(),
             frames: VecDeque::new(),
             written: VecDeque::new(),
             writers: [Writer::default(), Writer::default()],
+            kept: None,
             lock: None,
         }
     }
@@ -147,19 +173,27 @@ impl Rule for Hold {
             return;
         }
         let at = event.at;
+        let before = self.calm;
+        self.calm.take(event);
         match &event.what {
-            What::Injected { disturbs, until, .. } => self.disturbed(*disturbs, until.saturating_add(SETTLED)),
-            What::Reset { board: Board::Dpr, .. } | What::Power { board: Board::Dpr, .. } => {
-                self.dpr_calm = self.dpr_calm.max(at + SETTLED);
-            }
             What::Transaction { mosi, .. } => {
                 self.read(context, findings);
                 if let Some(object) = mosi.get(8..72) {
-                    self.written.push_back((at, object.to_vec()));
+                    let of = [
+                        Uplink::verify::<BaseStation>(object).is_ok(),
+                        Uplink::verify::<FlightController>(object).is_ok(),
+                    ];
+                    let writer = of.iter().position(|is_of| *is_of);
+                    let stored = context.reading().is_some_and(|reading| !reading.silent);
+                    self.written.push_back(Written { at, object: object.to_vec(), writer, stored });
                 }
-                while self.written.front().is_some_and(|(written, _)| written + 2 * UPLINK_AGE < at) {
+                while self.written.front().is_some_and(|written| written.at + 2 * UPLINK_AGE < at) {
                     self.written.pop_front();
                 }
+            }
+            What::Hold(HoldEvent::Reset { cause, asked: false }) if at >= before.sends() => {
+                findings.add(Violation::HoldComplains, at, || format!("it restarted: {cause:?}"));
+                self.restarted(at, true);
             }
             What::Hold(event) => self.hold(at, event, context, findings),
             What::End => self.silent(at, findings),
@@ -169,30 +203,14 @@ impl Rule for Hold {
 }
 
 impl Hold {
-    fn disturbed(&mut self, disturbs: Disturbance, until: u64) {
-        match disturbs {
-            Disturbance::Hold => self.hold_calm = self.hold_calm.max(until),
-            Disturbance::Wire { .. } | Disturbance::Receiver { .. } | Disturbance::Input { .. } => {}
-            // Whatever else is disturbed may disturb the DPR, and the exchange with it.
-            _ => {
-                self.dpr_calm = self.dpr_calm.max(until);
-                self.hold_calm = self.hold_calm.max(until);
-            }
-        }
-    }
-
     fn hold(&mut self, at: u64, event: &HoldEvent, context: &Context, findings: &mut Findings) {
         match event {
-            HoldEvent::Power { .. } => self.restarted(at),
-            HoldEvent::Reset { cause, asked } => {
-                if !asked && at >= self.hold_calm {
-                    findings.add(Violation::HoldComplains, at, || format!("it restarted: {cause:?}"));
-                }
-                self.restarted(at);
-            }
+            HoldEvent::Power { .. } => self.restarted(at, false),
+            HoldEvent::Reset { cause, .. } => self.restarted(at, *cause != Cause::PowerOn),
             HoldEvent::Finding { text } => findings.add(Violation::HoldComplains, at, || text.clone()),
             // The DPR cannot tell that the carrier goes off when its answer begins.
-            HoldEvent::PortMisuse { .. } if at < self.hold_calm => {}
+            HoldEvent::PortMisuse { text } if at < self.calm.sends() && text.contains(OVERTAKEN) => {}
+            HoldEvent::PortMisuse { .. } if context.disturbances().excuse(Excuse::DprFrontEndUse, at) => {}
             HoldEvent::PortMisuse { text } => findings.add(Violation::FrontEndMisuse, at, || text.clone()),
             HoldEvent::Field { .. } => {}
             HoldEvent::Sent(frame) => self.sent(at, frame, findings),
@@ -206,15 +224,24 @@ impl Hold {
         }
     }
 
-    fn restarted(&mut self, at: u64) {
+    /// Takes a restart of the hold, which keeps lock, set-point and acknowledgements if its RAM `keeps` its contents.
+    fn restarted(&mut self, at: u64, keeps: bool) {
+        // A hold that sent nothing in its last period may have executed more commands than one.
+        let was_heard = self.has_sent && at <= self.sent + LONGEST_GAP;
+        self.kept = self.statuses.back().copied().filter(|_| keeps && was_heard);
         (self.sent, self.has_sent) = (at, false);
         self.statuses.clear();
-        self.writers = [Writer::default(), Writer::default()];
+        for writer in &mut self.writers {
+            writer.insists = None;
+            if !keeps {
+                writer.came.clear();
+            }
+        }
     }
 
     fn silent(&mut self, at: u64, findings: &mut Findings) {
         let longest = if self.has_sent { LONGEST_GAP } else { FIRST_FRAME };
-        if at > self.sent.max(self.hold_calm) + longest {
+        if at > self.sent.max(self.calm.sends()) + longest {
             let since = self.sent;
             findings.add(Violation::HoldSilent, at, || format!("no Hold-Status since {}", ms(since)));
         }
@@ -223,13 +250,16 @@ impl Hold {
     fn sent(&mut self, at: u64, frame: &HoldFrame, findings: &mut Findings) {
         let Some(status) = payload(frame).and_then(|payload| HoldStatus::verify(payload).ok()) else { return };
         self.silent(at, findings);
+        let is_first = !self.has_sent;
         (self.sent, self.has_sent) = (at, true);
         let values = status.values();
         let before = self.statuses.back().copied().filter(|last| last.timestamp.wrapping_add(100) == values.timestamp);
         if before.is_none() {
             self.statuses.clear();
         }
-        if let Some(before) = before {
+        // Another one than the first after the restart may already tell of a command.
+        let kept = self.kept.take().filter(|_| is_first && values.timestamp == 0);
+        if let Some(before) = before.or(kept) {
             self.commanded(at, &before, &values, findings);
         }
         for (index, acknowledged) in values.acknowledged.into_iter().enumerate() {
@@ -237,7 +267,7 @@ impl Hold {
             let Some((came, times)) = writer.insists else { continue };
             if !is_newer(came.number, acknowledged.number()) {
                 writer.insists = None;
-            } else if times >= 3 && at >= self.hold_calm {
+            } else if times >= 3 && at >= self.calm.sends() {
                 writer.insists = None;
                 findings.add(Violation::HoldIgnores, at, || format!("{} came {times} times", told(index, &came)));
             }
@@ -264,7 +294,9 @@ impl Hold {
             }
             let number = new.number();
             let last = self.writers[index].came.iter().rev().find(|came| came.number == number);
-            let is_right = last.is_some_and(|came| is_newer(number, old.number()) && is_outcome_of(came, new));
+            let is_right = last.is_some_and(|came| {
+                is_newer(number, old.number()) && is_outcome_of(came, new, self.writers[index].heard_for(number))
+            });
             if !is_right {
                 let words = last.map_or("no such command came".to_owned(), |came| told(index, came));
                 findings.add(Violation::HoldCommand, at, || format!("it acknowledges {old:?}, then {new:?}: {words}"));
@@ -305,7 +337,7 @@ impl Hold {
         let from = place.start.checked_sub(reading.offset);
         let Some(shown) = from.and_then(|from| reading.miso.get(from..from + place.len())) else { return };
         let (at, dpr) = (reading.selected, context.running(Board::Dpr));
-        if reading.silent || context.disturbances().excuse(crate::disturbance::Excuse::UnsoundImage, at) {
+        if reading.silent || context.disturbances().excuse(Excuse::UnsoundImage, at) {
             return;
         }
         let found = self.frames.iter().rposition(|frame| frame.is_new && frame.payload == shown && frame.at <= at);
@@ -317,7 +349,8 @@ impl Hold {
         if let Some(index) = found {
             self.frames[index].shown = true;
         }
-        if at < self.dpr_calm.max(self.hold_calm) || at < dpr.since + SETTLED || !dpr.powered {
+        let calm = self.calm.exchanges();
+        if at < calm || !dpr.powered {
             return;
         }
         let due =
@@ -327,7 +360,6 @@ impl Hold {
             let came = newest.map_or(0, |newest| self.frames[newest].at);
             findings.add(Violation::HoldHidden, at, || format!("what came at {} is not shown", ms(came)));
         }
-        let calm = self.dpr_calm.max(self.hold_calm);
         let unanswered = self
             .frames
             .iter_mut()
@@ -343,26 +375,41 @@ impl Hold {
         let at = answer.started;
         let mut wrong = |words: String| findings.add(Violation::HoldAnswer, at, || words);
         let may_ask = |frame: &Arrived| (ANSWERS.0..=ANSWERS.1).contains(&at.saturating_sub(frame.at));
-        match self.frames.iter_mut().rev().find(|frame| may_ask(frame) && !frame.answered) {
-            Some(frame) => frame.answered = true,
-            None => {
-                let last = self.frames.iter().rev().find(|frame| frame.at < at).map_or(0, |frame| frame.at);
-                return wrong(format!("the last frame ended at {}", ms(last)));
-            }
+        let Some(frame) = self.frames.iter_mut().rev().find(|frame| may_ask(frame) && !frame.answered) else {
+            let last = self.frames.iter().rev().find(|frame| frame.at < at).map_or(0, |frame| frame.at);
+            return wrong(format!("the last frame ended at {}", ms(last)));
+        };
+        frame.answered = true;
+        if HoldObject::verify(&frame.payload).is_err() {
+            return wrong(format!("the frame of {} has no object of a hold", ms(frame.at)));
         }
-        if !answer.whole || context.disturbances().excuse(crate::disturbance::Excuse::Service, at) {
+        if !answer.whole || context.disturbances().excuse(Excuse::Service, at) {
             return;
         }
         let Some(answer) = payload(answer).and_then(|payload| Answer::read(payload).ok()) else {
             return wrong(format!("it has {} bytes", answer.bytes.len()));
         };
+        let intact = [answer.uplink::<BaseStation>().is_ok(), answer.uplink::<FlightController>().is_ok()];
+        let calm = self.calm.exchanges().max(context.running(Board::Dpr).since);
         let bytes = answer.as_bytes();
         for (index, place) in [0..64, 64..128].into_iter().enumerate() {
             let uplink = &bytes[place];
-            let is_written =
-                || self.written.iter().any(|(written, object)| object == uplink && written + UPLINK_AGE >= at);
-            if !is_vacant(uplink) && !is_written() {
-                return wrong(format!("nobody wrote its uplink {index} within the last second"));
+            let of_writer = self.written.iter().rev().filter(|written| written.writer == Some(index));
+            let due = |written: &&Written| {
+                at >= calm
+                    && written.at >= calm
+                    && written.stored
+                    && (STORED.0..=STORED.1).contains(&at.saturating_sub(written.at))
+            };
+            let oldest = of_writer.clone().find(due).map_or(at.saturating_sub(UPLINK_AGE), |due| due.at);
+            let is_right = if is_vacant(uplink) {
+                of_writer.clone().find(due).is_none()
+            } else {
+                intact[index] && of_writer.clone().any(|written| written.object == uplink && written.at >= oldest)
+            };
+            if !is_right {
+                let oldest = ms(oldest);
+                return wrong(format!("its uplink {index} is not what its writer wrote at {oldest} or later"));
             }
         }
     }
@@ -374,8 +421,13 @@ impl Hold {
         for (index, (writer, uplink)) in self.writers.iter_mut().zip(uplinks).enumerate() {
             let Some(came) = uplink.ok().and_then(|uplink| Came::of(uplink, at)) else { continue };
             writer.came.push_back(came);
-            while writer.came.front().is_some_and(|old| old.at + 2_000 * MS < at) {
+            while writer.came.front().is_some_and(|old| old.at + 3_000 * MS < at) {
                 writer.came.pop_front();
+            }
+            // An answer that the air delays may come while the hold does not listen.
+            if at < self.calm.sends() {
+                writer.insists = None;
+                continue;
             }
             let Some(acknowledged) = acknowledged.map(|of_both: [Acknowledged; 2]| of_both[index]) else { continue };
             if is_newer(came.number, acknowledged.number()) {
@@ -392,7 +444,7 @@ impl Hold {
 
     fn payload(&self, at: u64, on: [u16; 2], (temperature, humidity): (i32, u32), findings: &mut Findings) {
         // What a silent hold does is not known.
-        if at < self.hold_calm || self.statuses.len() < 3 || self.sent + LONGEST_GAP < at {
+        if at < self.calm.measures() || self.statuses.len() < 3 || self.sent + LONGEST_GAP < at {
             return;
         }
         let outputs = self.statuses.iter().map(|status| status.output);
@@ -421,15 +473,15 @@ fn payload(frame: &HoldFrame) -> Option<&[u8]> {
     frame.bytes.get(1..len).filter(|_| frame.whole && frame.bytes.len() == len + 2)
 }
 
-/// Whether `acknowledged` may be the outcome of `came`.
-fn is_outcome_of(came: &Came, acknowledged: Acknowledged) -> bool {
+/// Whether `acknowledged` may be the outcome of `came`, whose timestamp came for `heard_for` ns.
+fn is_outcome_of(came: &Came, acknowledged: Acknowledged, heard_for: u64) -> bool {
     let known = came.is_plain && (1..=4).contains(&came.word);
+    let refused = came.word == 1 && !SET_POINTS.contains(&came.value);
     match acknowledged.outcome() {
-        Some(Outcome::Done) => known,
-        Some(Outcome::Refused) => known && came.word == 1,
+        Some(Outcome::Done) => known && !refused,
+        Some(Outcome::Refused) => known && refused,
         Some(Outcome::Unknown) => !known,
-        // The age of a command that was not repeated is not followed here.
-        Some(Outcome::TooOld) => true,
+        Some(Outcome::TooOld) => heard_for >= TOO_OLD,
         Some(Outcome::Nothing) | None => false,
     }
 }
@@ -438,4 +490,80 @@ fn told(index: usize, came: &Came) -> String {
     let writer = ["the base station", "the flight controller"][index.min(1)];
     let Came { number, word, value, .. } = came;
     format!("command {number} of {writer}, word {word}, value {value}")
+}
+
+#[cfg(test)]
+mod tests {
+    use profile::criticality::{ActiveLoad, Writer as WriterOf};
+
+    use super::*;
+    use crate::Bytes;
+    use crate::testing::{self, Events};
+
+    /// Returns the violations of a hold that is open at 30 °C, restarts for `cause`, and then says `after`.
+    fn restarted(cause: Cause, after: impl FnOnce(&mut HoldValues)) -> Vec<Violation> {
+        let mut before = HoldValues { set_point: 30.0, ..HoldValues::absent(1_000) };
+        before.acknowledged[0] = Acknowledged::new(4, Outcome::Done);
+        let mut now = HoldValues { timestamp: 0, ..before };
+        after(&mut now);
+        let mut events = Events::new(1);
+        for (at, values) in [(100 * MS, before), (240 * MS, now)] {
+            let object = HoldStatus::seal(WriterOf::<ActiveLoad>::claim(), &values);
+            let bytes = [&[65], object.as_bytes().as_slice(), &[0; 2]].concat();
+            events.add(at, What::Hold(HoldEvent::Sent(HoldFrame { started: at, bytes: Bytes(bytes), whole: true })));
+        }
+        events.add(200 * MS, What::Hold(HoldEvent::Reset { cause, asked: true }));
+        let mut log = events.log();
+        log.header.hold = true;
+        testing::found(Hold::new(&log.header), &log).0.into_iter().map(|(violation, ..)| violation).collect()
+    }
+
+    #[test]
+    fn lock_set_point_and_acknowledgements_outlast_every_reset_but_power_on() {
+        for cause in [Cause::Pin, Cause::Watchdog] {
+            assert_eq!(restarted(cause, |_| {}), []);
+            assert_eq!(restarted(cause, |now| now.set_point = 20.0), [Violation::HoldCommand]);
+            assert_eq!(restarted(cause, |now| now.status = now.status.with_locked(true)), [Violation::HoldCommand]);
+            assert_eq!(
+                restarted(cause, |now| now.acknowledged = [Acknowledged::default(); 2]),
+                [Violation::HoldCommand]
+            );
+        }
+        assert_eq!(restarted(Cause::PowerOn, |now| *now = HoldValues::absent(0)), []);
+    }
+
+    fn came(at: u64, timestamp: u32, word: u16, value: f32) -> Came {
+        Came { at, timestamp, number: 1, word, value, is_plain: true }
+    }
+
+    #[test]
+    fn a_set_point_is_done_within_the_limits_and_refused_otherwise() {
+        let is = |value, outcome| is_outcome_of(&came(0, 0, 1, value), Acknowledged::new(1, outcome), 0);
+        for value in [2.0, 20.0, 40.0] {
+            assert!(is(value, Outcome::Done) && !is(value, Outcome::Refused), "{value}");
+        }
+        for value in [1.9, 40.1, f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            assert!(!is(value, Outcome::Done) && is(value, Outcome::Refused), "{value}");
+        }
+    }
+
+    #[test]
+    fn a_lock_is_never_refused_and_another_word_is_unknown() {
+        let is = |word, outcome| is_outcome_of(&came(0, 0, word, f32::NAN), Acknowledged::new(1, outcome), 0);
+        for word in 2..=4 {
+            assert!(is(word, Outcome::Done) && !is(word, Outcome::Refused) && !is(word, Outcome::Unknown), "{word}");
+        }
+        assert!(is(5, Outcome::Unknown) && !is(5, Outcome::Done));
+    }
+
+    #[test]
+    fn a_command_is_too_old_if_its_timestamp_stayed_the_same() {
+        let too_old = |came: &[Came]| {
+            let writer = Writer { came: came.to_vec().into(), insists: None };
+            is_outcome_of(&came[0], Acknowledged::new(1, Outcome::TooOld), writer.heard_for(1))
+        };
+        assert!(!too_old(&[came(0, 7, 2, 0.0), came(899 * MS, 7, 2, 0.0)]));
+        assert!(too_old(&[came(0, 7, 2, 0.0), came(900 * MS, 7, 2, 0.0)]));
+        assert!(!too_old(&[came(0, 7, 2, 0.0), came(900 * MS, 8, 2, 0.0)]));
+    }
 }

@@ -1,0 +1,84 @@
+//! When the active hold, its air and the DPR have to work as without any disturbance.
+
+use crate::disturbance::HoldPart;
+use crate::{Board, Disturbance, Event, What};
+
+const MS: u64 = 1_000_000;
+
+/// The time after a disturbance of the hold's board or sensors after which everything has to be as without it, ns: a
+/// watchdog's 100 ms, a start, four exchanges, and a second until the sensors were read again.
+const HOLD_SETTLED: u64 = 2_500 * MS;
+/// The same after a disturbance of the air or of the DPR, ns: the DPR's watchdog and start, and an exchange.
+const SETTLED: u64 = 300 * MS;
+
+/// The instants, ns, before which the hold, its air or the DPR may be disturbed. What disturbs HORUS alone does not
+/// count, because nothing of it reaches the hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Calm {
+    board: u64,
+    air: u64,
+    sensors: u64,
+    dpr: u64,
+}
+
+impl Calm {
+    /// Processes the next event of the log.
+    pub fn take(&mut self, event: &Event) {
+        match &event.what {
+            What::Injected { disturbs, until, .. } => self.disturbed(*disturbs, event.at.max(*until)),
+            What::Reset { board: Board::Dpr, .. } | What::Power { board: Board::Dpr, .. } => {
+                self.dpr = self.dpr.max(event.at.saturating_add(SETTLED));
+            }
+            _ => {}
+        }
+    }
+
+    fn disturbed(&mut self, disturbs: Disturbance, until: u64) {
+        use Disturbance as D;
+        let (end, settled) = match disturbs {
+            D::Hold { part: HoldPart::Board } => (&mut self.board, HOLD_SETTLED),
+            D::Hold { part: HoldPart::Sensors } => (&mut self.sensors, HOLD_SETTLED),
+            D::Hold { part: HoldPart::Air } | D::Crosstalk => (&mut self.air, SETTLED),
+            D::FrontEnd { board: Board::Dpr, .. }
+            | D::Supply { board: Board::Dpr }
+            | D::Restart { board: Board::Dpr }
+            | D::Hang { board: Board::Dpr }
+            | D::DeadTask { board: Board::Dpr, .. }
+            | D::Memory { board: Board::Dpr, .. }
+            | D::Code { board: Board::Dpr }
+            | D::FlightController { .. } => (&mut self.dpr, SETTLED),
+            D::Air
+            | D::Receiver { .. }
+            | D::Input { .. }
+            | D::Emission
+            | D::FrontEnd { .. }
+            | D::Wire { .. }
+            | D::BaseStation
+            | D::Supply { .. }
+            | D::Restart { .. }
+            | D::Hang { .. }
+            | D::DeadTask { .. }
+            | D::Memory { .. }
+            | D::Code { .. } => return,
+        };
+        *end = (*end).max(until.saturating_add(settled));
+    }
+
+    /// The instant from which the hold sends in each period and does not restart, ns.
+    #[must_use]
+    pub fn sends(&self) -> u64 {
+        self.board.max(self.air)
+    }
+
+    /// The instant from which the DPR shows and answers each frame, ns.
+    #[must_use]
+    pub fn exchanges(&self) -> u64 {
+        self.sends().max(self.dpr)
+    }
+
+    /// The instant from which Hold-Status agrees with the payload, ns.
+    #[must_use]
+    pub fn measures(&self) -> u64 {
+        self.sends().max(self.sensors)
+    }
+}
