@@ -38,8 +38,8 @@ const END: u64 = WARM + 500 * MS;
 const CYCLE: u64 = 15;
 /// The exceptions of the tasks `ssi_end` (SPIS1) and `ssi_pause` (TIMER3).
 const SSI: [u32; 2] = [16 + 4, 16 + 26];
-/// The values of BASEPRI that mask the SSI's priority 5 and the RFID side's priority 4, in the three upper bits.
-const MASKS: [u32; 2] = [0x60, 0x80];
+/// The values of BASEPRI that mask the SSI's priority 6 and the RFID side's priority 5, in the three upper bits.
+const MASKS: [u32; 2] = [0x40, 0x60];
 
 /// What the DPR's processor did, clock cycle by clock cycle.
 struct Watched<C: Cost> {

@@ -415,8 +415,11 @@ impl Hold {
     }
 
     fn answer_heard(&mut self, at: u64, frame: &HoldFrame) {
-        let Some(answer) = payload(frame).and_then(|payload| Answer::read(payload).ok()) else { return };
+        // Each uplink has a CRC of its own, so the hold may take one from an answer whose length byte is damaged.
+        let bytes = frame.bytes.get(1..1 + Answer::SIZE).unwrap_or(&[]);
+        let Ok(answer) = Answer::read(bytes) else { return };
         let uplinks = [answer.uplink::<BaseStation>(), answer.uplink::<FlightController>()];
+        let is_whole = payload(frame).is_some();
         let acknowledged = self.statuses.back().map(|status| status.acknowledged);
         for (index, (writer, uplink)) in self.writers.iter_mut().zip(uplinks).enumerate() {
             let Some(came) = uplink.ok().and_then(|uplink| Came::of(uplink, at)) else { continue };
@@ -430,7 +433,7 @@ impl Hold {
                 continue;
             }
             let Some(acknowledged) = acknowledged.map(|of_both: [Acknowledged; 2]| of_both[index]) else { continue };
-            if is_newer(came.number, acknowledged.number()) {
+            if is_whole && is_newer(came.number, acknowledged.number()) {
                 writer.insists = match writer.insists {
                     Some((last, times)) if last.number == came.number => {
                         let later = is_later(came.timestamp, last.timestamp);
