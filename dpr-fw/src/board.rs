@@ -51,8 +51,6 @@
 //!
 //! The second front end and its peripherals (SPIM2, EGU3, TIMER4) are used only with the feature `hold`.
 
-#[cfg(feature = "hold")]
-use crate::hw::HoldSelect;
 use dpr_fw::task::{Task, TASKS};
 use nrf52840_hal::{
     gpio::{p0, p1, Disconnected, Floating, Input, Level, Output, Pin, PullDown, PullUp, PushPull},
@@ -169,21 +167,23 @@ pub(crate) fn connect(
     (gpiote, ppi)
 }
 
-/// Configures GPIOTE and PPI channels of the second front end as in the tables above. Returns the front end's pins.
+/// Configures GPIOTE and PPI channels of the second front end as in the tables above. Returns the front end's pins, of
+/// which `select` drives chip select by GPIOTE.
 #[cfg(feature = "hold")]
-pub(crate) fn connect_hold(
+pub(crate) fn connect_hold<S>(
+    select: S,
     gpiote: &Gpiote,
     mut ppi: ppi::Parts,
     pins: RfPins,
     timer: &pac::TIMER4,
     spim: &pac::SPIM2,
     egu: &pac::EGU3,
-) -> RfPins<HoldSelect> {
+) -> RfPins<S> {
     use nrf52840_hal::timer::Instance as _;
 
-    let RfPins { select, mosi, miso, clock, irq } = pins;
+    let RfPins { select: pin, mosi, miso, clock, irq } = pins;
     gpiote.channel2().input_pin(&irq).lo_to_hi();
-    gpiote.channel3().output_pin(select).task_out_polarity(TaskOutPolarity::Set).init_high();
+    gpiote.channel3().output_pin(pin).task_out_polarity(TaskOutPolarity::Set).init_high();
     ppi.ppi4.set_event_endpoint(gpiote.channel2().event());
     ppi.ppi4.set_task_endpoint(&egu.tasks_trigger[0]);
     ppi.ppi4.enable();
@@ -196,5 +196,5 @@ pub(crate) fn connect_hold(
     ppi.ppi7.set_event_endpoint(&spim.events_end);
     ppi.ppi7.set_task_endpoint(gpiote.channel3().task_set());
     ppi.ppi7.enable();
-    RfPins { select: HoldSelect, mosi, miso, clock, irq }
+    RfPins { select, mosi, miso, clock, irq }
 }

@@ -271,7 +271,7 @@ fn the_design_states_the_numbers_of_the_hold() {
         format!("none that is intact and at most {} s old", hold::COMMAND_AGE_MS / 1_000),
         format!("{} ms of air time for the frame, {} ms for", ms(hold::FRAME_NS), ms(hold::ANSWER_NS)),
         format!("one exchange takes {} ms at most", ms(hold::EXCHANGE_NS)),
-        format!("| offset | Hold-Status, {} bytes, identifier 0x{:04X} |", HoldStatus::SIZE, Identifier::HOLD_STATUS.0),
+        format!("| offset | Hold-Status, {} bytes |", HoldStatus::SIZE),
         format!("first {} of an uplink's {} payload bytes", hold::COMMAND_SIZE, Uplink::PAYLOAD),
         format!("**expires** {} ms after it came", hold::EXPIRY_MS),
         format!("stayed the same for more than {} s of the hold's time", hold::COMMAND_AGE_MS / 1_000),

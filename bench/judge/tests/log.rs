@@ -3,7 +3,7 @@
 use crate::common;
 
 use bench_judge::{
-    Board, Bytes, Cause, Disturbance, Event, Header, Judge, Log, LogError, LogWriter, SsiEvent, What, judge,
+    Board, Bytes, Cause, Disturbance, Event, Header, HoldEvent, Judge, Log, LogError, LogWriter, SsiEvent, What, judge,
 };
 use common::*;
 use proptest::prelude::*;
@@ -47,6 +47,7 @@ fn one_of_each() -> Vec<What> {
         What::Finding { board: Board::Horus, fault: true, text: text() },
         What::Misuse { board: Board::Dpr, text: text() },
         What::Late { board: Board::Dpr, text: "3 ns".into() },
+        What::Hold(HoldEvent::Lock { locked: true }),
         What::Counter { board: Board::Horus, name: "frames_skipped".into(), value: None },
         What::Load { board: Board::Dpr, per_10_000: 10_000 },
         What::End,
@@ -56,7 +57,7 @@ fn one_of_each() -> Vec<What> {
 #[test]
 fn events_of_one_instant_stand_in_the_order_of_their_declaration() {
     let ranks: Vec<_> = one_of_each().iter().map(What::rank).collect();
-    assert_eq!(ranks, (0..32).collect::<Vec<_>>());
+    assert_eq!(ranks, (0..33).collect::<Vec<_>>());
     let source = include_str!("../src/event.rs");
     let declared = source.split("pub enum What {").nth(1).unwrap().split("\n}\n").next().unwrap();
     let is_variant = |line: &&str| line.starts_with("    ") && line.as_bytes()[4].is_ascii_uppercase();

@@ -6,7 +6,7 @@ use st25r3916_model::Chip;
 
 use super::dpr::NRF_FRONT_END;
 use super::front_end::FrontEnd;
-use crate::world::hold::Payload;
+use crate::payload::Payload;
 use emulator_node::{Board, Input};
 
 /// The I2C bus, which has pull-ups.

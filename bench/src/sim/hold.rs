@@ -26,9 +26,9 @@ use crate::boards::front_end::FrontEnd;
 use crate::boards::{Dpr, Hold};
 use crate::faults::HoldFault;
 use crate::faults::hold::{Break, Impostor};
+use crate::payload::Payload;
 use crate::report;
 use crate::world::flight_controller::{Fates, HoldUser};
-use crate::world::hold::Payload;
 use emulator_node::{LogLine, Node};
 
 /// The least time from anything on the air to an effect of it in the chip that hears it, ns: the receiver's latency

@@ -10,11 +10,9 @@
 //! | [`ssi`] | the SSI's pins, and the state machine that carries out a transaction |
 //! | [`flight_controller`] | the instants of transactions, their requests, and the evaluation of their contents |
 //! | [`base_station`] | the end of the radio link; the crate of that name decides what is shown |
-//! | [`hold`] | what the active hold measures and acts on: climate, vibration, sensors |
 
 pub mod base_station;
 pub mod flight_controller;
-pub mod hold;
 pub mod ssi;
 
 pub use base_station::BaseStation;

@@ -578,7 +578,7 @@ pub(crate) const DEFECTS: &[Defect] = &[
         edit(TRACK, "self.shown.filter(|values| values.status.position_valid())", "self.shown"),
         GNSS, By(V::ClientWrong)),
     row("client-believes-to-be-heard", "the client takes a request for heard that met a busy DPR",
-        edit(CLIENT, "if !busy {\n            // The DPR", "if DEFECT || !busy {\n            // The DPR"),
+        edit(CLIENT, "if !busy {\n            self.window", "if DEFECT || !busy {\n            self.window"),
         ALL, Not("the bench's flight controller notes itself what was heard; profile/tests/clients has it")),
     row("client-loses-objects", "the client never writes an object",
         edit(CLIENT, "let object = self.object;", "let object = if DEFECT { None } else { self.object };"),

@@ -187,7 +187,7 @@ pub(crate) fn init(
     #[cfg(feature = "hold")]
     let hold = {
         let HoldDma { spi: dpr_fw::hold::SpiMemory { tx, rx, answer }, receive } = memory.hold;
-        let pins = board::connect_hold(&gpiote, _ppi, hold_pins, &p.TIMER4, &p.SPIM2, &p.EGU3);
+        let pins = board::connect_hold(HoldSelect, &gpiote, _ppi, hold_pins, &p.TIMER4, &p.SPIM2, &p.EGU3);
         nrf52840::start_counter(&p.TIMER4);
         let answers = hold::Answers::new(answer);
         let port = hold::HoldPort::new(p.SPIM2, p.TIMER4, answers, pins, tx, rx, receive);

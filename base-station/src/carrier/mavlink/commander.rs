@@ -18,7 +18,7 @@ use profile::Uplink;
 use profile::criticality::BaseStation;
 use profile::hold::{HoldCommand, Outcome, Sender, Sent};
 
-use super::voice::NotSent;
+use super::not_sent::NotSent;
 use crate::drone::hold::{HoldState, Presence};
 use crate::{Drone, DroneId, Fleet};
 

@@ -3,6 +3,7 @@
 pub mod commander;
 pub mod forwarder;
 pub mod inbound;
+mod not_sent;
 pub mod receiver;
 pub mod signing;
 pub mod standard;

@@ -34,6 +34,7 @@ use profile::port_status::Violation;
 use profile::{PortValues, Uplink, UplinkStatus, UplinkValues};
 
 use super::commander::{CommandRecord, Commander};
+pub use super::not_sent::NotSent;
 use super::signing::{self, Signer};
 use super::tunnel::Tunnel;
 use crate::{Bundle, DroneId, Fleet, Place, Source, Who};
@@ -125,42 +126,6 @@ pub struct Sending {
     /// The instant at which the outcome became known, µs; before that, the instant of the last sending.
     pub at_us: u64,
     first: Option<PortValues>,
-}
-
-/// The reason why an uplink is not sent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NotSent {
-    /// This station sends no uplinks.
-    NotAllowed,
-    /// There is no drone with this id.
-    UnknownDrone,
-    /// The drone cannot be reached, because its messages do not come over MAVLink.
-    NoWay,
-    /// Uplinks to [`MAX_SENDINGS`] other drones are under way already.
-    TooMany,
-    /// This station sends no commands to holds.
-    NoCommands,
-    /// There is no present Hold-Status of this drone, so the command cannot be numbered.
-    NoHold,
-    /// Hold-Status has come for less than [`SETTLES_US`](super::commander::SETTLES_US).
-    HoldIsNew,
-    /// Another command to this hold waits for its acknowledgement.
-    CommandWaits,
-}
-
-impl std::fmt::Display for NotSent {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::NotAllowed => "this station sends no uplinks: it was started without --uplink",
-            Self::UnknownDrone => "this drone is not known here",
-            Self::NoWay => "this drone is not heard over MAVLink, so no uplink can be sent to it",
-            Self::TooMany => "too many uplinks are under way",
-            Self::NoCommands => "this station sends no commands to holds: it was started without --hold-commands",
-            Self::NoHold => "there is no present Hold-Status of this drone",
-            Self::HoldIsNew => "the hold has been heard for less than 2 s: an earlier command may be under way",
-            Self::CommandWaits => "the command before this one is pending",
-        })
-    }
 }
 
 /// The destination of a message: a line, and an address on that line if it has addresses.
