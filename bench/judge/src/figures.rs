@@ -80,7 +80,8 @@ pub struct Faults {
     /// The longest time from the end of a disturbance to the first valid object that HORUS sent after that end, in
     /// cycles of 10 ms, rounded up; `None` without disturbances.
     pub max_recovery_cycles: Option<u64>,
-    /// The same number as `max_recovery_cycles`, without the disturbances after which a front end had to be brought up again.
+    /// The same number as `max_recovery_cycles`, without the disturbances after which a front end had to be brought up
+    /// again.
     pub max_recovery_cycles_without_bring_up: Option<u64>,
 }
 

@@ -31,8 +31,8 @@ pub const LENGTH: (u64, u64) = (20_000_000, 400_000_000);
 /// The duration of a fault of the hold, ns, whose period is 100 ms.
 pub const HOLD_LENGTH: (u64, u64) = (200_000_000, 2_000_000_000);
 
-/// The time from one fault of the hold to the next, ns, in every fourth gap: the hold has settled, and is judged, before
-/// it ends.
+/// The time from one fault of the hold to the next, ns, in every fourth gap: the hold has settled, and is judged,
+/// before it ends.
 pub const HOLD_GAP: (u64, u64) = (3_500_000_000, 5_500_000_000);
 
 /// The duration of a receiver's drift, ns: at its end the receiver's position is wrong by a few tens of metres.
@@ -524,8 +524,8 @@ mod tests {
         }
     }
 
-    /// Returns the shares of ten drawn minutes, in per cent, in which the judge of the hold demands that the hold sends,
-    /// that the DPR shows and answers, and that Hold-Status agrees with the payload.
+    /// Returns the shares of ten drawn minutes, in per cent, in which the judge of the hold demands that the hold
+    /// sends, that the DPR shows and answers, and that Hold-Status agrees with the payload.
     fn judged(kinds: &[Kind], seed: u64) -> [u64; 3] {
         const STEP: u64 = 10_000_000;
         let (mut calm, mut judged) = (Calm::default(), [0; 3]);
@@ -544,7 +544,7 @@ mod tests {
     }
 
     #[test]
-    fn most_of_what_the_hold_has_to_do_is_judged_in_a_drawn_run() {
+    fn the_duties_of_the_hold_are_judged_in_a_drawn_run() {
         for seed in 1..4 {
             let (alone, all) = (judged(&[Kind::Hold], seed), judged(&Kind::ALL, seed));
             let is_at_least =

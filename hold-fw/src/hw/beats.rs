@@ -58,8 +58,8 @@ impl Beats {
         self.0.tasks_start.write(|w| unsafe { w.bits(1) });
     }
 
-    /// Handles the interrupt of TIMER1. In the slot it sends the loaded frame; the compare value of the slot also matches
-    /// in the beats that are no tick, in which no frame is due.
+    /// Handles the interrupt of TIMER1. In the slot it sends the loaded frame; the compare value of the slot also
+    /// matches in the beats that are no tick, in which no frame is due.
     #[inline(always)]
     pub(crate) fn interrupt(&mut self) -> Beat {
         if take_event!(self.0.events_compare[SLOT_COMPARE]) {

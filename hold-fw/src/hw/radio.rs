@@ -37,9 +37,9 @@ const SELECT: u32 = 1 << 12;
 /// The number of polls of the end event that last longer than the 1 µs of one byte.
 const BYTE_POLLS: u32 = 50;
 
-/// Sends the transmit command for the frame that is due in beat `beat`, if its [`Ticket`] is armed. [`FrontEndPort::arm`] has set
-/// up the transfer. The chip executes a command when chip select rises, so this function waits for the end of the
-/// transfer. The end event stays set and then calls the task `rf_spi`.
+/// Sends the transmit command for the frame that is due in beat `beat`, if its [`Ticket`] is armed.
+/// [`FrontEndPort::arm`] has set up the transfer. The chip executes a command when chip select rises, so this function
+/// waits for the end of the transfer. The end event stays set and then calls the task `rf_spi`.
 #[inline(always)]
 pub(super) fn fire(beat: u32) {
     if !Ticket::is_due(ARMED.load(Ordering::Acquire), beat) {

@@ -1,17 +1,17 @@
-//! Judges the active hold and the DPR's second port: what the hold said is what is shown, and what was commanded is what
-//! was done.
+//! Judges the active hold and the DPR's second port: what the hold said is what is shown, and what was commanded is
+//! what was done.
 //!
 //! | what is judged | compared with | violation |
 //! |---|---|---|
-//! | the hold's frames come every 100 ms | – | [`HoldSilent`](Violation::HoldSilent) |
-//! | the object in the map | frames at the DPR's second antenna, of at most 300 ms ago | [`HoldShown`](Violation::HoldShown) |
-//! | it is there | the last whole frame there | [`HoldHidden`](Violation::HoldHidden) |
-//! | an answer, its instant, its uplinks | that frame, and what was written within 1 s | [`HoldAnswer`](Violation::HoldAnswer) |
-//! | there is an answer | a frame that was shown | [`HoldUnanswered`](Violation::HoldUnanswered) |
-//! | acknowledgements, set-point and lock in Hold-Status | commands that came | [`HoldCommand`](Violation::HoldCommand) |
-//! | a command is acknowledged | one that came three times, each later | [`HoldIgnores`](Violation::HoldIgnores) |
-//! | heater, cooler, lock; temperature, humidity, supply | Hold-Status; the box | [`HoldOutput`](Violation::HoldOutput) |
-//! | restarts, findings | – | [`HoldComplains`](Violation::HoldComplains) |
+//! | the hold's frames come every 100 ms | – | `HoldSilent` |
+//! | the object in the map | frames at the DPR's second antenna, of at most 300 ms ago | `HoldShown` |
+//! | it is there | the last whole frame there | `HoldHidden` |
+//! | an answer, its instant, its uplinks | that frame, and what was written within 1 s | `HoldAnswer` |
+//! | there is an answer | a frame that was shown | `HoldUnanswered` |
+//! | acknowledgements, set-point and lock in Hold-Status | commands that came | `HoldCommand` |
+//! | a command is acknowledged | one that came three times, each later | `HoldIgnores` |
+//! | heater, cooler, lock; temperature, humidity, supply | Hold-Status; the box | `HoldOutput` |
+//! | restarts, findings | – | `HoldComplains` |
 //!
 //! What is shown, and that an answer has only what was written, is judged whatever the hold does. [`Calm`] states from
 //! when on the rest is judged after a disturbance.
@@ -33,8 +33,8 @@ const MS: u64 = 1_000_000;
 pub const LONGEST_GAP: u64 = 150 * MS;
 /// The longest time from power-on to the first frame, ns.
 pub const FIRST_FRAME: u64 = 300 * MS;
-/// The longest time for which an object is shown after its frame, ns: the expiry, the time for which an image stays, and
-/// the period of publications.
+/// The longest time for which an object is shown after its frame, ns: the expiry, the time for which an image stays,
+/// and the period of publications.
 pub const SHOWN_FOR: u64 = 300 * MS + 25 * MS + 13 * MS;
 /// The longest time from the end of a frame until its object is shown, ns: two publications.
 pub const SHOWN_WITHIN: u64 = 26 * MS;
