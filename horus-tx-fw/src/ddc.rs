@@ -4,7 +4,8 @@
 //!
 //! The port's registers 0xFD and 0xFE hold the number of bytes that wait (the high byte first), and 0xFF is the stream.
 //! The address counts up with each byte read and stays at 0xFF. So a cycle is: write 0xFD, restart, read two bytes;
-//! restart, read the bytes that wait, at most [`MOST`]; stop. A message to send takes the place of all this.
+//! restart, read the bytes that wait, at most [`MOST`]; stop. In a cycle in which HORUS sends a message to the
+//! receiver, it reads nothing.
 //!
 //! ```text
 //! tick ── START ─ 0x84 0xFD ─ RESTART ─ 0x85 high low ─ RESTART ─ 0x85 byte … byte ─ STOP ── … ── tick

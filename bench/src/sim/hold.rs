@@ -214,7 +214,7 @@ impl<C: Cost> Beside<C> {
         dpr: &mut Node<Dpr, C>,
         recorder: &mut Recorder,
     ) {
-        // The hold, and the air between, may be ahead of the DPR.
+        // The hold and its air may have been simulated further than the DPR. A fault begins at the later instant.
         let from = at.max(self.node.now());
         match *fault {
             HoldFault::Frames(way) => {

@@ -98,7 +98,7 @@ pub(crate) fn init(core: &mut cortex_m::Peripherals, p: pac::Peripherals, memory
     // The debug port is opened first, so that a debugger can connect even if the firmware stops early.
     let debug_port = nrf52840::open_debug_port(&p.FICR, &p.UICR);
 
-    // The first instructions have started the watchdog, or it still runs from before a soft reset or a lockup.
+    // The watchdog runs: the first instructions started it, or it was running before a soft reset or a lockup.
     let watchdog = Watchdog::try_recover::<One>(p.WDT).ok().map(|parts| parts.handles.0);
     let reset_reason = nrf52840::reset_reason();
 

@@ -20,14 +20,14 @@ use crate::op::{Carry, Do, Format, Index, Op, Shift};
 use crate::{Bus, Core, Cost, Exit, Fault, Purpose, Width};
 use arithmetic::{dual, extend, half, parallel, shift, signed_saturate, unary, unsigned_saturate};
 
-/// The way on from an executed instruction.
+/// Which instruction follows an executed one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Flow {
-    /// The instruction behind it is next.
+    /// The instruction at the next address follows.
     On,
-    /// The instruction behind it is next, and an IT block begins there.
+    /// The instruction at the next address follows, and an IT block begins with it.
     Block,
-    /// The instruction at this address is next.
+    /// The instruction at this address follows.
     To(u32),
 }
 

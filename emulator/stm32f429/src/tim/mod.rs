@@ -134,7 +134,7 @@ pub(crate) struct Tim {
     repeat: u32,
 
     div: u64,
-    /// The timer clock cycle for which the fields below are right.
+    /// The clock cycle of the timer up to which the counter and the other fields were brought forward.
     tick: u64,
     prescale: u32,
     cnt: u32,
