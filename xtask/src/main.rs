@@ -29,6 +29,7 @@ mod output;
 mod package;
 #[cfg(feature = "probe")]
 mod probe;
+mod release;
 mod residual;
 mod run;
 mod seal;
@@ -147,6 +148,7 @@ pub(crate) enum Image {
     Hold,
 }
 
+#[cfg(feature = "probe")]
 impl Image {
     /// The board whose microcontroller the image is for.
     pub(crate) const fn board(self) -> Board {

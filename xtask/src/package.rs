@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 
 use crate::workspace::{cargo, check, root, target_dir};
 
-const PACKAGES: [&str; 12] = [
+pub(crate) const PACKAGES: [&str; 12] = [
     "profile",
     "st25r3916",
     "horus-voter",

@@ -21,6 +21,8 @@ pub(crate) const FLIP_LINK: Tool = Tool { name: "flip-link", version: "0.1.12" }
 
 pub(crate) const CARGO_FUZZ: Tool = Tool { name: "cargo-fuzz", version: "0.13.2" };
 
+pub(crate) const SEMVER_CHECKS: Tool = Tool { name: "cargo-semver-checks", version: "0.51.0" };
+
 pub(crate) fn root() -> PathBuf {
     // The root is found from xtask's folder at build time or, if the checkout has moved, by cargo.
     let manifest =
