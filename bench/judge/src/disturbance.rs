@@ -457,7 +457,7 @@ impl Disturbances {
     /// Ends the excuses that end when this board starts or loses its supply.
     fn start(&mut self, board: Board, now: u64) {
         self.valid.retain(|valid| valid.board != Some(board) || now < valid.until);
-        // Disturbances that began before the start are over; only the excuses that still hold count from now on.
+        // The latest end of each excuse is computed again from the disturbances that still count.
         self.over = self.over.map(|over| over.min(now));
         for valid in &self.valid {
             let over = &mut self.over[valid.excuse as usize];
