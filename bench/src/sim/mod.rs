@@ -53,7 +53,7 @@ use upstream::Receivers;
 /// The interval at which the caller receives the run's progress and the log lines, virtual ns.
 const STEP: u64 = 10_000_000;
 
-/// The shortest time from the end of a piece of the run to the beginning of an added fault, ns. A board may be past
+/// The shortest time, ns, by which an added fault must lie after the end of a piece of the run. A board may be past
 /// that end, because it completes its last instruction.
 pub const AHEAD_NS: u64 = 100_000;
 
@@ -122,9 +122,10 @@ pub struct Setup {
     pub faults: Faults,
     /// Whether the flight controller writes uplinks and commands, and now and then reads the whole map.
     pub writes: bool,
-    /// Whether the base station's uplinks come by [`Observer::uplink`]; otherwise the flight controller generates them.
+    /// Whether the base station's uplinks come from [`Observer::uplink`]. Otherwise the flight controller generates
+    /// them.
     pub relays: bool,
-    /// A sweep of transactions through every phase, which replaces the flight controller's reads in its control cycle.
+    /// A sweep of transactions through every phase, in place of the flight controller's reads in each control cycle.
     pub sweep: Option<Sweep>,
     /// The trace file of the wires and the tasks, ending in `.vcd` or `.fst`.
     pub trace: Option<PathBuf>,
@@ -172,8 +173,8 @@ pub trait Observer {
     /// A board logged a line.
     fn log(&mut self, board: &str, line: &str);
 
-    /// The flight controller has read an undamaged image in a transaction that ended at `virtual_ns`. The calls come in
-    /// order, before [`progress`](Self::progress) for that instant.
+    /// The flight controller has read an undamaged image in a transaction that ended at `virtual_ns`. Images come in
+    /// order, and before [`progress`](Self::progress) is called for that instant.
     fn image(&mut self, virtual_ns: u64, image: &[u8]) {
         let _ = (virtual_ns, image);
     }
@@ -184,20 +185,21 @@ pub trait Observer {
         let _ = (virtual_ns, port);
     }
 
-    /// The flight controller has read the place of the hold's object (64 bytes), if there is a hold and
-    /// [`Setup::writes`] is set. The place may be vacant.
+    /// The flight controller has read the 64 bytes at the place of the hold's object, if there is a hold and
+    /// [`Setup::writes`] is set. The bytes may be vacant.
     fn hold(&mut self, virtual_ns: u64, object: &[u8]) {
         let _ = (virtual_ns, object);
     }
 
-    /// Returns an uplink of the base station that has arrived by radio, if any. Called after
+    /// Returns an uplink of the base station that has arrived by radio, if any. It is called after
     /// [`progress`](Self::progress).
     fn uplink(&mut self, virtual_ns: u64) -> Option<Uplink> {
         let _ = virtual_ns;
         None
     }
 
-    /// The length of a piece of the run, virtual ns: a multiple of 10 ms. By default the run has one piece.
+    /// The length, virtual ns, of the pieces into which the run is divided: a multiple of 10 ms. By default there is
+    /// one piece.
     fn piece_ns(&self) -> u64 {
         u64::MAX
     }

@@ -507,7 +507,7 @@ fn a_front_end_is_called_at_fault_only_after_long_silence() {
     let heard = run.end(19);
     assert_eq!(told(heard + 430 * MS..heard + 450 * MS), [Violation::LinkFlags]);
     assert_eq!(told(heard + 455 * MS..run.end(89)), []);
-    // The image that reports the fault may be published up to the first new frame's image.
+    // Link-Status may report the fault until the first new frame's image is published.
     assert_eq!(told(run.end(90)..run.end(90) + 15 * MS), []);
     assert_eq!(told(run.end(93)..run.end(94)), [Violation::LinkFlags]);
 }
@@ -517,7 +517,7 @@ fn frames_that_a_deaf_front_end_may_have_missed_end_no_silence() {
     let run = Run { cycles: 100, ..Run::new(3).hit_all(20..90, &Air::Lost) };
     let told = |mut run: Run| {
         let deaf = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Deaf };
-        // The excuse allows the DPR to miss frames until cycle 50. The frames of cycles 10 to 19 are missing.
+        // The excuse, which ends with cycle 50, allows the DPR to miss the frames of cycles 10 to 19.
         run.extra.push(Event { at: run.tick(10), what: injected(deaf, run.tick(50) - bounds::FRONT_END_RECOVERY) });
         let silent = run.end(9) + bounds::SILENCE;
         run.broken(within(silent + 5 * MS..run.end(19) + bounds::SILENCE, |values| flip(values, 5)))

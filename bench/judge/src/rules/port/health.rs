@@ -9,7 +9,7 @@
 //! | bit 6 | set while buffers are out of use |
 //! | reason of the last safe state | 0 after power-on; the same value between two starts |
 //!
-//! The rule does not require the reason of an earlier safe state: the log does not show it.
+//! Any reason of a safe state is right after a reset, because the log does not show whether there was a safe state.
 
 use profile::PortValues;
 

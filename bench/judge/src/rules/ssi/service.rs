@@ -195,8 +195,8 @@ impl Service {
         }
     }
 
-    /// Records a rise of FRESH. `offers` says that a transaction could begin. If none could, returns whether there is a
-    /// reason.
+    /// Records a rise of FRESH. `offers` says that a transaction could begin. Returns whether there is a reason why
+    /// none could.
     pub(super) fn rise(&mut self, at: u64, offers: bool) -> bool {
         (self.rose_at, self.served) = (Some(at), 0);
         if self.under_way {

@@ -129,7 +129,7 @@ fn who_was_excluded_is_in_the_figures() {
 fn a_receiver_that_strays_has_no_vote() {
     let scene = strayed(3, 5..9);
     let (from, until) = (shows(&scene, 5), shows(&scene, 9));
-    // The voter excludes the receiver at the latest two cycles after its object shows the stray position.
+    // The voter may exclude the receiver as late as one cycle after its object shows the stray position.
     assert_eq!(excluded(&scene, 0..0), [(Violation::VoteWrong, until - from - 1)]);
     assert_eq!(excluded(&scene, from + 1..until + 100), []);
     assert_eq!(excluded(&scene, from + 2..until + 100), VOTE);
