@@ -204,13 +204,13 @@ pub trait Observer {
         u64::MAX
     }
 
-    /// Whether the run ends now. Called after each piece of the run.
+    /// Whether the run ends now. It is called after each piece of the run.
     fn ends(&mut self) -> bool {
         false
     }
 
-    /// Returns faults to add to the run. Called after each piece, which ended at `virtual_ns`. No episode may begin
-    /// earlier than [`AHEAD_NS`] after that instant.
+    /// Returns faults to add to the run. It is called after each piece, which ended at `virtual_ns`. No episode may
+    /// begin earlier than [`AHEAD_NS`] after that instant.
     fn faults(&mut self, virtual_ns: u64) -> Faults {
         let _ = virtual_ns;
         Faults::none()
@@ -233,7 +233,7 @@ pub struct Outcome {
     pub base: BaseStation,
     /// Every log line of both boards, each with its board.
     pub logs: Vec<(&'static str, String)>,
-    /// The outcome of each phase of [`Setup::sweep`].
+    /// The outcome of each phase of [`Setup::sweep`], if there was a sweep.
     pub phases: Vec<Phase>,
 }
 
@@ -289,7 +289,7 @@ pub struct Finished {
     pub phases: Vec<Phase>,
 }
 
-/// Returns a board with this program, which is loaded or is already in the memory that the board kept.
+/// Returns a board with this program. The program is loaded, or is already in the memory that the board kept.
 fn switched_on<B: Board, C: Cost>(
     mut part: B::Part,
     board: B,
@@ -318,7 +318,7 @@ impl<C: Cost> Bench<C> {
         let recorded = setup.recordings.iter().any(Option::is_some);
         let traced = setup.trace.is_some();
         let Crystals { horus_ppb, dpr_ppb, flight_controller_ppb, hold_ppb } = setup.crystals;
-        // The expansion boards supply the front end's chip from the 5 V of their header.
+        // ST's expansion boards supply the front end's chip from the 5 V of their header.
         let chip = |crystal_ppb, seed| {
             Chip::new(FrontEndConfig { crystal_ppb, seed, vdd_mv: 5000, ..setup.front_ends.clone() })
         };
@@ -377,7 +377,8 @@ impl<C: Cost> Bench<C> {
         self.relay.downstream.keep_log();
     }
 
-    /// Runs the bench to `end` (virtual ns), and calls `each` every 10 ms with instant, DPR and surroundings.
+    /// Runs the bench to `end` (virtual ns). Calls `each` every 10 ms with the instant, the DPR and the DPR's
+    /// surroundings.
     ///
     /// # Errors
     ///
@@ -436,19 +437,19 @@ impl<C: Cost> Bench<C> {
         &self.relay.b
     }
 
-    /// The violations in the part of the run that has been judged, which is all but the last few milliseconds.
+    /// The violations in the part of the run that has been judged: all of it but the last few milliseconds.
     #[must_use]
     pub fn findings(&self) -> &Findings {
         self.relay.downstream.findings()
     }
 
-    /// Adds faults to those of the setup. Their episodes must begin after [`Bench::now`].
+    /// Adds faults to those of the setup. Each episode must begin after [`Bench::now`].
     pub fn add_faults(&mut self, faults: &Faults) {
         self.relay.upstream.add_faults(faults);
         self.relay.downstream.add_faults(faults);
     }
 
-    /// Ends the run at `reached` (virtual ns) and returns its outcome.
+    /// Ends the run at `reached` (virtual ns), and returns its outcome.
     #[must_use]
     pub fn finish(self, reached: u64) -> Finished {
         let Relay { a, mut b, downstream, .. } = self.relay;
@@ -472,7 +473,7 @@ fn report<C: Cost>(
 ) -> Report {
     let figures = verdict.figures.clone();
     let of_dpr = |name| u64::from(telemetry::of_dpr(dpr, name).unwrap_or(0));
-    // The load is rounded to four digits, because further digits carry no information.
+    // The load is rounded to four digits, because further digits tell nothing.
     let load = |load: f64| (load * 1e4).round() / 1e4;
     Report {
         seed: header.seed,
@@ -687,7 +688,7 @@ pub fn campaign(setup: &Setup, options: &Options) -> Result<Campaign, Error> {
     })
 }
 
-/// Returns `config` for the link, on which frames that the settings cannot send or receive are lost.
+/// Returns `config` for the link: a frame that the settings cannot send or receive is lost.
 #[must_use]
 pub fn on_the_link(config: FrontEndConfig) -> FrontEndConfig {
     FrontEndConfig { unsuited_chain_receives: false, unsuited_modulation_reaches: false, ..config }
