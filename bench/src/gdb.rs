@@ -99,7 +99,7 @@ monitor faults LIST             what goes wrong from now on, drawn from the seed
         self.run.now()
     }
 
-    /// The reset is injected as a fault, so the event log shows it.
+    /// The reset is injected as a fault, so that the event log shows it.
     fn pull_reset(&mut self) {
         let now = self.node().now();
         let fault = Fault::Power(self.side, PowerFault::Pin);
@@ -115,7 +115,7 @@ monitor faults LIST             what goes wrong from now on, drawn from the seed
 }
 
 impl<C: Cost> Link<'_, C> {
-    /// Adds faults of the kinds in `list` from now on and returns a message for the user.
+    /// Adds faults of the kinds in `list` from now on. Returns a message for the user.
     fn faults(&mut self, list: &str) -> String {
         let kinds: Result<Vec<Kind>, _> = list.split(',').map(str::parse).collect();
         let kinds = match kinds {

@@ -53,11 +53,11 @@ pub const LONGEST: f64 = 86_400.0;
 const GRAVITY: f64 = 9.806_65;
 /// Deceleration by drag per unit of speed, 1/s: 15° nose down at 16 m/s, as in small multicopters.
 const DRAG: f64 = 0.16;
-/// Peak slope of the quintic ramp, at its middle: 15/8.
+/// Peak slope of a quintic ramp that rises from 0 to 1 in unit time: 15/8, in the middle of the ramp.
 const RAMP_SLOPE: f64 = 1.875;
-/// Peak second derivative of the quintic ramp: 10/√3.
+/// Peak second derivative of a quintic ramp that rises from 0 to 1 in unit time: 10/√3.
 const RAMP_CURVE: f64 = 5.773_502_691_896_258;
-/// The time between two entries of the table of flown distances, s.
+/// The time between two entries of the table that holds the distance flown, s.
 const GRID: f64 = 0.1;
 
 /// Position, motion and attitude of the aircraft.
@@ -131,7 +131,8 @@ impl Flight {
             Uniform::new_inclusive(low, high).expect("the bounds of every draw are finite and ordered").sample(&mut rng)
         };
 
-        // A phase's share of a short flight, and its greatest duration, s. The cruise fills the rest of a long flight.
+        // Each phase takes a fixed share of a short flight, at most a given time in s. The cruise fills the rest of a
+        // long flight.
         let standing = (0.03 * planned).min(2.0);
         let climb = (0.22 * planned).min(28.0);
         let acceleration = (0.15 * planned).min(11.0);
@@ -156,7 +157,7 @@ impl Flight {
         height.ramp(take_off, climb, height_gained);
         height.ramp(descend, landing, height_gained * (ground - 1.0));
 
-        // The ground speed is itself a first derivative, so only the slope of its plan has a limit.
+        // The plan of the ground speed is limited only in its slope, which is the acceleration.
         let speed_reached = SPEED_MAX.min(ACCELERATION_MAX * acceleration.min(braking) / RAMP_SLOPE);
         let mut speed = Plan::starting_at(0.0);
         speed.ramp(climbed, acceleration, speed_reached);
@@ -169,7 +170,7 @@ impl Flight {
         let legs = (cruise / 15.0).ceil().max(2.0);
         let leg = cruise / legs;
         let mut at = cruising;
-        // There are at most LONGEST / 15 legs, so the conversion is exact.
+        // The number of legs is at most LONGEST / 15, so its conversion to u32 is exact.
         for number in 0..legs as u32 {
             let straight = leg * draw(0.25, 0.4);
             let turn = leg - straight;
@@ -183,7 +184,7 @@ impl Flight {
         let mut flight =
             Self { plane: TangentPlane::new(start), planned, phase_ends, height, speed, course, sums: vec![[0.0; 2]] };
         let mut sum = [0.0; 2];
-        // The speed is zero from the instant `hovering` on, so later cells of the table would add nothing.
+        // The aircraft hovers from the instant `hovering` on, so the distance flown grows no further.
         for cell in 0..(hovering / GRID).ceil() as usize {
             let from = cell as f64 * GRID;
             let [north, east] = flight.distance(from, from + GRID);
@@ -318,7 +319,8 @@ impl Pose {
     }
 }
 
-/// The largest change by a quintic ramp of `duration` whose first two derivatives do not exceed `slope` and `curve`.
+/// The largest change that a quintic ramp of `duration` can make while its first derivative stays within `slope` and
+/// its second within `curve`.
 fn ramp_limit(duration: f64, slope: f64, curve: f64) -> f64 {
     (slope * duration / RAMP_SLOPE).min(curve * duration * duration / RAMP_CURVE)
 }
@@ -352,7 +354,7 @@ impl Plan {
             .ramps
             .last()
             .map_or((self.initial, f64::NEG_INFINITY), |last| (last.from + last.change, last.start + last.duration));
-        // The starts of ramps are sums of the same durations in different orders, so they are equal up to rounding.
+        // The planned start may lie before the end of the last ramp by a rounding error only.
         assert!(duration > 0.0 && start >= free - 1e-6, "ramps follow one another");
         self.ramps.push(Ramp { start: start.max(free), duration, from, change });
     }

@@ -12,10 +12,10 @@
 //! their `iTOW`:
 //!
 //! - The bytes before the first epoch, and the first epoch, are sent [`FIRST_BURST_NS`] after reset.
-//! - A NAV message with a right checksum and a later `iTOW` begins the next epoch, also over the roll-over of the week.
-//!   A step longer than [`GAP_MAX_MS`] (a tunnel, or a resumed recording) is shortened to that length.
-//! - A NAV-PVT whose `iTOW` is *not* later (a receiver without the time, or several logs in one file) begins an epoch
-//!   too, [`PERIOD_WITHOUT_TIME_MS`] after the one before. Other late messages do not.
+//! - A NAV message with a right checksum and a later `iTOW` begins the next epoch. A roll-over of the week counts as
+//!   later. A step longer than [`GAP_MAX_MS`], as in a tunnel, is shortened to that length.
+//! - A NAV-PVT whose `iTOW` is *not* later begins an epoch too, [`PERIOD_WITHOUT_TIME_MS`] after the one before. Such
+//!   messages come from a receiver without the time. Other late messages begin no epoch.
 //! - All other bytes belong to the epoch before them.
 //! - A burst never starts before the burst ahead of it has left the UART.
 //!
@@ -38,7 +38,7 @@ pub const FIRST_BURST_NS: u64 = 100_000_000;
 /// The longest pause between two epochs, ms, to which longer ones are shortened.
 pub const GAP_MAX_MS: u32 = 5_000;
 
-/// The pause before an epoch whose time of week does not give its distance from the epoch before, ms.
+/// The pause before an epoch whose time of week is not later than that of the epoch before, ms.
 pub const PERIOD_WITHOUT_TIME_MS: u32 = 1_000;
 
 /// The length of the longest log that is read, bytes: more than a day at 1 Mbit/s.
@@ -99,7 +99,7 @@ pub struct LogCounts {
     pub nmea: usize,
     /// The number of RTCM 3 messages with a right CRC.
     pub rtcm: usize,
-    /// The number of bytes outside whole messages: those of damaged or incomplete messages, and noise.
+    /// The number of bytes that belong to no whole message, such as noise and damaged or incomplete messages.
     pub unknown_bytes: usize,
 }
 
@@ -119,7 +119,7 @@ pub struct RecordedPosition {
 impl RecordedPosition {
     /// Longitude, degrees: the float64 nearest to the decimal number in the message.
     ///
-    /// It is a quotient, because a division of two exact numbers is rounded correctly, while 1e-7 is not exact.
+    /// The value is divided by 1e7, because the division of two exact numbers is rounded correctly; 1e-7 is not exact.
     #[must_use]
     pub fn longitude(&self) -> f64 {
         f64::from(self.longitude_1e7) / 1e7
@@ -183,7 +183,7 @@ impl Log {
         Self::from_bytes(path, bytes)
     }
 
-    /// Reads the log in `bytes`; errors name it by `path`.
+    /// Reads the log in `bytes`. `path` names the log in errors.
     ///
     /// # Errors
     ///
@@ -271,7 +271,7 @@ impl Log {
 struct Cutter {
     epoch: Option<u32>,
     has_pvt: bool,
-    /// The beginning of each epoch but the first: the time since the first epoch, ns, and the offset in the log.
+    /// Where each epoch but the first begins: the time since the first epoch, ns, and the offset in the log.
     cuts: Vec<(u64, usize)>,
     now_ns: u64,
 }
@@ -299,7 +299,7 @@ impl Cutter {
     }
 
     fn bursts(self, length: usize) -> Vec<(u64, Range<usize>)> {
-        // The bytes before the first epoch belong to its burst.
+        // Bytes before the first epoch are sent in the first epoch's burst.
         let starts = std::iter::once((0, 0)).chain(self.cuts.iter().copied());
         let ends = self.cuts.iter().map(|(_, offset)| *offset).chain([length]);
         starts.zip(ends).map(|((at, start), end)| (FIRST_BURST_NS + at, start..end)).collect()

@@ -7,8 +7,8 @@
 //! while the one before is on the line.
 //!
 //! A generated receiver starts as if HORUS had configured it before; [`Receiver::with_factory_settings`] returns one
-//! without that. Its input ([`Receiver::hear`]) may change its output, and the burst that was due is then calculated
-//! again.
+//! that HORUS has yet to configure. A message to the receiver ([`Receiver::hear`]) may change its output; the next
+//! burst is then calculated again.
 //!
 //! # The errors of a generated receiver
 //!
@@ -165,7 +165,7 @@ impl Receiver {
         Self::from_source(Source::Generated(Box::new(Generated::new(model, index, seed, flight))))
     }
 
-    /// Returns the receiver connected by `port`, whose part of the configuration then applies.
+    /// Connects the receiver by `port`, and returns it. Only the settings of the connected port have an effect.
     #[must_use]
     pub fn connected_by(mut self, port: Port) -> Self {
         self.rebuild(|generated| generated.port = port);
@@ -203,8 +203,8 @@ impl Receiver {
         }
     }
 
-    /// Processes a byte, `None` for an unreadable one, that arrives at `at_ns` (ns after reset). Returns the answer, if
-    /// any, which is sent at the bit rate that applies from then on.
+    /// Processes a byte that arrives at `at_ns` (ns after reset), `None` for an unreadable byte. Returns the answer to
+    /// a completed message. The answer is sent at the bit rate that applies from then on.
     pub fn hear(&mut self, at_ns: u64, byte: Option<u8>) -> Option<Vec<u8>> {
         let Source::Generated(generated) = &mut self.source else { return None };
         let answer = generated.configuration.hear(byte)?;
@@ -236,7 +236,7 @@ impl Receiver {
         }
     }
 
-    /// Adapts the output to a configuration that may have changed at `at_ns` (ns after reset).
+    /// Calculates the next burst again if the configuration has changed at `at_ns` (ns after reset).
     fn reconfigured(&mut self, at_ns: u64) {
         let Source::Generated(generated) = &mut self.source else { return };
         if generated.configuration.output() == generated.output {
@@ -311,7 +311,8 @@ impl Receiver {
         self.bit_rate
     }
 
-    /// The instant, ns after reset, at which the last valid position in `burst` has been sent; `None` if there is none.
+    /// The instant, ns after reset, at which the last byte of the last valid position in `burst` has been sent; `None`
+    /// if the burst has no valid position.
     #[must_use]
     pub fn last_solution_ns(&self, burst: &Burst) -> Option<u64> {
         let mut last = None;
@@ -379,7 +380,8 @@ struct Generated {
 
 impl Generated {
     fn new(model: Model, index: usize, seed: u64, flight: Arc<Flight>) -> Self {
-        // Stream 0 gives what all receivers share, and each receiver draws its noise from a stream of its own.
+        // ChaCha stream 0 draws the values that all receivers share. Each receiver draws its noise from a stream of its
+        // own.
         let mut shared = ChaCha8Rng::seed_from_u64(seed);
         shared.set_stream(0);
         let mut noise = ChaCha8Rng::seed_from_u64(seed);
@@ -426,7 +428,7 @@ impl Generated {
     /// Derives the output from the configuration for the time from `at_ns` (ns after reset) on.
     fn follow_configuration(&mut self, at_ns: u64) {
         self.output = self.configuration.output();
-        // The next epoch must lie after `at_ns` whatever the error of the receiver's clock is.
+        // The clock's error is at most 1 ms, which is added so that the next epoch lies after `at_ns`.
         let period_ns = u64::from(self.output.period_ms) * 1_000_000;
         self.epoch = (self.reset_ns + at_ns + 1_000_000).div_ceil(period_ns);
     }
@@ -437,12 +439,12 @@ impl Generated {
         self.epoch += 1;
         let nominal_ns = epoch_ms * 1_000_000 - self.reset_ns;
         let clock_ns = self.clock_error_ns(nominal_ns);
-        // A clock that is ahead takes the measurement early.
+        // A receiver whose clock is ahead measures early.
         let measured_ns = nominal_ns as f64 - clock_ns;
         let truth = self.flight.state(measured_ns / 1e9);
         let seen = self.observe(&truth);
 
-        // The limit of three standard deviations keeps solutions in order.
+        // The jitter is limited to three standard deviations, so that solutions stay in order.
         let jitter = normal(&mut self.noise).clamp(-3.0, 3.0) * self.model.delay_jitter_ms;
         let sent_ns = measured_ns + (self.model.delay_ms + jitter) * 1e6;
         let bytes = self.messages(epoch_ms, clock_ns, &seen);

@@ -89,7 +89,7 @@ fn positions_are_the_flights_within_what_the_receiver_promises() {
         let mut errors = Vec::new();
         for (_, latitude, longitude, height, at_ns) in &seen.positions {
             let told = gnss_sim::Geodetic { latitude: *latitude, longitude: *longitude, height: *height };
-            // The delay's jitter and the clock's error are at most 10 ms, which is 0.16 m at 16 m/s.
+            // The jitter of the delay and the clock's error move a solution by at most 10 ms. This is 0.16 m at 16 m/s.
             let then = *at_ns as f64 / 1e9 - model.delay_ms / 1e3;
             let truth = flight.state(then).ned;
             let ned = flight.plane().to_ned(told);
@@ -134,7 +134,8 @@ fn attitude_and_acceleration_are_the_flights() {
 #[test]
 fn delay_and_clock_phase_belong_to_the_receiver() {
     let flight = flight();
-    // All receivers share the GPS time of the reset, so their instants of iTOW zero differ only by delay and clock.
+    // All receivers share the GPS time of the reset. The instants of their time of week zero may therefore differ only
+    // by their delays and clocks.
     let origin = |index: usize| -> Vec<f64> {
         let seen = read(&bursts(index, 4, &flight));
         seen.positions.iter().map(|p| p.4 as f64 / 1e6 - f64::from(p.0)).collect()
@@ -206,7 +207,7 @@ fn the_last_solution_of_a_burst_has_arrived_with_its_last_byte() {
     let mut bytes = b"$GNGLL,noise*00\r\n".to_vec();
     bytes.extend(&fix);
     let solved = bytes.len();
-    // A message without a position follows, then an incomplete one.
+    // The burst goes on with a message without a position, and an incomplete message.
     bytes.extend(none.iter().chain(&fix[..fix.len() - 1]));
     let burst = Burst { at_ns: 7_000, bytes };
     assert_eq!(receiver.last_solution_ns(&burst), Some(7_000 + receiver.line_time_ns(solved)));

@@ -80,7 +80,7 @@ impl Judge {
         self.rules.take(event, &self.context, &mut self.findings);
     }
 
-    /// Returns the violations found so far, with their counts.
+    /// Returns the violations that were found up to the last event, with their counts.
     #[must_use]
     pub fn findings(&self) -> &Findings {
         &self.findings

@@ -118,7 +118,7 @@ fn what_is_no_log_is_told_with_its_line() {
         (&[HEADER, TICK, r#"{"at":11,"what":"tock"}"#], 3),
         (&[HEADER, r#"{"at":-1,"what":"tick"}"#], 2),
     ] {
-        // The empty line is ignored only at the end.
+        // Only at the end of the file is an empty line ignored.
         let lines = [lines, &[TICK]].concat();
         let error = error(&lines);
         assert!(matches!(error, LogError::Line { line, .. } if line == at), "{lines:?}: {error}");
@@ -142,7 +142,7 @@ fn a_log_that_is_cut_off_is_read_up_to_there() {
     for end in header..whole.len() - 1 {
         let cut = Log::read(&whole[..end]).unwrap();
         let lines = whole[..end].iter().filter(|byte| **byte == b'\n').count() - 1;
-        // If only the end of a line is missing, the line may still be complete.
+        // A line that lacks only its line feed may still be a complete event.
         assert!([lines, lines + 1].contains(&cut.events.len()), "{end}");
         assert_eq!(cut.events, log.events[..cut.events.len()], "{end}");
         assert_eq!(cut.is_whole(), cut.events.len() == log.events.len(), "{end}");
@@ -171,12 +171,12 @@ fn what_the_file_says_is_passed_on() {
     let error = Log::read(std::io::BufReader::new(Broken)).unwrap_err();
     assert!(matches!(error, LogError::Io(_)));
     assert_eq!(error.to_string(), "the disk is gone");
-    // An error in the middle of the file is also reported.
+    // A read error in the middle of the file is reported too.
     let begun = std::io::Read::chain(HEADER.as_bytes(), std::io::Read::chain(&b"\n"[..], Broken));
     assert!(matches!(Log::read(std::io::BufReader::new(begun)), Err(LogError::Io(_))));
     let log = Plan::new(1, 4).log();
     assert_eq!(log.write(Broken).unwrap_err().to_string(), "the disk is full");
-    // The writer may report that there is no room only when the log is flushed.
+    // The writer is buffered, so it may report a full disk only when the log is flushed.
     let mut room = [0; 1 << 20];
     let buffered = std::io::BufWriter::with_capacity(1 << 20, Broken);
     assert!(log.write(buffered).is_err());
@@ -209,7 +209,7 @@ fn judging_is_a_function_of_the_log_alone() {
     for event in &log.events {
         judge.take(event);
     }
-    // Some violations are found only at the end of the run.
+    // The end of a run adds violations that cannot be found earlier.
     let counts: Vec<_> = judge.findings().counts().collect();
     let verdict_of_events = judge.clone().finish();
     for (violation, count) in counts {

@@ -17,7 +17,7 @@ pub trait Powered: Board {
     /// The board's front end.
     fn front_end(&mut self) -> &mut FrontEnd;
 
-    /// Switches the supply of all chips beside the part on or off at `at` (ns).
+    /// Switches the supply of all chips beside the microcontroller on or off at `at` (ns).
     fn supply_chips(&mut self, at: u64, on: bool) {
         self.front_end().supply(at, on);
     }
@@ -28,7 +28,7 @@ pub trait Powered: Board {
     /// Makes the board's crystal work (`works`) or fail from now on.
     fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool);
 
-    /// Whether the firmware of `part` can only wait for the watchdog after a reset.
+    /// Whether the firmware of `part` cannot go on after a reset, so that it waits for the watchdog.
     fn cannot_start(part: &Self::Part) -> bool;
 }
 
@@ -39,7 +39,7 @@ impl Powered for Horus {
         node.input(|part, view, at| if works { part.restore_hse(at, view) } else { part.fail_hse(at, view) });
     }
 
-    /// The DPR always starts, because its firmware uses the internal oscillator if the crystal does not start.
+    /// The DPR can always start: without its crystal it uses the internal oscillator.
     fn cannot_start(_: &Self::Part) -> bool {
         false
     }
@@ -113,7 +113,7 @@ impl PowerFault {
             }
             Self::CrystalDead => B::crystal(node, false),
             Self::FrontEndOff => supply_front_end(node, false),
-            // Each voltage of a sag is applied later as an event of its own.
+            // The voltages of a sag are applied later, each as an event of its own.
             Self::Sag(_) => {}
             Self::Pin => node.restart(FromOutside::Pin),
             Self::BrownOut => node.restart(FromOutside::BrownOut),
@@ -129,7 +129,7 @@ impl PowerFault {
                 node.power_on(seed);
             }
             Self::CrystalDead => B::crystal(node, true),
-            // The front end stays without supply while the whole board has none.
+            // The front end stays without supply for as long as the whole board does.
             Self::FrontEndOff if node.is_powered() => supply_front_end(node, true),
             Self::Sag(seed) => supply(node, RAILS_UV[0], seed),
             Self::FrontEndOff | Self::Pin | Self::BrownOut | Self::Watchdog => {}

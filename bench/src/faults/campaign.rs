@@ -1,4 +1,4 @@
-//! Campaigns of upsets: each upset is tried on its own copy of a bench, and its effect is classed.
+//! Campaigns of upsets. Each upset is tried on its own copy of a bench, and its effect is put into a class.
 //!
 //! A campaign runs a [`Subject`] and copies it at several instants. One copy, the reference, has no upset, and the copy
 //! of each trial has one. The trial's class follows from what the judge reports and the flight controller reads in
@@ -22,7 +22,7 @@ pub trait Subject: Clone + Send {
     /// Runs the bench to `at` (virtual ns).
     fn run_to(&mut self, at: u64);
 
-    /// The memory that the firmware of `board` uses now.
+    /// The memory that the firmware of `board` uses at present.
     fn targets(&self, board: Board) -> Targets;
 
     /// Applies `upset` to `board` now.
@@ -50,9 +50,9 @@ pub struct Options {
     pub boards: Vec<Board>,
     /// The number of trials.
     pub count: usize,
-    /// The number of trials at the same instant, which share one reference; at least 1.
+    /// The number of trials at each instant, at least 1. They share one run without an upset as their reference.
     pub per_instant: usize,
-    /// The range from which the instants of the upsets are drawn, virtual ns.
+    /// The range, virtual ns, from which the instants of the upsets are drawn.
     pub between: (u64, u64),
     /// How long each copy runs after its upset, ns.
     pub for_ns: u64,
@@ -65,7 +65,7 @@ pub struct Options {
 pub enum Class {
     /// The flight controller read the same bytes as without the upset.
     Masked,
-    /// The flight controller read other bytes, but no invalid data were shown as valid.
+    /// The flight controller read other bytes than without the upset, but no invalid data were shown as valid.
     Detected,
     /// Invalid data were shown as valid.
     Dangerous,
@@ -85,7 +85,7 @@ impl Class {
         }
     }
 
-    /// Returns the class of a trial with `outcome`; `reference` is the outcome at the same instant without an upset.
+    /// Returns the class of a trial. `outcome` is the trial's, and `reference` that of the same bench without an upset.
     #[must_use]
     pub fn of(reference: &RunOutcome, outcome: &RunOutcome) -> Self {
         let of_outcome = &outcome.verdict.violations;
@@ -105,8 +105,8 @@ impl Class {
 
 /// Whether `violation` means that invalid data were shown as valid to the flight controller or at the base station.
 ///
-/// Wrong contents of an object count, because the judge does not report whether the object was shown. Wrong flags of
-/// Link-Status, a wrong state of HORUS, a wrong timestamp and a wrong uplink count do too, because readers act on them.
+/// A wrong content of an object counts too, because the judge does not report whether the object was shown. Wrong flags
+/// of Link-Status, a wrong state of HORUS, a wrong timestamp and a wrong uplink count because readers act on them.
 #[must_use]
 pub const fn is_dangerous(violation: Violation) -> bool {
     matches!(
@@ -262,7 +262,8 @@ mod tests {
     const HORUS_RAM: std::ops::Range<u32> = 0x2000_0000..0x2000_0100;
     const DPR_RAM: std::ops::Range<u32> = 0x2000_8000..0x2000_8100;
 
-    /// A test double with at most one upset, whose address chooses its effect: none, other bytes, or an old object.
+    /// A bench for the tests without boards. The address of its upset selects the effect: none, other bytes, or an old
+    /// object.
     #[derive(Clone, Debug, Default)]
     struct Bench<'a> {
         now: u64,
@@ -299,7 +300,7 @@ mod tests {
             if let Some(outcomes) = self.outcomes {
                 outcomes.fetch_add(1, Ordering::Relaxed);
             }
-            // This double has a violation in every copy, with and without an upset.
+            // This bench has a violation even without an upset.
             let always = (Violation::ShownStale, 2);
             match self.upset {
                 Some((_, _, Upset::Ram { address, .. })) if address % 4 == 1 => outcome(&[always], 8),
@@ -387,7 +388,7 @@ mod tests {
         assert!(instants.is_sorted());
         instants.dedup();
         assert_eq!(instants.len(), 25);
-        // The range is divided into intervals of 320 ns. Each interval has one instant, and each instant one reference.
+        // The instants are drawn from one interval of 320 ns each, and each instant has one reference.
         for (nth, at) in instants.iter().enumerate() {
             let from = 1_000 + 320 * nth as u64;
             assert!((from..from + 320).contains(at), "{at}");

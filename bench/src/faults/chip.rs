@@ -1,6 +1,6 @@
 //! Faults of a front-end chip, or of a line between it and its board.
 //!
-//! [`crate::boards::front_end::FrontEnd`] applies these faults. A fault does not change the chip's state, and the rest
+//! [`crate::boards::front_end::FrontEnd`] applies these faults. A fault leaves the chip's state as it is, and the rest
 //! of the chip works.
 
 use bench_judge::disturbance::Harm;
@@ -41,7 +41,7 @@ impl ChipFault {
         }
     }
 
-    /// What the board can observe of the fault. A line that stays low, or a missing interrupt, looks like an idle chip.
+    /// The effect that the board can observe. A line that stays low, or a missing interrupt, looks like an idle chip.
     #[must_use]
     pub const fn harm(self) -> Harm {
         match self {
@@ -51,7 +51,7 @@ impl ChipFault {
     }
 }
 
-/// The time, ns, within which the board reports the flip of a register's bit, if the flip has an effect.
+/// The time, ns, within which the board must report a flipped bit of a register, if the flip has an effect.
 pub const FLIP_MENDED: u64 = 1_350_000_000;
 
 /// A bit of a register of a front end's chip.
@@ -107,7 +107,7 @@ impl ChipFaults {
         self.present.iter().rev().find_map(|fault| of(*fault))
     }
 
-    /// The level of the interrupt line while the chip drives `level`.
+    /// Returns the level of the interrupt line with these faults, while the chip drives `level`.
     #[must_use]
     pub fn irq(&self, level: bool) -> bool {
         let stuck = self.last(|fault| match fault {
@@ -118,7 +118,8 @@ impl ChipFaults {
         stuck.unwrap_or(level)
     }
 
-    /// The byte that the board reads while the chip drives `answer`; `None` if nothing drives the line.
+    /// Returns the byte that the board reads with these faults, while the chip drives `answer`; `None` if nothing
+    /// drives the line.
     #[must_use]
     pub fn miso(&self, answer: Option<u32>) -> Option<u32> {
         let stuck = self.last(|fault| match fault {

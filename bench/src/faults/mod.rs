@@ -30,9 +30,9 @@
 //! effect is in the same file, and a line in [`plan`] lets `--faults` draw it.
 //!
 //! A fault of a new kind is a variant of [`Fault`] with its name, its side of the link ([`Fault::is_upstream`]) and its
-//! disturbance ([`Fault::disturbs`]), from which the judge knows what to excuse ([`bench_judge::disturbance`]).
-//! `sim/upstream.rs`, `sim/downstream.rs` and `sim/board_events.rs` apply episodes. `xtask/src/live/panel.rs` lists the
-//! faults that the panel of `cargo xtask live` offers.
+//! disturbance ([`Fault::disturbs`]), from which the judge knows what to excuse ([`bench_judge::disturbance`]). Three
+//! files apply episodes: `sim/upstream.rs`, `sim/downstream.rs` and `sim/board_events.rs`. `xtask/src/live/panel.rs`
+//! lists the faults that the panel of `cargo xtask live` offers.
 
 pub mod base;
 pub mod buffer;
@@ -77,7 +77,7 @@ pub use wires::{WireFault, Wires};
 /// A fault that lasts as long as its [`Episode`], or that occurs at the episode's beginning.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
-    /// A fault of the air between the antennas.
+    /// A fault of the air between the link's two antennas.
     Air(AirFaults),
     /// A fault of a receiver, counted from 0, or of its line.
     Receiver(usize, ReceiverFault),
@@ -88,7 +88,7 @@ pub enum Fault {
     /// A fault of a board's front-end chip, or of a line to it.
     Chip(Board, ChipFault),
     /// A register's bit of a board's front-end chip flips. The number is the bit's index in [`RegisterBit::all_of`],
-    /// modulo the number of bits. The firmware must detect the flip by the episode's end.
+    /// modulo the number of bits. The firmware must have corrected the flip when the episode ends.
     Flip(Board, u64),
     /// A misuse of the SSI by the flight controller.
     FlightController(Conduct),
@@ -165,7 +165,7 @@ impl Fault {
         }
     }
 
-    /// Whether the fault acts on HORUS's side of the link, which the bench simulates ahead of the DPR's side.
+    /// Whether the fault acts on HORUS's side of the link. The bench simulates that side ahead of the DPR's.
     #[must_use]
     pub fn is_upstream(&self) -> bool {
         match self {
@@ -245,7 +245,7 @@ impl Faults {
         Self::none().with(0, u64::MAX, Fault::Air(faults))
     }
 
-    /// Adds an episode and returns the faults with it.
+    /// Adds an episode, and returns the faults with it.
     #[must_use]
     pub fn with(mut self, at: u64, until: u64, fault: Fault) -> Self {
         self.add(Episode { at, until, fault });
@@ -264,7 +264,7 @@ impl Faults {
         &self.episodes
     }
 
-    /// The beginnings and ends of the episodes on HORUS's side of the link (`upstream`) or on the DPR's side.
+    /// Returns the beginnings and ends of one side's episodes: HORUS's side (`upstream`) or the DPR's.
     #[must_use]
     pub fn timeline(&self, upstream: bool) -> Timeline {
         let mine = self.episodes.iter().filter(|episode| episode.fault.is_upstream() == upstream);
@@ -284,7 +284,7 @@ impl Faults {
     }
 }
 
-/// The beginning, a change or the end of an episode.
+/// The beginning or the end of an episode, or a change within it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Turn {
     /// The episode begins.
@@ -313,7 +313,7 @@ impl Timeline {
         self.turns.front().map_or(u64::MAX, |(at, _)| *at)
     }
 
-    /// Adds `other`, the timeline of the other side.
+    /// Adds the turns of the other side's timeline, in order of time.
     pub fn add(&mut self, other: Self) {
         for (at, turn) in other.turns {
             let place = self.turns.partition_point(|(before, _)| *before <= at);

@@ -1,7 +1,7 @@
 //! Faults drawn from a seed.
 //!
-//! Every kind of fault has its own random numbers, so a new kind does not change the episodes of the others. The faults
-//! of a kind come in rounds, each of which has all of them in a random order.
+//! Every kind of fault has its own random numbers, so a new kind does not change the episodes of other kinds. The
+//! faults of a kind come in rounds. Each round has all of them in a random order.
 
 use std::fmt;
 use std::str::FromStr;
@@ -31,15 +31,15 @@ pub const LENGTH: (u64, u64) = (20_000_000, 400_000_000);
 /// The duration of a fault of the hold, ns, whose period is 100 ms.
 pub const HOLD_LENGTH: (u64, u64) = (200_000_000, 2_000_000_000);
 
-/// The time from one fault of the hold to the next, ns, in every fourth gap: the hold has settled, and is judged,
-/// before it ends.
+/// The time from one fault of the hold to the next, ns, in every fourth gap. It is long enough for the judge to judge a
+/// hold that has settled again.
 pub const HOLD_GAP: (u64, u64) = (3_500_000_000, 5_500_000_000);
 
 /// The duration of a receiver's drift, ns: at its end the receiver's position is wrong by a few tens of metres.
 pub const DRIFT_LENGTH: (u64, u64) = (1_000_000_000, 3_000_000_000);
 
-/// The shortest and longest jump of one or all receivers, ns. The voter holds back a common jump for a time between
-/// them.
+/// The shortest and the longest jump of one or all receivers, ns. The voter holds a common jump back for a time within
+/// this range.
 pub const JUMP_LENGTH: (u64, u64) = (20_000_000, 2_500_000_000);
 
 /// The longest time between the failures of the two boards, ns, where both lose their supply, restart or hang together.
@@ -62,7 +62,7 @@ pub const WATCHDOG_STARTS: u64 = 2_000;
 /// A hang during a board's start begins at most this long after the reset, ns.
 pub const STARTS: u64 = 20_000_000;
 
-/// The number of sags of each board's supply in a round; each has another course of voltage.
+/// The number of sags of each board's supply in a round. Each sag has its own course of voltage.
 const SAGS: usize = 3;
 
 /// A kind of fault that `--faults` can draw.
@@ -157,7 +157,7 @@ impl FromStr for Kind {
     }
 }
 
-/// Faults that occur together, each with its delay (ns) after the beginning of the first.
+/// Faults that belong together, each with its delay (ns) after the beginning of the first.
 type Draw = Vec<(u64, Fault)>;
 
 impl Faults {
@@ -200,7 +200,7 @@ impl Faults {
                 }
             }
         }
-        // A run of a day has tens of thousands of episodes of each kind, so the list is sorted once, at the end.
+        // The list is sorted once, at the end, because a run of a day has tens of thousands of episodes of each kind.
         faults.episodes.sort_by_key(|episode| episode.at);
         faults.without_hangs_in_starts();
         faults
@@ -208,7 +208,7 @@ impl Faults {
 }
 
 impl Faults {
-    /// Removes hangs that begin before a restarted board's watchdog runs, because nothing would end them.
+    /// Removes each hang that begins before a restarted board's watchdog runs, because nothing would end it.
     fn without_hangs_in_starts(&mut self) {
         for board in BOARDS {
             let of_power = |it: &&Episode| starts(&it.fault, board);
@@ -254,7 +254,7 @@ fn length_of(fault: &Fault) -> (u64, u64) {
     }
 }
 
-/// One round of faults of `kind`, which has every fault of that kind once.
+/// Returns one round of `kind`, which has every fault of the kind once.
 fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
     match kind {
         Kind::Air => {
@@ -285,23 +285,23 @@ fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
     }
 }
 
-/// Every fault of the air, strong enough to be visible in an episode of average length.
+/// Returns every fault of the air, strong enough to be visible in an episode of average length.
 fn air() -> Vec<AirFaults> {
     let none = AirFaults::default();
     vec![
-        // A frame has about 2000 bits, so about one frame in three survives this bit error rate.
+        // At this bit error rate about one frame in three arrives whole, since a frame has about 2000 bits.
         AirFaults { bit_error: 5e-4, ..none },
         AirFaults { lost: 0.4, ..none },
-        // A carrier without frames looks to the DPR like a HORUS that sends nothing.
+        // The DPR cannot distinguish a carrier without frames from a HORUS that sends nothing.
         AirFaults { lost: 1.0, ..none },
-        // A frame that is repeated all the time looks to the DPR like a HORUS whose data do not change.
+        // The DPR cannot distinguish a frame that is repeated all the time from a HORUS whose data do not change.
         AirFaults { frozen: true, ..none },
         AirFaults { truncated: 0.4, ..none },
-        // The objects' CRCs detect every burst of up to 32 bits; these are twice as long.
+        // An object's CRC detects every burst of up to 32 bits. These bursts are twice as long.
         AirFaults { burst: 0.4, burst_bits: 64, ..none },
-        // A frame takes half a cycle, so its repetition comes before the next frame or collides with it.
+        // A frame takes half a cycle. Its repetition therefore comes before the next frame or collides with it.
         AirFaults { repeated: 0.4, repeat_after_ns: (100_000, 12 * MS), ..none },
-        // The delay of a frame is between a fraction of a cycle and several cycles.
+        // A frame is delayed by a fraction of a cycle, or by up to several cycles.
         AirFaults { delayed: 0.4, delay_ns: (MS, 45 * MS), ..none },
         AirFaults { field_off: true, ..none },
         AirFaults { scatter_ns: 3 * MS, ..none },
@@ -321,7 +321,7 @@ fn receivers() -> Vec<ReceiverFault> {
         ReceiverFault::Beginnings,
         ReceiverFault::Unasked,
         ReceiverFault::Frozen,
-        // u-blox receivers use this bit rate after they have lost their configuration.
+        // A u-blox receiver that has lost its configuration uses this bit rate.
         ReceiverFault::WrongBaud(38_400),
         ReceiverFault::Break,
         ReceiverFault::Noise,
@@ -331,19 +331,19 @@ fn receivers() -> Vec<ReceiverFault> {
         ReceiverFault::NoFix,
         ReceiverFault::LateBursts(60_000_000),
         ReceiverFault::BadChecksums,
-        // The voter treats receivers within 30 m and 50 m as agreeing, and this offset exceeds both.
+        // Receivers agree up to 30 m horizontally and 50 m vertically. These offsets exceed that.
         ReceiverFault::Offset { north: 40, east: -30, up: 0 },
         ReceiverFault::Offset { north: 0, east: 0, up: 120 },
         ReceiverFault::Drifts { mm_s: 20_000 },
         ReceiverFault::FrozenPosition,
         ReceiverFault::Flat,
-        // The voter treats receivers within 10 degrees and 2 m/s² as agreeing, and these changes exceed both.
+        // Receivers agree up to 10 degrees and 2 m/s². These errors exceed that.
         ReceiverFault::Turned { degrees: 180 },
         ReceiverFault::Pushed { cm_s2: 500 },
         ReceiverFault::Understates,
         ReceiverFault::TimeJumps(5_000),
         ReceiverFault::TimeJumps(-5_000),
-        // NAV-PVT was shorter by 8 bytes in protocol versions before 15.
+        // Before protocol version 15 a NAV-PVT message was 8 bytes shorter.
         ReceiverFault::OtherLength(-8),
         ReceiverFault::OtherLength(4),
         ReceiverFault::LosesSettings,
@@ -353,7 +353,8 @@ fn receivers() -> Vec<ReceiverFault> {
     faults
 }
 
-/// All receivers jump to the same wrong position or height, or one has a wrong height while the others measure none.
+/// Returns faults of several receivers: all jump to the same wrong position or height, or one has a wrong height while
+/// the others measure none.
 fn receivers_together(gps: usize, rng: &mut Rng) -> [Draw; 3] {
     let high = ReceiverFault::Offset { north: 0, east: 0, up: 500 };
     let lone = rng.below(gps as u64) as usize;
@@ -371,7 +372,8 @@ fn inputs() -> impl Iterator<Item = (usize, InputFault)> {
     (0..INPUTS).flat_map(|input| InputFault::ALL.map(|fault| (input, fault)))
 }
 
-/// Faults of the DPR's buffers: for each kind of buffer, one flip per buffer, and one bit stuck at zero and at one.
+/// Returns the faults of the DPR's buffers: for each kind of buffer, one flip per buffer, and one bit stuck at zero and
+/// at one.
 fn buffers(rng: &mut Rng) -> Vec<Draw> {
     let mut draws = vec![];
     for (buffers, count) in [(Buffers::Receive, 3), (Buffers::Image, 4)] {
@@ -385,10 +387,10 @@ fn buffers(rng: &mut Rng) -> Vec<Draw> {
     draws
 }
 
-/// The faults that restart a board at once.
+/// Returns the faults that restart a board at once.
 const RESTARTS: [PowerFault; 3] = [PowerFault::Pin, PowerFault::BrownOut, PowerFault::Watchdog];
 
-/// Every fault of either board's supply and reset, sags, and faults of both boards together in either order.
+/// Returns every fault of either board's supply and reset, sags, and faults of both boards together in either order.
 fn power(rng: &mut Rng) -> Vec<Draw> {
     let restart = Fault::Power(Board::Dpr, RESTARTS[rng.below(RESTARTS.len() as u64) as usize]);
     let dead = Fault::Power(Board::Dpr, PowerFault::CrystalDead);
@@ -414,7 +416,8 @@ fn power(rng: &mut Rng) -> Vec<Draw> {
     draws
 }
 
-/// Hangs of each board, of both in either order, and of each during its start; and a dead task of each board.
+/// Returns hangs and dead tasks. Each board hangs alone, both in either order, and each during its start; each has one
+/// dead task.
 fn hangs(rng: &mut Rng) -> Vec<Draw> {
     let mut draws: Vec<Draw> = BOARDS.map(|board| vec![(0, Fault::Hang(board))]).into();
     for [first, second] in [[Board::Horus, Board::Dpr], [Board::Dpr, Board::Horus]] {
@@ -422,7 +425,7 @@ fn hangs(rng: &mut Rng) -> Vec<Draw> {
     }
     for board in BOARDS {
         let restart = RESTARTS[rng.below(RESTARTS.len() as u64) as usize];
-        // Half of the hangs begin within 10 µs after the board's start.
+        // Half of the hangs in a start begin at once, within 10 µs.
         let latest = if rng.below(2) == 0 { 10_000 } else { STARTS };
         let hangs = rng.between(WATCHDOG_STARTS, latest);
         draws.push(vec![(0, Fault::Power(board, restart)), (hangs, Fault::Hang(board))]);
@@ -524,8 +527,8 @@ mod tests {
         }
     }
 
-    /// Returns the shares of ten drawn minutes, in per cent, in which the judge of the hold demands that the hold
-    /// sends, that the DPR shows and answers, and that Hold-Status agrees with the payload.
+    /// Returns the shares, in per cent, of ten drawn minutes in which the hold must send, in which the DPR must show
+    /// and answer, and in which Hold-Status must agree with the payload.
     fn judged(kinds: &[Kind], seed: u64) -> [u64; 3] {
         const STEP: u64 = 10_000_000;
         let (mut calm, mut judged) = (Calm::default(), [0; 3]);
@@ -651,7 +654,7 @@ mod tests {
             let alone = |at: u64| episodes.iter().filter(|other| other.at.abs_diff(at) <= BETWEEN_BOARDS).count() == 1;
             assert!(episodes.iter().any(|episode| episode.fault == fault && alone(episode.at)), "{board:?} alone");
         }
-        // A board has restarted, and its watchdog runs, before the board's next hang.
+        // Before a board hangs again, it has restarted and its watchdog runs.
         let hangs: Vec<_> = episodes.iter().filter(|it| matches!(it.fault, Fault::Hang(_))).cloned().collect();
         for pair in hangs.windows(2).filter(|pair| !together(pair)) {
             assert!(pair[1].at - pair[0].at >= HANG_LENGTH.0 + GAP.0, "{pair:?}");
@@ -676,7 +679,7 @@ mod tests {
         }
         assert!(left(PowerFault::FrontEndOff, hang(900, Board::Dpr)));
         assert!(left(PowerFault::CrystalDead, hang(900, Board::Dpr)));
-        // If a board starts several times, the last start counts.
+        // The last of several starts counts.
         let mut faults = Faults::none();
         for at in [100, 2 * WATCHDOG_STARTS, 9 * WATCHDOG_STARTS] {
             faults.add(Episode { at, until: at, fault: Fault::Power(Board::Dpr, PowerFault::Pin) });
@@ -700,7 +703,7 @@ mod tests {
         assert_eq!(dead.len(), BOARDS.into_iter().map(|board| tasks_of(board).len()).sum::<usize>(), "{dead:?}");
     }
 
-    /// A kind's number is part of the seed of its draws, so a change of the number would invalidate published figures.
+    /// A kind's number is part of the seed of its draws. Another number would invalidate published figures.
     #[test]
     fn the_kinds_keep_the_numbers_that_their_draws_are_seeded_by() {
         let numbers = Kind::ALL.map(|kind| kind as u64);

@@ -152,7 +152,7 @@ fn a_bit(rng: &mut Rng, ranges: &[Range<u32>]) -> Option<(u32, u8)> {
 pub struct Targets {
     /// The ranges of RAM: the statics, with the buffers of the DMA controllers, and the stack in use.
     pub ram: Vec<Range<u32>>,
-    /// The ranges of flash: the program with its CRC.
+    /// The ranges of flash that hold the program and its CRC.
     pub flash: Vec<Range<u32>>,
 }
 

@@ -1,4 +1,4 @@
-//! The climate in the box that the hold keeps: one heat capacity with a loss to its surroundings.
+//! The climate in the payload box of the hold: one heat capacity with a loss to its surroundings.
 //!
 //! `C dT/dt = P - G (T - Ta)`: C is the heat capacity of box and load, G what the walls pass, Ta the temperature of the
 //! surroundings, P the power of heater or cooler. Between two changes of P the solution is exact. The box is closed, so
@@ -6,7 +6,7 @@
 
 use crate::faults::Rng;
 
-/// The power of the heater and of the cooler (taken out of the box), W.
+/// The heating power of the heater, and the cooling power of the cooler, W.
 const HEATER: f64 = 12.0;
 const COOLER: f64 = 8.0;
 
@@ -19,10 +19,10 @@ pub struct Air {
     pub humidity: f64,
 }
 
-/// The box.
+/// The payload box, with its heater and cooler.
 #[derive(Clone, Debug)]
 pub struct Climate {
-    /// Heat capacity, J/K, and loss, W/K.
+    /// The heat capacity, J/K. The next field is the heat loss, W/K.
     capacity: f64,
     loss: f64,
     /// The temperature of the surroundings, °C.
@@ -30,7 +30,7 @@ pub struct Climate {
     /// The pressure of the vapour in the box, hPa.
     vapour: f64,
     temperature: f64,
-    /// The instant for which the temperature holds, ns.
+    /// The instant, ns, for which the temperature and the vapour pressure hold.
     at: u64,
     heats: bool,
     cools: bool,
@@ -39,7 +39,7 @@ pub struct Climate {
 }
 
 impl Climate {
-    /// A box at 0 ns, drawn from `seed`.
+    /// Returns a box at 0 ns whose properties are drawn from `seed`.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let mut rng = Rng::new(seed);
@@ -73,27 +73,27 @@ impl Climate {
         self.on[1] += if self.cools { took } else { 0 };
     }
 
-    /// Switches heater and cooler from `at` (ns) on.
+    /// Switches heater and cooler on or off from `at` (ns) on.
     pub fn switch(&mut self, at: u64, heats: bool, cools: bool) {
         self.advance(at);
         (self.heats, self.cools) = (heats, cools);
     }
 
-    /// The air in the box at `at` (ns).
+    /// Returns temperature and humidity in the box at `at` (ns).
     pub fn air(&mut self, at: u64) -> Air {
         self.advance(at);
         let humidity = (100.0 * self.vapour / saturation(self.temperature)).min(100.0);
         Air { temperature: self.temperature, humidity }
     }
 
-    /// How long heater and cooler were on, ns, from the last call to `at` (ns).
+    /// Returns how long heater and cooler were on, ns, between the last call and `at` (ns).
     pub fn take_on(&mut self, at: u64) -> [u64; 2] {
         self.advance(at);
         std::mem::take(&mut self.on)
     }
 }
 
-/// The pressure of saturated vapour at `celsius`, hPa (Magnus formula; WMO-No. 8, annex 4.B).
+/// Returns the pressure of saturated vapour at `celsius`, hPa (Magnus formula; WMO-No. 8, annex 4.B).
 fn saturation(celsius: f64) -> f64 {
     6.112 * (17.62 * celsius / (243.12 + celsius)).exp()
 }

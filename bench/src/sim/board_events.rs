@@ -38,7 +38,7 @@ pub(super) struct BoardEvents {
     side: Side,
     events: Vec<Event>,
     restarts: usize,
-    /// Whether the firmware must stop, because the supply supervisor has warned it of a falling supply since its start.
+    /// Whether the firmware must stop: since its start the supply supervisor has warned it of a falling supply.
     warned: bool,
     /// Whether the board last started without the crystal that its firmware needs.
     without_crystal: bool,
@@ -113,7 +113,7 @@ impl BoardEvents {
     /// Begins, changes or ends an episode of a fault of this board: supply, core, front-end chip, memory or program.
     pub(super) fn turn<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>, turn: &Turn) {
         let now = node.now();
-        // This episode did not cause the restarts before it, so these are recorded as unexpected.
+        // Restarts before this episode were not caused by it, so they are recorded as unexpected.
         self.watch(node);
         let powered = node.is_powered();
         match turn {
@@ -121,7 +121,8 @@ impl BoardEvents {
                 if let Fault::DeadTask(_, task) = episode.fault {
                     match interrupt_of(self.side, task) {
                         Some(line) if node.switch_interrupt_off(line) => self.injected(now, episode),
-                        // The interrupt is not enabled yet, and the board's next start would enable it.
+                        // A start enables the interrupt, so a task whose interrupt is not enabled yet would not stay
+                        // dead.
                         Some(_) => {}
                         None => self.note(now, no_task(self.side, task)),
                     }
@@ -163,7 +164,7 @@ impl BoardEvents {
                 Fault::Power(_, power) => {
                     power.end(node);
                     self.note_crystal(now, *power, true);
-                    // A firmware that waits for the crystal would otherwise continue its start.
+                    // A firmware that waits for the crystal would go on with its start once the crystal works.
                     if matches!(power, PowerFault::CrystalDead) && self.without_crystal {
                         node.restart(FromOutside::Pin);
                     }

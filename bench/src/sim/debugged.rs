@@ -17,8 +17,8 @@ pub struct Debugged<C: Cost> {
 }
 
 impl<C: Cost> Debugged<C> {
-    /// Returns the bench at power-on, which uses one thread regardless of `setup`, because a halted board also halts
-    /// the other board.
+    /// Returns the bench at power-on. It uses one thread whatever `setup` says, because a halted board also halts the
+    /// other.
     ///
     /// # Errors
     ///

@@ -34,7 +34,7 @@ const STATION_EVERY: u64 = 100_000_000;
 
 #[derive(Clone, Copy, Debug)]
 enum Seen {
-    /// The DPR restarted, and its SPIS has no buffers until the firmware gives it some.
+    /// The DPR restarted. Its SPIS has no buffers until the firmware gives it some.
     Restart,
     Fresh(bool),
     Spis(SpisEvent),
@@ -45,8 +45,8 @@ pub(super) struct Link<C: Cost> {
     air: Air,
     /// The active hold; `None` without one.
     hold: Option<Beside<C>>,
-    /// The instant up to which the air has all inputs, ns. The poller's emissions are passed on up to a millisecond
-    /// ahead of the DPR.
+    /// The instant, ns, up to which the air has received all its inputs. The poller's emissions reach it up to a
+    /// millisecond before the DPR gets there.
     air_at: u64,
     flight_controller: FlightController,
     base: BaseStation,
@@ -59,7 +59,7 @@ pub(super) struct Link<C: Cost> {
     recorder: Recorder,
     /// The instant at which FRESH rose, while it is not yet known which image the next transaction would read.
     announced: Option<u64>,
-    /// The beginning of HORUS's present transaction with a receiver, ns, whose bytes are logged only at its end.
+    /// The beginning, ns, of HORUS's unfinished transaction with a receiver, whose bytes are logged when it ends.
     untold_since: u64,
     /// The bytes that a transaction would read now; `None` if a transaction is under way or the SPIS has no buffers.
     offer: Option<Vec<u8>>,
@@ -133,7 +133,7 @@ impl<C: Cost> Link<C> {
         self.hold.as_mut().map(Beside::take_log).unwrap_or_default()
     }
 
-    /// The run's header.
+    /// Returns the header of the run's log.
     pub(super) fn header(&self) -> &Header {
         self.recorder.header()
     }
@@ -155,7 +155,7 @@ impl<C: Cost> Link<C> {
         Some(self.hold.as_ref()?.figures(self.flight_controller.hold()?))
     }
 
-    /// Judges everything before `reached` (ns), which both boards have passed.
+    /// Simulates and judges everything before `reached` (ns), an instant that both boards have passed.
     pub(super) fn come_to(&mut self, reached: u64, dpr: &mut Node<Dpr, C>) {
         self.watch_dpr(dpr);
         self.advance_air(reached, dpr);
@@ -199,12 +199,14 @@ impl<C: Cost> Link<C> {
         self.flight_controller.take_images()
     }
 
-    /// Takes each Port-Status with the base station's uplink that was read since the last call, with its instant (ns).
+    /// Takes what the flight controller has read since the last call: each Port-Status with the base station's uplink,
+    /// and its instant (ns).
     pub(super) fn take_ports(&mut self) -> Vec<(u64, Vec<u8>)> {
         self.flight_controller.take_ports()
     }
 
-    /// Takes what was read in the place of the hold's object since the last call, with its instant (ns).
+    /// Takes the bytes at the place of the hold's object that were read since the last call, each with its instant
+    /// (ns).
     pub(super) fn take_holds(&mut self) -> Vec<(u64, Vec<u8>)> {
         self.flight_controller.take_holds()
     }
@@ -217,7 +219,7 @@ impl<C: Cost> Link<C> {
         self.tasks = Some(tasks);
     }
 
-    /// Takes the marks of the wires since the last call, for the trace; empty without one.
+    /// Takes the signals of the wires since the last call, for the trace; empty without a trace.
     pub(super) fn take_marks(&mut self, dpr: &mut Node<Dpr, C>) -> Vec<Mark> {
         let Some(trace) = &mut self.trace else { return vec![] };
         let crossings = dpr.board_mut(|board| board.front_end.take_crossings());
@@ -228,7 +230,7 @@ impl<C: Cost> Link<C> {
         std::mem::take(trace)
     }
 
-    /// Ends the run at `end` (ns).
+    /// Ends the run at the instant `end` (ns).
     pub(super) fn finish(mut self, end: u64, evidence: Vec<What>, dpr: &mut Node<Dpr, C>) -> Ended {
         self.come_to(end, dpr);
         self.offered(None);
@@ -291,7 +293,7 @@ impl<C: Cost> Link<C> {
         self.note_air();
     }
 
-    /// Advances the air to `to` (ns) and passes on the frames that the air delays or repeats. The poller has emitted
+    /// Advances the air to `to` (ns), and passes on the frames that the air delays or repeats. The poller has emitted
     /// everything before that instant.
     fn advance_air(&mut self, to: u64, node: &mut Node<Dpr, C>) {
         let Self { air, recorder, .. } = self;
@@ -335,7 +337,8 @@ impl<C: Cost> Link<C> {
         }
     }
 
-    /// Places the sweep's transactions around the end of a frame that began at `at` (ns) and has this LEN.
+    /// Places transactions around the end of a frame that began at `at` (ns) and has this LEN, if the run sweeps
+    /// through all phases.
     fn place_transactions(&mut self, at: u64, len: u8) {
         let Some(sweeping) = &mut self.sweeping else { return };
         let config = *self.flight_controller.config();
@@ -367,7 +370,8 @@ impl<C: Cost> Link<C> {
         }
         seen.extend(node.resets()[self.restarts..].iter().map(|reset| (reset.at, Seen::Restart)));
         self.restarts = node.resets().len();
-        // The firmware gives an image to the SPIS before it raises FRESH. At equal instants FRESH is handled first.
+        // If both events have the same instant, FRESH is handled first, although the firmware gives the image to the
+        // SPIS before it raises FRESH.
         seen.extend(spis.into_iter().map(|(cycle, _, event)| (node.ns(cycle), Seen::Spis(event))));
         seen.sort_by_key(|(at, _)| *at);
         for (at, what) in seen {
@@ -420,7 +424,7 @@ impl<C: Cost> Link<C> {
         }
     }
 
-    /// Records the last rise of FRESH with `image`, which a transaction would read after it.
+    /// Records the last rise of FRESH. `image` is what a transaction after that rise would read.
     fn offered(&mut self, image: Option<Vec<u8>>) {
         if let Some(at) = self.announced.take() {
             self.recorder.note(at, What::Fresh { high: true, offered: image.map(Bytes) });
@@ -523,7 +527,7 @@ impl<C: Cost> Link<C> {
     /// Begins, changes or ends an episode of a fault of the board itself.
     fn turn_board(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
         self.dpr_events.turn(node, turn);
-        // A board without supply offers no image. Other restarts are handled by `watch_dpr`.
+        // A board without supply offers no image. `watch_dpr` handles all other restarts.
         if !node.is_powered() {
             self.offered(None);
             self.offer = None;

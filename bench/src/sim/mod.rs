@@ -53,7 +53,7 @@ use upstream::Receivers;
 /// The interval at which the caller receives the run's progress and the log lines, virtual ns.
 const STEP: u64 = 10_000_000;
 
-/// The shortest time from the end of a piece of the run to the beginning of an added fault, ns. A board may be past
+/// The shortest time, ns, by which an added fault must lie after the end of a piece of the run. A board may be past
 /// that end, because it completes its last instruction.
 pub const AHEAD_NS: u64 = 100_000;
 
@@ -122,9 +122,10 @@ pub struct Setup {
     pub faults: Faults,
     /// Whether the flight controller writes uplinks and commands, and now and then reads the whole map.
     pub writes: bool,
-    /// Whether the base station's uplinks come by [`Observer::uplink`]; otherwise the flight controller generates them.
+    /// Whether the base station's uplinks come from [`Observer::uplink`]. Otherwise the flight controller generates
+    /// them.
     pub relays: bool,
-    /// A sweep of transactions through every phase, which replaces the flight controller's reads in its control cycle.
+    /// A sweep of transactions through every phase, in place of the flight controller's reads in each control cycle.
     pub sweep: Option<Sweep>,
     /// The trace file of the wires and the tasks, ending in `.vcd` or `.fst`.
     pub trace: Option<PathBuf>,
@@ -172,8 +173,8 @@ pub trait Observer {
     /// A board logged a line.
     fn log(&mut self, board: &str, line: &str);
 
-    /// The flight controller has read an undamaged image in a transaction that ended at `virtual_ns`. The calls come in
-    /// order, before [`progress`](Self::progress) for that instant.
+    /// The flight controller has read an undamaged image in a transaction that ended at `virtual_ns`. Images come in
+    /// order, and before [`progress`](Self::progress) is called for that instant.
     fn image(&mut self, virtual_ns: u64, image: &[u8]) {
         let _ = (virtual_ns, image);
     }
@@ -184,31 +185,32 @@ pub trait Observer {
         let _ = (virtual_ns, port);
     }
 
-    /// The flight controller has read the place of the hold's object (64 bytes), if there is a hold and
-    /// [`Setup::writes`] is set. The place may be vacant.
+    /// The flight controller has read the 64 bytes at the place of the hold's object, if there is a hold and
+    /// [`Setup::writes`] is set. The bytes may be vacant.
     fn hold(&mut self, virtual_ns: u64, object: &[u8]) {
         let _ = (virtual_ns, object);
     }
 
-    /// Returns an uplink of the base station that has arrived by radio, if any. Called after
+    /// Returns an uplink of the base station that has arrived by radio, if any. It is called after
     /// [`progress`](Self::progress).
     fn uplink(&mut self, virtual_ns: u64) -> Option<Uplink> {
         let _ = virtual_ns;
         None
     }
 
-    /// The length of a piece of the run, virtual ns: a multiple of 10 ms. By default the run has one piece.
+    /// The length, virtual ns, of the pieces into which the run is divided: a multiple of 10 ms. By default there is
+    /// one piece.
     fn piece_ns(&self) -> u64 {
         u64::MAX
     }
 
-    /// Whether the run ends now. Called after each piece of the run.
+    /// Whether the run ends now. It is called after each piece of the run.
     fn ends(&mut self) -> bool {
         false
     }
 
-    /// Returns faults to add to the run. Called after each piece, which ended at `virtual_ns`. No episode may begin
-    /// earlier than [`AHEAD_NS`] after that instant.
+    /// Returns faults to add to the run. It is called after each piece, which ended at `virtual_ns`. No episode may
+    /// begin earlier than [`AHEAD_NS`] after that instant.
     fn faults(&mut self, virtual_ns: u64) -> Faults {
         let _ = virtual_ns;
         Faults::none()
@@ -231,7 +233,7 @@ pub struct Outcome {
     pub base: BaseStation,
     /// Every log line of both boards, each with its board.
     pub logs: Vec<(&'static str, String)>,
-    /// The outcome of each phase of [`Setup::sweep`].
+    /// The outcome of each phase of [`Setup::sweep`], if there was a sweep.
     pub phases: Vec<Phase>,
 }
 
@@ -287,7 +289,7 @@ pub struct Finished {
     pub phases: Vec<Phase>,
 }
 
-/// Returns a board with this program, which is loaded or is already in the memory that the board kept.
+/// Returns a board with this program. The program is loaded, or is already in the memory that the board kept.
 fn switched_on<B: Board, C: Cost>(
     mut part: B::Part,
     board: B,
@@ -316,7 +318,7 @@ impl<C: Cost> Bench<C> {
         let recorded = setup.recordings.iter().any(Option::is_some);
         let traced = setup.trace.is_some();
         let Crystals { horus_ppb, dpr_ppb, flight_controller_ppb, hold_ppb } = setup.crystals;
-        // The expansion boards supply the front end's chip from the 5 V of their header.
+        // ST's expansion boards supply the front end's chip from the 5 V of their header.
         let chip = |crystal_ppb, seed| {
             Chip::new(FrontEndConfig { crystal_ppb, seed, vdd_mv: 5000, ..setup.front_ends.clone() })
         };
@@ -375,7 +377,8 @@ impl<C: Cost> Bench<C> {
         self.relay.downstream.keep_log();
     }
 
-    /// Runs the bench to `end` (virtual ns), and calls `each` every 10 ms with instant, DPR and surroundings.
+    /// Runs the bench to `end` (virtual ns). Calls `each` every 10 ms with the instant, the DPR and the DPR's
+    /// surroundings.
     ///
     /// # Errors
     ///
@@ -434,19 +437,19 @@ impl<C: Cost> Bench<C> {
         &self.relay.b
     }
 
-    /// The violations in the part of the run that has been judged, which is all but the last few milliseconds.
+    /// The violations in the part of the run that has been judged: all of it but the last few milliseconds.
     #[must_use]
     pub fn findings(&self) -> &Findings {
         self.relay.downstream.findings()
     }
 
-    /// Adds faults to those of the setup. Their episodes must begin after [`Bench::now`].
+    /// Adds faults to those of the setup. Each episode must begin after [`Bench::now`].
     pub fn add_faults(&mut self, faults: &Faults) {
         self.relay.upstream.add_faults(faults);
         self.relay.downstream.add_faults(faults);
     }
 
-    /// Ends the run at `reached` (virtual ns) and returns its outcome.
+    /// Ends the run at `reached` (virtual ns), and returns its outcome.
     #[must_use]
     pub fn finish(self, reached: u64) -> Finished {
         let Relay { a, mut b, downstream, .. } = self.relay;
@@ -470,7 +473,7 @@ fn report<C: Cost>(
 ) -> Report {
     let figures = verdict.figures.clone();
     let of_dpr = |name| u64::from(telemetry::of_dpr(dpr, name).unwrap_or(0));
-    // The load is rounded to four digits, because further digits carry no information.
+    // The load is rounded to four digits, because further digits tell nothing.
     let load = |load: f64| (load * 1e4).round() / 1e4;
     Report {
         seed: header.seed,
@@ -685,7 +688,7 @@ pub fn campaign(setup: &Setup, options: &Options) -> Result<Campaign, Error> {
     })
 }
 
-/// Returns `config` for the link, on which frames that the settings cannot send or receive are lost.
+/// Returns `config` for the link: a frame that the settings cannot send or receive is lost.
 #[must_use]
 pub fn on_the_link(config: FrontEndConfig) -> FrontEndConfig {
     FrontEndConfig { unsuited_chain_receives: false, unsuited_modulation_reaches: false, ..config }

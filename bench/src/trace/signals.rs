@@ -28,7 +28,7 @@ pub enum Wire {
     HorusTick,
     /// The carrier of HORUS's front end, high while it is on.
     Field,
-    /// High while a frame is on the air.
+    /// High while a frame of HORUS is on the air.
     Frame,
     /// The SPI clock of the DPR's front end.
     DprSck,
@@ -48,7 +48,7 @@ pub enum Wire {
     SsiMiso,
     /// The chip select of the SSI, active low.
     SsiCsn,
-    /// The DPR's FRESH, which rises when a new image is readable.
+    /// The DPR's pin FRESH, which rises when a new image is readable.
     Fresh,
 }
 
@@ -116,7 +116,7 @@ pub struct Bus {
     pub(super) cs: Wire,
     pub(super) mosi_byte: Word,
     pub(super) miso_byte: Word,
-    /// Whether data change on the clock's rising edge (SPI mode 1) or before it (mode 0).
+    /// Whether data change on the clock's rising edge (SPI mode 1); in mode 0 they change before it.
     pub(super) changes_on_rise: bool,
 }
 
@@ -156,7 +156,7 @@ pub(super) const BUSES: [Bus; 3] = [HORUS, DPR, SSI];
 #[derive(Clone, Debug)]
 pub(super) struct Signals {
     all: Vec<Signal>,
-    /// For each board, the index of its first task signal and the number of its tasks.
+    /// For each board, the index of its first task signal, and the number of its tasks.
     boards: [(usize, usize); 2],
 }
 

@@ -72,7 +72,8 @@ pub enum AirEvent {
     Bytes(Chunk),
     /// The frame ends. The instant of the event is the end of the last bit.
     FrameEnd {
-        /// The number of data bits after the header, without parity bits, which is too small if the frame broke off.
+        /// The number of data bits after the header, without parity bits. A frame that broke off has fewer than
+        /// announced.
         bits: u32,
     },
 }

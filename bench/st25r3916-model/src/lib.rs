@@ -15,9 +15,9 @@
 //! earlier, at the first clock edge of the byte that reads an interrupt register: see [`Chip::take_irq_edges`] and
 //! [`Chip::irq_since`].
 //!
-//! Two chips may be advanced alternately in steps of up to a microsecond. An event slightly before the receiving chip's
-//! time keeps its own instant for the timing of its bits, and the receiver's latency of several microseconds covers the
-//! difference.
+//! Two chips may be advanced alternately in steps of up to a microsecond. An event may then come slightly before the
+//! receiving chip's time. It keeps its own instant for the timing of its bits, and the receiver's latency of several
+//! microseconds covers the difference.
 //!
 //! The start of a transmission scatters at random, as on silicon. Two chips of one bench therefore need different
 //! values of [`Config::seed`]. A test that needs exact instants sets [`Config::transmit_scatter_ns`] to 0.

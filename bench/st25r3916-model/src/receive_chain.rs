@@ -9,8 +9,8 @@
 //! - 0B: high-pass zeros at 12 and 200 kHz (hz 1, 5) or 12 and 80 kHz (3), low-pass at 1200 kHz (lp 0) or 600 kHz (1).
 //!   13 is the value of \[1\] (poller, both parts) and of \[2\] (poller and listener); 01 that of \[1\] for a listener
 //!   in active communication and of \[3\] for every listener.
-//! - 0C: any. It holds AGC, squelch and choice of demodulator; \[1\] to \[3\] differ (2D, 3D, FD, 6D), and none of them
-//!   blocks the signal.
+//! - 0C: any. It holds AGC, squelch and choice of demodulator. \[1\] to \[3\] use different values (2D, 3D, FD, 6D),
+//!   and none of them blocks the signal.
 //! - 0D, 0E: 00, the HF input without gain reduction: \[1\] and \[2\]. Reset leaves 0D = D8.
 //! - B0C: 54 (\[1\], \[2\]) or 58 (poller of \[2\]); B0D: 00 (\[1\], \[2\]), because its bit 0 is for a 424 kHz
 //!   subcarrier. Neither is checked with the correlator off (dis_corr, 0A bit 2).
@@ -27,8 +27,8 @@
 //! - \[4\] flipperdevices/flipperzero-firmware `targets/f7/furi_hal/furi_hal_nfc_iso14443a.c` (poller and listener)
 //!
 //! The channel (0B bit 7, AM or PM) is not checked. Where sources disagree about a listener, every setting that one of
-//! them uses is accepted, but not the reset values; \[1\] sets nothing for a passive listener and keeps the settings of
-//! an earlier poller. Further values that work on silicon can be added with their measurement.
+//! them uses is accepted, but not the reset values. \[1\] sets nothing for a passive listener, and keeps the settings
+//! of an earlier poller. Further values that work on silicon can be added with their measurement.
 
 use crate::core::Core;
 use crate::event::Technology;

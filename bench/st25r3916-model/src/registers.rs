@@ -73,7 +73,7 @@ pub(crate) const TARGET: u8 = 0x80;
 /// How far a register is modelled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Class {
-    /// The value is stored. The function is modelled, or is analog and has no effect in the model.
+    /// The value is stored. Its function is modelled, or is analog and has no effect in the model.
     Stored,
     /// The register shows a result or a status, and writes have no effect.
     ReadOnly,
@@ -120,7 +120,7 @@ pub(crate) fn reset(space: Space, address: u8) -> u8 {
     }
 }
 
-/// Returns the bits of a register that a fault can flip: those of stored registers and of interrupt registers.
+/// Returns the bits of a register that a fault can flip: all bits of stored registers and of interrupt registers.
 pub(crate) fn flippable(variant: Variant, space: Space, address: u8) -> u8 {
     match class(variant, space, address) {
         Class::Stored | Class::Unmodelled => writable(space, address),
@@ -135,7 +135,7 @@ pub(crate) fn writable(space: Space, address: u8) -> u8 {
         // Bit 1 is reserved, and bit 0 is slow_up (ST25R3916) or act_amsink (B).
         (Space::A, 0x01) => 0xFD,
         (Space::A, 0x04) => 0x33,
-        // Bit 2 is reserved: in the recording of silicon FF is written and FB is read back.
+        // Bit 2 is reserved: in the recording of silicon the firmware writes FF and reads FB back.
         (Space::A, 0x19) => 0xFB,
         (Space::A, 0x12) => 0xEF,
         _ => 0xFF,
@@ -145,11 +145,11 @@ pub(crate) fn writable(space: Space, address: u8) -> u8 {
 /// Returns the bits of `value` that are not modelled; a write that sets them is a finding.
 pub(crate) fn unmodelled_bits(space: Space, address: u8, value: u8) -> u8 {
     match (space, address) {
-        // nfc_ar lets the chip switch a response field on by itself.
+        // The two bits are nfc_ar, which lets the chip switch a response field on by itself.
         (Space::A, 0x03) => value & 0x03,
-        // These bits are no_rx_par, nfc_f0 and antcl.
+        // The three bits are no_rx_par, nfc_f0 and antcl.
         (Space::A, 0x05) => value & 0x61,
-        // Values of gptc other than 1 and 2, and nrt_nfc and nrt_emv, are not modelled.
+        // The model covers values 1 and 2 of gptc, and neither nrt_nfc nor nrt_emv.
         (Space::A, 0x12) => value & 0x06 | if value >> 5 > 2 { value & 0xE0 } else { 0 },
         _ => 0,
     }
@@ -174,7 +174,7 @@ pub(crate) fn class(variant: Variant, space: Space, address: u8) -> Class {
             0x2E | 0x2F | 0x34..=0x38 if variant == Variant::St25r3916b => Class::Stored,
             _ => Class::Absent,
         },
-        // The bring-up of the ST25R3916 writes test register 04 (overheat protection off).
+        // Test register 04 switches the overheat protection off. The bring-up of the ST25R3916 writes it.
         Space::Test => match address {
             0x04 => Class::Stored,
             _ => Class::Unmodelled,

@@ -31,7 +31,8 @@ pub struct Report {
 pub enum Kind {
     /// A direct command that is not modelled was sent and had no effect.
     UnmodelledCommand(u8),
-    /// Measure amplitude (D3) or phase (D9) was used, whose result is a constant of [`Config`](crate::Config).
+    /// Measure amplitude (D3) or phase (D9) was used. Its result in the model is a constant of
+    /// [`Config`](crate::Config).
     ConstantMeasurement(u8),
     /// An SPI mode byte was sent that the data sheet does not define.
     UnknownModeByte(u8),
@@ -67,8 +68,8 @@ pub enum Kind {
     /// the frame breaks off by an underflow when the byte on the air ends. If no byte was on the air yet, bytes that
     /// are loaded in time are sent instead.
     FifoDisturbed,
-    /// The mode (03) or the bit rate (04) was changed during a frame, for which no document describes silicon's
-    /// behaviour. A frame being sent continues, and a frame being received is dropped if the change concerns reception.
+    /// The mode (03) or the bit rate (04) was changed during a frame. No document describes what silicon does then. In
+    /// the model a frame being sent continues, and a frame being received is dropped if the change concerns reception.
     ChangedInFrame(u8),
     /// More bytes were written than the FIFO can hold, and the excess was lost.
     FifoOverflow,
@@ -80,7 +81,7 @@ pub enum Kind {
     SpiTooFast(u32),
     /// The controller used another SPI mode than 1, with which bits are sampled too early or too late.
     WrongSpiMode(u8),
-    /// A transfer ended within a byte: the number of clocks, 1 to 7, whose bits were lost.
+    /// A transfer ended within a byte, whose bits were lost. The value is the number of its clocks, 1 to 7.
     BitsLost(u8),
     /// The SPI clock ran without chip select.
     NotSelected,
@@ -118,7 +119,8 @@ pub enum Kind {
     },
     /// The field detector's lower threshold (2A, 2B, peer detection) is not below its upper one.
     FieldWithoutHysteresis(u8, u8),
-    /// Initial field on (C8) came while the field detector was off, so collision avoidance could not detect a field.
+    /// Initial field on (C8) was sent while the field detector was off, so collision avoidance could not detect a
+    /// field.
     CollisionAvoidanceBlind,
     /// A target was armed while automatic answers were enabled (08) and the load modulator was connected.
     AutomaticAnswersEnabled,
@@ -126,8 +128,8 @@ pub enum Kind {
     LoadModulation,
     /// The chip answered although it had received no frame since its last answer.
     AnswerUnasked,
-    /// An answer began within the guard time of NFC-F, 2672 carrier cycles. The value is the time from the end of the
-    /// frame to the answer, ns.
+    /// An answer began within the guard time of NFC-F, 2672 carrier cycles. The value is the time from the frame's end
+    /// to the answer, ns.
     AnswerTooEarly(u64),
 }
 

@@ -1,9 +1,9 @@
 //! Defects that a hurried change could leave in the sources. Each has a change of one file, the run of `cargo xtask
 //! sim` that shows the defect, and the resulting violation.
 //!
-//! `cargo xtask defects` applies all defects to a copy of the workspace, each as a choice at run time, and runs each
-//! separately (`xtask/src/defects.rs`). The word `DEFECT` in a new text is that choice; without it, the program has
-//! both texts and runs the new one if the defect is chosen.
+//! `cargo xtask defects` applies all defects to a copy of the workspace at once, builds it, and runs each defect
+//! separately (`xtask/src/defects.rs`). A run chooses its defect: the word `DEFECT` in a new text stands for this
+//! choice. A row without that word has both texts in the program, and the new one is executed if the defect is chosen.
 //!
 //! The old text of a row must occur exactly once in its file, and not in a `const fn`.
 

@@ -46,14 +46,14 @@ fn is_later(a: u32, b: u32) -> bool {
 
 /// A rule of the judge.
 pub trait Rule {
-    /// Returns the state of the rule before anything has happened.
+    /// Returns the rule's state at the beginning of a run.
     ///
     /// # Panics
     ///
     /// Panics if no profile has the header's number of receivers.
     fn new(header: &Header) -> Self;
 
-    /// Processes the next event; `context` is the state after that event.
+    /// Processes the next event; `context` already includes that event.
     fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings);
 
     /// Ends the run: judges what could not be judged before its end, and adds the rule's figures.

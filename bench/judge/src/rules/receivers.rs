@@ -6,9 +6,8 @@
 //! [`bounds::READ_WITHIN`].
 //!
 //! A simulated receiver reports its settings ([`What::Settings`]). If it sends no positions, HORUS must set it to send
-//! them within [`bounds::SETTINGS_TOLD`]. That time begins at HORUS's start, or later when the receiver ceases to send
-//! positions. This is not required while [`Excuse::Settings`] holds for the receiver, and the violation is reported
-//! once.
+//! them within [`bounds::SETTINGS_TOLD`] of HORUS's start, or of when the receiver ceased to send positions. While
+//! [`Excuse::Settings`] holds for the receiver, this is not required. The violation is reported once.
 
 use super::Rule;
 use crate::disturbance::Excuse;
@@ -21,7 +20,8 @@ pub struct Receivers {
     waiting: Vec<Option<u64>>,
     /// For each receiver, the instant, ns, at which the last byte was read from it.
     read_until: Vec<u64>,
-    /// For each receiver, the instant, ns, since which it sends no positions; `None` otherwise, or once reported.
+    /// For each receiver, the instant, ns, since which it has sent no positions; `None` if it sends them, or once
+    /// reported.
     unset: Vec<Option<u64>>,
 }
 
@@ -111,7 +111,7 @@ mod tests {
         What::Fed { receiver, byte_ns: 1, bytes: vec![1].into(), clean: false, since: Some(0) }
     }
 
-    /// Returns the violations that are found if GPS2 offers bytes at `at`, in a run of these events until `end`.
+    /// Returns the violations of a run until `end` in which GPS2 offers bytes at `at`.
     fn broken(at: u64, events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         let mut log = Events::new(3);
         log.add(at, offered());
@@ -170,7 +170,7 @@ mod tests {
         }
     }
 
-    /// Returns the violations that are found about GPS2's settings in a run of these events until `end`.
+    /// Returns the violations about GPS2's settings of a run until `end`.
     fn unset(events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         let mut log = Events::new(3);
         events.into_iter().for_each(|(at, what)| _ = log.add(at, what));

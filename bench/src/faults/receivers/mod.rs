@@ -180,10 +180,11 @@ pub const LONGEST_SILENCE: u64 = 1_000_000_000;
 /// The longest time for which a line is held low by one frame, ns.
 const LONGEST_BREAK: u64 = 3_600_000_000_000;
 
-/// The number of frames that are generated together: about a millisecond, and a multiple of [`BEGINNING`]'s length.
+/// The number of UART frames that are generated at once: about a millisecond of them, and a multiple of [`BEGINNING`]'s
+/// length.
 const CHUNK: usize = 48;
 
-/// The beginning of a NAV-PVT message whose length field has its greatest value.
+/// The first bytes of a NAV-PVT message whose length field has its greatest value.
 const BEGINNING: [u8; 6] = [0xB5, 0x62, 0x01, 0x07, 0xFF, 0xFF];
 
 impl ReceiverFault {
@@ -244,7 +245,8 @@ impl ReceiverFault {
 /// UART frames that follow one another on a receiver's line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OnLine {
-    /// The instant at which the first frame's start bit begins, ns. On a busy line the frames begin when it is free.
+    /// The instant at which the first frame's start bit begins, ns. If the line is busy then, the frames begin when it
+    /// is free.
     pub at_ns: u64,
     /// The receiver's index, from 0.
     pub receiver: usize,
@@ -274,7 +276,7 @@ struct Active {
     fault: ReceiverFault,
     at: u64,
     until: u64,
-    /// The instant, ns, at which the fault next makes the receiver send something outside its own bursts.
+    /// The instant, ns, at which the fault next makes the receiver send bytes outside its bursts.
     next: u64,
 }
 
@@ -336,8 +338,8 @@ impl LineFaults {
         }
     }
 
-    /// Returns what appears on the line instead of `bytes`, which the receiver sends from `at` (ns) on. Delayed bursts
-    /// are kept for [`LineFaults::take`].
+    /// Returns what appears on the line if the receiver sends `bytes` from `at` (ns) on. A delayed burst is kept for
+    /// [`LineFaults::take`].
     pub fn burst(&mut self, at: u64, receiver: usize, bytes: &[u8]) -> Vec<OnLine> {
         let line = self.line(receiver);
         let Some(active) = line.faults.last().copied() else {
@@ -469,11 +471,11 @@ impl LineFaults {
             let bytes: Vec<u8> = match active.fault {
                 ReceiverFault::Babbles => (0..CHUNK).map(|_| self.rng.byte()).collect(),
                 ReceiverFault::Beginnings => BEGINNING.into_iter().cycle().take(CHUNK).collect(),
-                // The unsolicited message is MON-VER, the answer to a poll of the receiver's version.
+                // The receiver sends MON-VER, which answers a poll of its version and which nobody has requested.
                 _ => ubx::frame(0x0A, 0x04, &[self.rng.byte(); CHUNK - ubx::OVERHEAD]),
             };
             let on_line = OnLine::clean(now, receiver, &bytes);
-            // A fault of this kind never leaves the line idle.
+            // The next frames begin as soon as these end, so the line is never idle.
             active.next = now + on_line.frames.iter().map(UartFrame::ns).sum::<u64>();
             taken.push(on_line);
         }
@@ -494,10 +496,11 @@ const fn with_stop(byte: u8, high: bool) -> UartFrame {
     if high { frame } else { UartFrame { bits: 9, ..frame } }
 }
 
-/// A low level for `ns`, or for one character if that is longer; the line is high in the last twentieth of the time.
+/// Returns a frame that holds the line low for `ns`, or for one character if that is longer. The line is high in the
+/// last twentieth of the time.
 fn low_for(ns: u64) -> UartFrame {
     let character = UartFrame::eight_n_one(0, GNSS_BAUD);
     let ns = ns.clamp(character.ns(), LONGEST_BREAK);
-    // The line is low for ten bits and high for half a bit.
+    // The frame is low for ten bits and high for half a bit.
     UartFrame { bits: 9, stop_halves: 1, bit_ps: ns * 2_000 / 21, ..character }
 }

@@ -54,7 +54,8 @@ pub(super) fn sync_errors(rng: &mut SplitMix, faults: &AirFaults, frame: &FrameS
     (0..SYNC_BITS).map(|_| u64::from(rng.hit(faults.bit_error))).sum()
 }
 
-/// Returns the positions, in the order of the air, of those of the frame's `bits` data bits that a burst inverts.
+/// Returns the positions, in the order of the air, of the data bits that a burst inverts in a frame of `bits` data
+/// bits.
 pub(super) fn burst(rng: &mut SplitMix, faults: &AirFaults, bits: u64) -> Vec<u64> {
     if bits < u64::from(SHORTEST_BURST) || !rng.hit(faults.burst) {
         return vec![];

@@ -16,7 +16,7 @@ fn a_tick_without_frames_is_told_when_the_next_one_comes() {
 #[test]
 fn only_the_last_tick_of_a_run_may_lack_its_frames() {
     let silent = |number| changed(3, |events| _ = events.without(|event| of(number)(event) && !is_tick(event)));
-    // The frames of the last cycle may be missing if the run ends early.
+    // If the run ends early, frames of the last cycle may be missing.
     assert_eq!(silent(1), [(Violation::NoFrame, 1, tick(2))]);
     assert_eq!(changed(3, |events| _ = events.end(tick(CYCLES) + MS)), []);
 }
