@@ -17,8 +17,9 @@
 //!
 //! # To add or move a receiver
 //!
-//! Change its row in [`RECEIVER_PORTS`]. RTIC binds vectors by name, so the tasks of the receiver in `main.rs` must
-//! have the row's vectors; a vector that is in no row does not compile. No other file names a receiver's hardware.
+//! To add or move a receiver, change its row in [`RECEIVER_PORTS`]. RTIC binds vectors by name, so the receiver's tasks
+//! in `main.rs` must have the row's vectors; a vector that is in no row does not compile. No other file names a
+//! receiver's hardware.
 //!
 //! A new kind of interface needs a variant of [`Hardware`], and a type in `hw/` that implements
 //! `horus_tx_fw::source::Source`; `hw/gnss.rs` dispatches to these types.
@@ -38,7 +39,7 @@ use stm32f4xx_hal::{
 
 horus_tx_fw::each_task!(firmware_common::task_vectors);
 
-/// Calls every task that otherwise only hardware calls, so that it checks in.
+/// Calls every task that otherwise only hardware calls. The watchdog is fed only when these tasks have checked in too.
 pub(crate) fn ask_for_signs_of_life() {
     Task::ALL.into_iter().filter(|task| task.calls_for_sign_of_life()).for_each(call);
 }
@@ -152,7 +153,7 @@ pub(crate) struct DdcPort {
     pub(crate) sda: AlternatePin,
     /// The DMA stream of the bytes that come in. The processor itself writes the bytes that go out.
     pub(crate) stream: Stream,
-    /// Times the levels of SCL while a stuck I2C bus is recovered.
+    /// The timer that times the levels of SCL while a stuck I2C bus is recovered.
     pub(crate) timer: Timer,
     pub(crate) event_vector: Interrupt,
     pub(crate) error_vector: Interrupt,
@@ -276,7 +277,7 @@ impl Hardware {
         }
     }
 
-    /// Returns what `vector` means to this receiver; `None` if it is no vector of this receiver.
+    /// Returns which part of this receiver's hardware raises `vector`; `None` if `vector` belongs to another receiver.
     const fn meaning_of(&self, vector: Interrupt) -> Option<Vector> {
         const fn is(vector: Interrupt, other: Interrupt) -> bool {
             vector as u16 == other as u16

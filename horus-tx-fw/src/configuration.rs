@@ -64,7 +64,8 @@ pub const ATTEMPTS: u8 = 3;
 /// How long no intact message comes on a UART before HORUS tries the factory's rate, ms. It is longer than any period
 /// that HORUS requests, and than a receiver takes to answer while it computes.
 pub const LISTEN_MS: u32 = 500;
-/// The pause after the message that sets the baud rate, ms: it takes 5.2 ms, and the receiver has to change rate.
+/// The pause after the message that sets the baud rate, ms. Sending the message takes 5.2 ms, and then the receiver
+/// changes its rate.
 pub const BAUD_MS: u32 = 200;
 /// The time after which a configured receiver counts as silent, ms: more than two of the longest requested period.
 pub const SILENT_MS: u32 = 500;
@@ -181,7 +182,8 @@ fn valset(items: &[(u32, u32)], rate: Rate) -> Message {
         }
         len += some.len();
     };
-    // The length is written once it is known. After it come version 0, the layers and two reserved bytes.
+    // Two zero bytes stand for the message's length, which is filled in below. Then come version 0, the layers and two
+    // reserved bytes.
     put(&[0xB5, 0x62, VALSET.0, VALSET.1, 0, 0, 0, RAM, 0, 0]);
     for (key, value) in items {
         put(&key.to_le_bytes());
@@ -193,7 +195,6 @@ fn valset(items: &[(u32, u32)], rate: Rate) -> Message {
         put(&value.to_le_bytes()[..size]);
     }
     let end = len.min(MESSAGE - 2);
-    // The payload ends before the checksum. A message is shorter than 256 bytes, so the length fits one byte.
     bytes[4] = (end - 6) as u8;
     let (mut a, mut b) = (0_u8, 0_u8);
     for byte in &bytes[2..end] {
@@ -227,7 +228,7 @@ pub struct Configuration {
     interface: Interface,
     period_ms: u16,
     state: State,
-    /// The number of this step's messages in a row that were not answered.
+    /// The number of messages in a row that the receiver has left without an answer.
     unanswered: u8,
     standing: Standing,
     messages: u32,
@@ -262,7 +263,8 @@ impl Configuration {
             self.messages = messages;
             self.last_heard = Some(now);
         } else if self.silent_for(now) > SILENT_AS_IT_IS_MS {
-            // The instant is dropped, since the clock's wrap could make it look recent.
+            // The time of the last message is dropped after a long silence. Otherwise the clock's wrap could make it
+            // look recent.
             self.last_heard = None;
         }
         match self.state {
@@ -522,12 +524,13 @@ mod tests {
         let mut talk = Talk::new(Interface::Ddc);
         assert_eq!(talk.answer_all(|index| if index == 1 { Answer::Refused } else { Answer::Taken }), 4);
         assert_eq!(talk.configuration.standing(), Standing::OtherModel);
-        // Silence is judged as for a receiver that took every message.
+        // A receiver that refused the dynamic model counts as silent after the same time as one that took every
+        // message.
         talk.step(true, None);
         talk.pass(SILENT_MS + 20, false);
         assert_eq!((talk.sent.len(), talk.configuration.standing()), (5, Standing::NotYet));
 
-        // This receiver never answers the message of the dynamic model.
+        // The receiver answers the basic message, but never the message of the dynamic model.
         let mut talk = Talk::new(Interface::Ddc);
         talk.step(false, None);
         talk.step(false, Some(Answer::Taken));
@@ -587,7 +590,6 @@ mod tests {
     fn after_silence_everything_is_sent_again_and_not_sooner() {
         let mut talk = Talk::new(Interface::Ddc);
         assert_eq!(talk.answer_all(|_| Answer::Taken), 4);
-        // 400 ms have passed already in `answer_all`.
         talk.pass(90, false);
         assert_eq!(talk.sent.len(), 4);
         talk.step(true, None);
@@ -602,7 +604,6 @@ mod tests {
     fn an_unconfigured_receiver_may_be_silent_for_a_limited_time() {
         let mut configuration = Configuration::new(Interface::Spi, 125);
         let mut last = NOW;
-        // The receiver sends messages and never answers one.
         for heard in 1..=60 {
             last = NOW.wrapping_add(100 * heard);
             configuration.poll(last, heard, None);
@@ -619,7 +620,7 @@ mod tests {
         let mut configuration = Configuration::new(Interface::Spi, 125);
         configuration.poll(NOW, 1, None);
         configuration.poll(NOW.wrapping_add(SILENT_AS_IT_IS_MS + 1), 1, None);
-        // The clock wraps, and passes the instant of the receiver's last message again.
+        // The clock wraps, and again shows the time of the receiver's last message.
         for waited in 0..10 {
             configuration.poll(NOW.wrapping_add(waited * ANSWER_MS), 1, None);
         }

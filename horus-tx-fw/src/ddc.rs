@@ -75,7 +75,7 @@ pub struct Bus {
     pub scl: bool,
     /// The level of SDA.
     pub sda: bool,
-    /// Whether the peripheral says that the bus is busy, or has not yet carried out a START or STOP.
+    /// Whether the peripheral reports a busy bus, or has not yet carried out a START or STOP that was requested.
     pub busy: bool,
 }
 
@@ -105,7 +105,7 @@ pub struct Events {
 /// What the code that accesses the registers has to do next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// Do nothing.
+    /// There is nothing to do.
     Nothing,
     /// Request a START, with the interrupts of events and errors on.
     Start,
@@ -137,7 +137,7 @@ pub enum Order {
 pub struct Received {
     /// The range of the received bytes that belong to the receiver's stream.
     pub stream: Range<usize>,
-    /// The next order.
+    /// The next order to the code that accesses the registers.
     pub then: Order,
 }
 
@@ -180,7 +180,7 @@ pub struct Ddc {
     spurious: u8,
     bus_errors: u8,
     hold: u8,
-    /// The state of the bus when it was last found not to be free.
+    /// The state of the bus at the last tick that did not find it free.
     stuck: Option<Bus>,
     backlog: Backlog,
     /// Whether more bytes wait in the receiver than are being read.
@@ -240,7 +240,7 @@ impl Ddc {
         }
     }
 
-    /// Serves the tick, at which the bus is in the state `bus`.
+    /// Serves the tick. `bus` is the state of the bus at the tick.
     pub fn poll(&mut self, bus: Bus) -> Order {
         self.backlog.tick();
         self.bus_errors = 0;
@@ -355,11 +355,11 @@ impl Ddc {
         }
     }
 
-    /// Serves the end of the time of a level that the recovery drives.
+    /// Takes the recovery of the bus one level further, when the last level has lasted for [`STEP_US`].
     pub fn step(&mut self) -> Order {
         let State::Recovering(step) = self.state else { return Order::Nothing };
         self.state = State::Recovering(step.saturating_add(1));
-        // This is the last level before the STOP, a rise of SDA while SCL is high.
+        // After this level comes the STOP, a rise of SDA while SCL is high.
         const LAST: u8 = 2 * CLOCKS;
         match step {
             0..LAST => Order::Drive { scl: step % 2 == 1, sda: true },
@@ -395,7 +395,7 @@ impl Ddc {
             return Order::Mute;
         }
         self.state = State::Idle;
-        // A message that the receiver does not take is dropped: its sender notices that no answer comes.
+        // A message that the receiver does not take is dropped. The configuration notices that no answer comes.
         self.message = None;
         self.counts.refused = self.counts.refused.wrapping_add(1);
         order

@@ -49,7 +49,7 @@ pub const RAM_DETECT_US: u32 = RATE.ram_pass_us(RAM_BYTES) + WAIT_US;
 // Shows SAFE-4, SAFE-5.
 const _: () = assert!(FLASH_DETECT_US <= 9_100_000 && RAM_DETECT_US <= 3_500_000);
 
-/// Counts what a slice found. Returns cause and detail of a finding for which HORUS has to stop.
+/// Counts what a slice of memory checks has found. Returns cause and detail of a finding that requires the safe state.
 pub fn judge(slice: &Slice, telemetry: &Telemetry) -> Option<(Cause, u32)> {
     telemetry.ram_errors.add(u32::from(slice.ram.is_some()));
     telemetry.ram_passes.add(u32::from(slice.ram_pass.is_some()));

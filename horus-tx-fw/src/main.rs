@@ -43,9 +43,9 @@
 //! # Start
 //!
 //! The order is: reset flags and watchdog (the first instructions, `hw::start_up`), test of the RAM, brown-out level,
-//! oscillator, voltage detector, comparison of the program with its CRC, then front end, receivers and cycle. The
-//! comparison takes 4 to 6 ms at 144 MHz; at the first 16 MHz it would take 40 ms of the watchdog's 68 ms at worst.
-//! Before it the start changes only the clocks.
+//! oscillator, voltage detector, comparison of the program with its CRC, then front end, receivers and cycle. Before
+//! the comparison only the clocks are changed, because it takes 4 to 6 ms at 144 MHz. At the first 16 MHz it would take
+//! 40 ms of the watchdog's 68 ms at worst.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 #![deny(unsafe_code)]
 
@@ -188,7 +188,7 @@ mod app {
         safe_state::name_faults(&mut cx.core.SCB);
         mpu::apply(&mut cx.core.MPU, &protection::START);
 
-        // From here on the watchdog's full time is left; then the tasks have to check in.
+        // The watchdog has just been fed. Before its time is over, all tasks have to check in.
         watchdog.feed();
 
         let radio = Radio::new(&mut rcc, device.SPI1, device.TIM5, device.SYSCFG, &device.EXTI);
@@ -216,7 +216,8 @@ mod app {
             defmt::warn!("the external clock is missing: running on the internal oscillator");
         }
         let mut memory = PartMemory::take();
-        // No part of the program is shut, since flash does not begin at address 0 here.
+        // The patrol can read the whole program: flash does not begin at address 0, so the memory protection shuts no
+        // part of it.
         let layout = patrol::layout(0, hw::shared_memory());
         let patrol = Patrol::new(layout, integrity::RATE, &mut memory);
         mpu::apply(&mut cx.core.MPU, &protection::TASKS);
@@ -244,7 +245,7 @@ mod app {
             if CHECK_IN.complete() {
                 cx.local.watchdog.feed();
             }
-            // Most wake-ups find no work here, and so cost only this query.
+            // Most interrupts that wake the processor leave no work for the idle loop, so the cheap query comes first.
             if !slices.are_due(now_us()) || !cycle_timer::is_quiet() {
                 rtic::export::wfi();
                 continue;
@@ -332,7 +333,8 @@ mod app {
     fn rf_slot(mut cx: rf_slot::Context) {
         if let Some(slot) = cycle_timer::take_slot() {
             if slot.frame == 0 {
-                // At the tick a division of the vote, or an access to a slow bus, would delay the slot's interrupt.
+                // Both tasks are called after the slot: earlier, a division or a slow bus access of theirs would delay
+                // the slot's interrupt.
                 board::call(Task::vote);
                 board::call(Task::gnss_tick);
             }
@@ -468,7 +470,7 @@ mod app {
 
             let configuration = &mut cx.local.configurations[index];
             if let Some(message) = configuration.poll(now, counts.messages, receiver.take_answer()) {
-                // If there is no room for the message, it gets no answer, and is therefore sent again.
+                // A message that finds the outbox full gets no answer, and is therefore sent again.
                 buffers::outbox(index).put(&message);
             }
             HORUS_TELEMETRY.sources[index].configuration.set(configuration.standing() as u32);

@@ -76,8 +76,8 @@ pub struct Stamp {
 }
 
 impl Stamp {
-    /// Whether the event happened at most `limit` ms (below 2^31) before `now`, or after `now`, since a message may
-    /// arrive between a tick and its cycle.
+    /// Whether the event happened at most `limit` ms (below 2^31) before `now`. An event after `now` counts too, since
+    /// a message may arrive between a tick and its cycle.
     #[must_use]
     pub const fn within(self, now: u32, limit: u32) -> bool {
         self.happened & (now.wrapping_sub(self.at) as i32 <= limit as i32)
@@ -177,7 +177,8 @@ impl Pace {
         }
         if let Some(previous) = self.time_of_week_ms {
             let step_ms = (time_of_week_ms % WEEK_MS + WEEK_MS - previous % WEEK_MS) % WEEK_MS;
-            // A step back, after the receiver was restarted, gives no information about its period.
+            // A time of week that steps back, after a restart of the receiver, says nothing about the receiver's
+            // period.
             if (SHORTEST_PERIOD_MS..WEEK_MS / 2).contains(&step_ms) {
                 self.learn(step_ms.min(LONGEST_PERIOD_MS));
             }
@@ -340,8 +341,9 @@ impl Receiver {
         let mut messages = self.parser.consume_ubx(bytes);
         while let Some(message) = messages.next() {
             match message {
-                // Zeros after a sync are a message of class 0 without a payload, whose checksum is zero. A line that
-                // falls low after a sync, or has another rate, brings such a message. UBX has no class 0.
+                // Zeros after a sync are a message of class 0 without payload, whose checksum is zero. A line that
+                // falls low, or has another baud rate, brings such messages. UBX has no class 0, so they are not
+                // counted as messages.
                 Ok(UbxPacket::Proto27(PacketRef::Unknown(unknown))) if unknown.class == 0 => {
                     self.counts.damaged = self.counts.damaged.wrapping_add(1);
                 }
@@ -389,7 +391,8 @@ impl Solution {
 
     /// Takes the useful values of a message. Returns the message's length if it had useful values, otherwise 0.
     fn take(&mut self, message: &UbxPacket<'_>, now: u32) -> usize {
-        // If another crate enables them, the parser has more protocol versions; here it handles only version 27.
+        // If another crate enables more protocol versions, the parser has more variants. Only version 27 is handled
+        // here.
         #[allow(unreachable_patterns)]
         match message {
             UbxPacket::Proto27(PacketRef::NavPvt(pvt)) => {

@@ -37,7 +37,7 @@ pub const fn reason(csr: u32) -> ResetReason {
     }
 }
 
-/// Returns `reason` in words, for the log.
+/// Returns the reason of a reset in words, for the log.
 #[must_use]
 pub const fn name(reason: ResetReason) -> &'static str {
     match reason {
@@ -57,7 +57,7 @@ mod tests {
     // Shows STA-4.
     #[test]
     fn each_reset_reason_follows_from_its_combination_of_flags() {
-        // By the manual every reset from inside also sets the pin's flag.
+        // The manual says that every reset from inside the part also sets the pin's flag.
         assert_eq!(reason(0x0E00_0000), ResetReason::PowerOn, "supply on: POR, pin, BOR");
         assert_eq!(reason(0x0600_0000), ResetReason::BrownOutOrOther, "supply dipped: pin, BOR");
         assert_eq!(reason(0x2400_0000), ResetReason::Watchdog, "independent watchdog");

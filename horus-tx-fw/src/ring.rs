@@ -29,7 +29,7 @@ impl Writer {
         let position = (size - left.min(size)) % size;
         let step = (position + size - self.position) % size;
         self.position = position;
-        // A step is smaller than a ring, and a ring is smaller than 64 KiB (NDTR has 16 bits).
+        // The step between two positions is smaller than a ring, and a ring is smaller than 64 KiB (NDTR has 16 bits).
         self.total = self.total.wrapping_add(step as u32);
         self.total
     }

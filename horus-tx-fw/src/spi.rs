@@ -51,7 +51,7 @@ const _: () = assert!(crate::timing::GNSS_SPI_HZ / 8 <= 125_000 && crate::timing
 /// What the code that accesses the registers has to do next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// Do nothing.
+    /// There is nothing to do.
     Nothing,
     /// Lower chip select, and call [`Polling::elapsed`] in [`SETUP_US`].
     Select,
@@ -91,7 +91,7 @@ impl Default for Polling {
 }
 
 impl Polling {
-    /// Returns the state before the first transfer.
+    /// Returns the state before the first transfer of a receiver on SPI.
     #[must_use]
     pub const fn new() -> Self {
         Self { state: State::Idle, backlog: Backlog::new(1), brought: false, timed_out: 0, recoveries: 0 }
@@ -109,7 +109,7 @@ impl Polling {
         self.recoveries
     }
 
-    /// Whether no transfer is under way, so that the outgoing bytes may be changed.
+    /// Whether no transfer is in progress, so that the outgoing bytes may be changed.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         self.state == State::Idle
@@ -127,7 +127,7 @@ impl Polling {
         }
     }
 
-    /// Serves the end of the time that the last order has requested.
+    /// Serves the timer, when the time that the last [`Order`] requested is over.
     pub fn elapsed(&mut self) -> Order {
         match self.state {
             State::Selected => {
@@ -151,7 +151,7 @@ impl Polling {
         Order::Hold
     }
 
-    /// Whether the bytes of the transfer that has ended are to be dropped ([`Backlog`]).
+    /// Whether the bytes of the transfer that has ended are old, and so are to be dropped ([`Backlog`]).
     #[must_use]
     pub const fn is_old(&self) -> bool {
         self.backlog.is_old()
@@ -207,7 +207,7 @@ impl Filter {
         Self(Place::Outside)
     }
 
-    /// Whether the filter is outside of a message, where a [`FILLER`] byte is filler.
+    /// Whether the filter is outside of any message. Only there is a byte of value [`FILLER`] filler.
     #[must_use]
     pub fn is_outside(self) -> bool {
         matches!(self.0, Place::Outside | Place::Filler(_))
@@ -391,7 +391,7 @@ mod tests {
     #[test]
     fn bytes_that_waited_stay_old_while_only_filler_comes() {
         let mut polling = Polling::new();
-        // The stuck line works again; old bytes come in two transfers; then silence, a message and silence follow.
+        // The stuck line works again. Old bytes come in two transfers, then silence, a message, and silence.
         for (brought, is_empty, is_old) in [
             (false, true, true),
             (false, true, true),

@@ -73,9 +73,9 @@ pub struct Telemetry {
     pub without_crystal: Counter,
     /// Why the firmware stopped itself before this start: a code of `firmware_common::last_stop`; 0 if it did not.
     pub last_stop: Counter,
-    /// Passes of the patrol over flash.
+    /// Passes of the memory checks over flash.
     pub flash_passes: Counter,
-    /// Passes of the patrol over the RAM in use.
+    /// Passes of the memory checks over the RAM in use.
     pub ram_passes: Counter,
     /// How often a word of the RAM in use did not hold what was written to it.
     pub ram_errors: Counter,

@@ -44,8 +44,8 @@ pub const GNSS_I2C_LOW_NS: u32 = 2_000;
 
 /// The number of timer ticks in a µs.
 pub const TICKS_PER_US: u32 = TIMER_HZ / 1_000_000;
-/// The timer ticks of a µs of the front end's waits on the internal oscillator, which is up to 4.5 % fast (DS9405). No
-/// wait may end early: that would cut a frame off.
+/// The timer ticks that make a µs of the front end's waits on the internal oscillator, which is up to 4.5 % fast
+/// (DS9405). A wait that ended early would cut a frame off.
 pub const INTERNAL_TICKS_PER_US: u32 = TICKS_PER_US + TICKS_PER_US.div_ceil(20);
 /// The number of timer ticks in a cycle: 720 000, exactly 10 ms.
 pub const PERIOD_TICKS: u32 = TIMER_HZ / 1_000 * profile::CYCLE_MS;
@@ -124,7 +124,7 @@ const fn earliest_slot_us(frame: usize) -> u32 {
     })
 }
 
-// The profile's slots are the earliest possible ones: the work before each slot fits, and no time is wasted.
+// The profile's slots are the earliest possible ones: the work before each slot just fits.
 // Shows TIME-4.
 const _: () = {
     let mut frame = 0;
@@ -215,11 +215,11 @@ const _: () = assert!(TIMER_HZ.is_multiple_of(1_000_000) && PERIOD_TICKS == 720_
 const _: () = assert!(CORE_HZ == 4 * APB1_HZ && CORE_HZ == 2 * APB2_HZ && SPI_HZ <= 10_000_000);
 // The constants are those of DS13541 and of the design for the air; a change of either fails here.
 const _: () = assert!(air::air_time_ns(244) == 4_814_159 && air::air_time_ns(254) == 5_002_950);
-// The last frame has ended, and its receiver has had its gap, before the next cycle's first frame starts.
+// Between the last frame's end and the next cycle's first frame, the receiver has the whole gap to empty its FIFO.
 const _: () = assert!(SLOT_US[FRAMES - 1] + air_us(FRAMES - 1) + GAP_US <= 1_000 * profile::CYCLE_MS + SLOT_US[0]);
-// The frame and the gap even end before the next tick, so that a cycle's load never meets the previous frame.
+// The last frame and the gap end before the next tick, so a cycle's load never meets the previous cycle's frame.
 const _: () = assert!(SLOT_US[FRAMES - 1] + air_us(FRAMES - 1) + GAP_US <= 1_000 * profile::CYCLE_MS);
-// The head of the second frame can be loaded in the gap.
+// The head of the second frame can be loaded in the gap after the first frame.
 const _: () = assert!(FRAMES == 1 || BETWEEN_FRAMES_US + LOAD_START_US + load_us(HEAD) <= GAP_US);
 // The FIFO never runs dry: the load of a frame's rest begins before the head has been sent, and is faster than the air.
 const _: () = match poller::rest_within_us(SPI_HZ) {
@@ -245,7 +245,8 @@ mod tests {
         assert_eq!(air::send_slot_us::<RECEIVERS>(FRAMES), None);
     }
 
-    /// Returns ticks served, counter and update flag at `instant`, if each tick is served `late` counts after it.
+    /// Returns the number of ticks served, the counter and the update flag at `instant`, if each tick is served `late`
+    /// counts after it.
     fn at(instant: u32, late: u32) -> (u32, u32, bool) {
         let (cycle, count) = (instant / PERIOD_TICKS, instant % PERIOD_TICKS);
         let served = if cycle > 0 && count < late { cycle - 1 } else { cycle };

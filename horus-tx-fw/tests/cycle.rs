@@ -252,7 +252,7 @@ fn status_at(arrived: impl Fn(u32) -> Solution, age: u32) -> (ReportedStatus, Gp
 // Shows REC-1.
 #[test]
 fn a_position_is_valid_for_one_period_and_150_ms() {
-    // After one message the period is not known yet, so it is assumed to be one second.
+    // After a single message the receiver's period is not known yet, so one second is assumed.
     for (age, valid) in
         [(0, true), (1_050, true), (1_149, true), (1_150, true), (1_151, false), (1_152, false), (9_000, false)]
     {
@@ -356,7 +356,7 @@ fn valid_after_the_end(period: u32, solutions: u32, repeats_its_last: bool) -> u
 
 #[test]
 fn reported_position_turns_invalid_in_time_after_the_last_solution() {
-    // Ticks are 10 ms apart, so the last tick with a valid position is at the limit itself.
+    // Ticks are 10 ms apart, so the last tick with a valid position is exactly at the age limit.
     assert_eq!(valid_after_the_end(1_000, 5, false), 1_150, "1 Hz");
     assert_eq!(valid_after_the_end(200, 20, false), 350, "5 Hz");
     assert_eq!(valid_after_the_end(100, 40, false), 250, "10 Hz");
@@ -432,7 +432,8 @@ fn who_was_excluded_before_a_restart_is_from_the_first_tick_on() {
     let start = Start { excluded: before.excluded(), ..Start::default() };
     let mut after = Cycle::<3>::after(start);
     assert_eq!(excluded(&after.fill(0, &[Solution::default(); 3])), [false, false, true]);
-    // The receiver agrees from now on, and has to do so for a second; in that second's last tick it is still excluded.
+    // The excluded receiver agrees from now on, and has to do so for a second. In that second's last tick it is still
+    // excluded.
     for tick in 1..=101 {
         let profile = after.voted_and_filled(tick, &[all(10 * tick), all(10 * tick), all(10 * tick)]);
         assert_eq!(excluded(&profile), [false, false, true], "tick {tick}");

@@ -126,7 +126,7 @@ proptest! {
 
     #[test]
     fn a_message_is_found_after_any_noise(noise in proptest::collection::vec(any::<u8>(), 0..600)) {
-        // Noise may begin a message that seems to go on. Zeros that fill the buffer end it.
+        // Noise may look like the beginning of a long message. Zeros that fill the parser's buffer end that message.
         let mut receiver = Receiver::new();
         feed(&mut receiver, &noise, 0);
         feed(&mut receiver, &[0; BUFFER + BYTES_PER_CALL], 0);
@@ -378,7 +378,7 @@ fn a_receiver_that_restarts_at_an_earlier_time_is_accepted_at_once() {
     let pace = receiver.solution().position.pace;
     assert_eq!(pace.period_ms(), 100);
     assert!(pace.is_current(110_000));
-    // The step back is not one of the four that make the period longer.
+    // A single step back of the time of week does not count among the four longer steps that make the period longer.
     let periods = [6_000, 7_000, 8_000, 9_000].map(|itow| {
         feed(&mut receiver, &NavPvt::at(itow).bytes(), 105_000 + itow);
         receiver.solution().position.pace.period_ms()
@@ -406,7 +406,7 @@ fn the_lag_is_the_arrival_less_the_time_of_week() {
         (0, week - 200, 200),
         (160, week - 100, 260),
         (300, 0, 300),
-        // A message with a repeated time of week brings nothing new.
+        // A message with a repeated time of week does not renew the solution.
         (900, 0, 300),
         (week + 1_050, 1_000, 50),
         // No receiver sends such a time of week, beyond the end of the week.

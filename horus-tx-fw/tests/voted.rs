@@ -19,11 +19,11 @@ use gnss_sim::{ubx, Flight, Geodetic, TangentPlane};
 use horus_tx_fw::{cycle::Cycle, receiver::Receiver, timing::timestamp};
 use profile::{GpsObject, ReportedPosition};
 
-/// The most that a right receiver is off over ground, m (see above).
+/// The greatest error over ground of a receiver that has not failed, m.
 const RIGHT_M: f64 = 9.0;
 /// The greatest distance of two receivers that agree, m: the ceiling of decision 15.
 const AGREE_M: f64 = 30.0;
-/// The most that a right receiver is off in height, m: five deviations of 1.4 to 1.9 m in one axis.
+/// The greatest error in height of a receiver that has not failed, m: five deviations of 1.4 to 1.9 m in one axis.
 const RIGHT_HEIGHT_M: f64 = 10.0;
 /// The greatest difference in height of two receivers that agree, m: the ceiling of decision 15.
 const AGREE_HEIGHT_M: f64 = 50.0;
@@ -169,7 +169,7 @@ impl Failure {
             }
             Kind::Checksum => {
                 let mut bytes = bytes;
-                // The change is in each message's payload, so that every message of the burst is damaged.
+                // Each message's payload is changed, so that every message of the burst is damaged.
                 let mut start = 0;
                 while start < bytes.len() {
                     let length = usize::from(u16::from_le_bytes([bytes[start + 4], bytes[start + 5]]));
@@ -404,15 +404,16 @@ fn one_of_three(runs: u64) {
             assert_eq!(outcome.undegraded, 0, "{said}");
             assert!(outcome.worst_m <= RIGHT_M + AGREE_M, "{said}");
             assert!(outcome.worst_height_m <= RIGHT_HEIGHT_M + AGREE_HEIGHT_M, "{said}");
-            // If the right receivers disagree, nobody can tell which of them is right, so these checks are left out.
+            // If the two receivers that have not failed disagree, nobody can tell which of them is right, so no bound
+            // is checked.
             if outcome.apart == 0 {
                 assert_eq!((outcome.without, outcome.wronged), (0, 0), "{said}");
             }
             apart += u32::from(outcome.apart > 0);
             match kind {
                 Kind::Silence | Kind::Frozen | Kind::Checksum => {
-                    // A receiver stops taking part one period and 150 ms after its last message, which may be a period
-                    // old.
+                    // A silent receiver leaves the vote one period and 150 ms after its last message, which may be a
+                    // period old by then.
                     assert!(outcome.left_after_ms.is_some_and(|ms| ms <= 650), "{said}");
                     assert!(outcome.worst_m <= RIGHT_M, "right ones are left: {said}");
                 }
@@ -496,7 +497,7 @@ fn a_jump_of_all_receivers_is_held_back_for_a_second() {
         let mut failures: Vec<_> = (0..RECEIVERS).map(|who| (who, jump(who))).collect();
         let outcome = run(seed, &mut failures);
         assert_eq!(outcome.undegraded, 0, "{outcome:?}");
-        // The second receiver has jumped after at most its period, 125 ms or 200 ms, and its latency.
+        // The second receiver jumps at its next solution, after at most its period (125 or 200 ms) and its latency.
         assert!(outcome.far_after_ms.is_some_and(|ms| (1_000..1_400).contains(&ms)), "seed {seed}: {outcome:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! Tests the port of a receiver on I2C with one event at a time and all that can go wrong.
+//! Tests one receiver's I2C port event by event, with every fault of the bus that HORUS has to survive.
 
 extern crate std;
 use super::*;
@@ -360,7 +360,7 @@ fn bus_errors_are_bounded_between_two_ticks_whatever_progress_the_bus_makes() {
     let error = Events { bus_error: true, ..Events::default() };
     let start = [Events { started: true, ..Events::default() }, Events { addressed: true, ..Events::default() }];
     let progress = start.into_iter().chain(std::iter::repeat(Events { byte_sent: true, ..Events::default() }));
-    // Between two steps of progress come fewer errors than would end the transaction for lack of progress.
+    // Bus errors come between the events that show progress, too few in a row to count as a lack of progress.
     let calls = progress.flat_map(|event| [error; MOST_SPURIOUS as usize - 2].into_iter().chain([event]));
     let mut errors = 0;
     for events in calls {
@@ -483,10 +483,9 @@ proptest! {
             rig.waiting.extend(&burst);
             sent.extend(burst);
             if has_message {
-                // The message is refused only if the previous one has not been sent yet.
                 let _ = rig.ddc.transmit(&Message::new(&[1; MESSAGE], Rate::Usual));
             }
-            // The longest cycle has a message and 23 levels.
+            // The longest cycle sends a message and drives 23 levels of a recovery.
             prop_assert!(rig.cycle(Some((at, fault))) <= MESSAGE + 24 + 4);
         }
         // Two cycles in a row that leave no byte behind end the drop of old bytes, so all later bytes arrive.

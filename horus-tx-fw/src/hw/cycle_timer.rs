@@ -37,11 +37,11 @@ use super::{
 };
 use crate::board;
 
-/// The number of ticks so far, which only the cycle timer's interrupt writes.
+/// The number of ticks so far. Only the interrupt of the cycle timer writes it.
 static TICKS: AtomicU32 = AtomicU32::new(0);
 /// The number of the last tick whose cycle has ended.
 static ENDED: AtomicU32 = AtomicU32::new(0);
-/// The result of the last slot, for the front end's task: `PASSED | FIRED? | frame << 8 | response`.
+/// The result of the last slot, for the task `rf_slot`, as the word `PASSED | FIRED? | frame << 8 | response`.
 static SLOT: AtomicU32 = AtomicU32::new(0);
 const PASSED: u32 = 1 << 31;
 const FIRED: u32 = 1 << 30;
@@ -132,7 +132,8 @@ impl CycleTimer {
                 radio::select();
                 radio::put(command);
                 let left = tim2().cnt().read().cnt().bits();
-                // This is the only wait, one byte time: chip select must not rise before the byte's end.
+                // The handler waits only here, for one byte time, because chip select must not rise before the byte's
+                // end.
                 let response = radio::take();
                 radio::deselect();
                 ARMED.store(0, Ordering::Release);
@@ -178,7 +179,8 @@ pub fn is_quiet() -> bool {
     timing::quiet(tim2().cnt().read().cnt().bits())
 }
 
-/// Runs `log`, with all interrupts masked, if it would delay neither a slot nor the next tick. Returns whether it ran.
+/// Calls `log` with all interrupts masked, unless that would delay a slot or the next tick. Returns whether `log` was
+/// called.
 pub fn when_quiet(log: impl FnOnce()) -> bool {
     cortex_m::interrupt::free(|_| {
         let quiet = is_quiet();

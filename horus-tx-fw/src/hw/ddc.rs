@@ -199,7 +199,8 @@ impl DdcSource {
 
     fn receive(&self, len: usize) {
         if dma::is_on(self.port.stream) {
-            // The stream did not stop when it was told to, so no byte is received and the transaction ends at the tick.
+            // A stream that did not stop is not started again. No byte is received then, and the transaction ends at
+            // the tick.
             return;
         }
         dma::clear_flags(self.port.stream);
@@ -217,7 +218,8 @@ impl DdcSource {
     fn stream_interrupt(&mut self) {
         let flags = dma::flags(self.port.stream);
         if !flags.has_error() && !flags.is_complete() {
-            // The task was called only to check in. A transfer that ends from now on calls it again: its flag stays.
+            // The task was called only to check in. A transfer that ends from now on leaves its flag set, which calls
+            // the task again.
             return;
         }
         dma::clear_flags(self.port.stream);
@@ -243,12 +245,12 @@ impl DdcSource {
 impl Source for DdcSource {
     fn poll(&mut self) {
         let under_way = self.ddc.stream_under_way();
-        // Errors that came while no transaction was under way are dropped: one of them would end the next transaction.
+        // Errors that came between transactions are dropped. Otherwise the first of them would end the next
+        // transaction.
         let _ = self.take_events();
         let order = self.ddc.poll(self.bus());
         self.carry_out(order);
         if let Some(len) = under_way {
-            // The transaction was ended as failed, and its stream has been stopped.
             let come = len.saturating_sub(dma::left(self.port.stream));
             self.push(0..come);
         }

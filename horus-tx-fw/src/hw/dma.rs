@@ -134,7 +134,7 @@ pub(super) unsafe fn start(stream: Stream, transfer: &Transfer) {
         registers.m0ar().write(|w| w.m0a().bits(transfer.memory));
     }
     registers.ndtr().write(|w| w.ndt().set(transfer.len as u16));
-    // All that the processor has written into that memory must be there before the stream reads it.
+    // The stream must not start before the processor's writes into the memory are complete.
     asm::dmb();
     registers.cr().write(|w| {
         w.chsel().set(stream.channel);
@@ -183,7 +183,7 @@ const STOP_POLLS: u32 = 128;
 pub(super) fn stop(stream: Stream) -> Result<(), StillOn> {
     registers(stream).cr().modify(|_, w| w.en().clear_bit());
     if (0..STOP_POLLS).any(|_| !is_on(stream)) {
-        // The memory must only be read after the stream has written it.
+        // The processor must not read the memory before the stream has written it.
         asm::dmb();
         Ok(())
     } else {

@@ -58,7 +58,6 @@ pub(super) static ARMED: AtomicU32 = AtomicU32::new(0);
 
 fn spi() -> &'static spi1::RegisterBlock {
     // SAFETY: a register block is always there, and every access through it is volatile. The ticket settles who may use
-    // the SPI: from `arm` to the slot the slot's interrupt, otherwise the front end's tasks.
     unsafe { &*pac::SPI1::ptr() }
 }
 
@@ -135,7 +134,7 @@ fn set_up_irq(syscfg: &pac::SYSCFG, exti: &pac::EXTI) {
     exti.imr().modify(|_, w| w.mr3().set_bit());
 }
 
-/// The bytes of the profile that DMA loads into the FIFO, as words; every size of a profile is a whole number of words.
+/// The profile's bytes, which DMA loads into the FIFO, as words. Every size of a profile is a whole number of words.
 static FRAME: [AtomicU32; Profile::<RECEIVERS>::SIZE / 4] =
     [const { AtomicU32::new(0) }; Profile::<RECEIVERS>::SIZE / 4];
 static SHORT_OUT: [AtomicU8; Short::MAX] = [const { AtomicU8::new(0) }; Short::MAX];
@@ -156,7 +155,7 @@ pub struct Radio {
     response: [u8; Short::MAX],
     failed: bool,
     frame: Range<usize>,
-    /// Whether the time for which the timer was started is over.
+    /// Whether the one-shot timer has run out.
     over: bool,
 }
 
@@ -197,15 +196,15 @@ impl Radio {
         exti.pr().write(|w| w.pr3().clear_bit_by_one());
     }
 
-    /// Disconnects the SPI's requests from the streams, which are off, and clears the streams' flags.
+    /// Disconnects SPI1's requests from both DMA streams, which must be off, and clears the streams' flags.
     fn finish(&mut self) {
         spi().cr2().write(|w| w);
         dma::clear_flags(SPI_IN);
         dma::clear_flags(SPI_OUT);
     }
 
-    /// Starts both streams. `lead` is sent ahead of the bytes that the outgoing stream reads from `out`. The bytes that
-    /// come in go to `into`: to one byte after the other if `keep`, otherwise all to the first.
+    /// Starts both DMA streams of a transfer. The byte `lead` is sent before the bytes at `out`. The bytes that come in
+    /// go to `into`: one after the other if `keep` is true, otherwise all to the same byte.
     ///
     /// # Safety
     ///
@@ -298,7 +297,7 @@ impl Port for Radio {
         assert!(matches!(stopped, (Ok(()), Ok(()))), "a DMA stream of the front end's does not stop");
         self.finish();
         deselect();
-        // A byte that is left in the receive buffer belongs to no transfer.
+        // A byte left in the SPI's receive buffer belongs to no transfer, and is dropped.
         let _ = spi().dr8().read();
         let _ = spi().sr().read();
     }
@@ -311,7 +310,7 @@ impl Port for Radio {
         let timer = tim5();
         timer.cr1().write(|w| w.urs().set_bit());
         timer.cnt().write(|w| w.cnt().set(0));
-        // The update comes ARR + 1 counts after the start, and so never early.
+        // TIM5 raises its update ARR + 1 counts after the start, so a wait never ends early.
         timer.arr().write(|w| w.arr().set(us.max(1)));
         timer.sr().write(|w| w.uif().clear());
         timer.cr1().write(|w| w.urs().set_bit().opm().set_bit().cen().set_bit());

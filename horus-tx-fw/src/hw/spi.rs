@@ -138,7 +138,7 @@ impl SpiSource {
         }
     }
 
-    /// Disconnects the SPI's requests from the streams, which are off, and clears the streams' flags.
+    /// Disconnects the SPI's requests from both DMA streams, which must be off, and clears the streams' flags.
     fn finish(&self) {
         self.spi().cr2().write(|w| w);
         dma::clear_flags(self.port.stream_in);
@@ -169,7 +169,8 @@ impl SpiSource {
         self.spi().cr2().write(|w| w.rxdmaen().set_bit().txdmaen().set_bit());
     }
 
-    /// Takes the bytes that have come in, without filler. Filler, most of a transfer, is dropped in fours.
+    /// Puts the bytes that have come in, without filler, into the ring. Filler, most of a transfer, is skipped in
+    /// fours.
     fn take(&mut self) {
         compiler_fence(Ordering::Acquire);
         let is_old = self.polling.is_old();
@@ -205,7 +206,8 @@ impl SpiSource {
         let incoming = dma::flags(self.port.stream_in);
         let has_error = incoming.has_error() || dma::flags(self.port.stream_out).has_error();
         if !has_error && !incoming.is_complete() {
-            // The task was called only to check in. A transfer that ends from now on calls it again: its flag stays.
+            // The task was called only to check in. A transfer that ends from now on leaves its flag set, which calls
+            // the task again.
             return;
         }
         dma::clear_flags(self.port.stream_in);

@@ -136,7 +136,8 @@ impl UartSource {
                 uart.dr().write(|w| unsafe { w.bits(u16::from(*byte)) });
             }
             Some(_) => {}
-            // Before the last byte is written, the flag belongs to an earlier byte.
+            // The flag TC is cleared before the last byte is written, because until then it tells the end of an earlier
+            // byte.
             None if is_complete => {
                 let rate = message.rate();
                 self.outgoing = None;
@@ -152,13 +153,13 @@ impl UartSource {
         }
     }
 
-    /// Checks how far the stream has come, and restarts a stream that has stopped.
+    /// Checks how many bytes the DMA stream has written, and restarts a stream that has stopped.
     fn look(&mut self) {
         let stream = self.port.stream;
         dma::clear_flags(stream);
         if !dma::is_on(stream) {
-            // A transfer error stops a circular stream. The stream begins at the ring's start again, and the count of
-            // its bytes with it; no checksum accepts a message that was cut by the error.
+            // A transfer error stops a circular stream. The restarted stream writes from the ring's start, so the count
+            // of its bytes restarts too. A message that the error has cut fails its checksum.
             self.telemetry().uart_errors.add(1);
             self.writer.advance(RING, RING);
             // SAFETY: the stream is off.
@@ -166,7 +167,7 @@ impl UartSource {
         }
     }
 
-    /// Publishes how many bytes the stream has written by now.
+    /// Publishes the number of bytes that the DMA stream has written so far.
     fn count_written(&mut self) {
         let written = self.writer.advance(dma::left(self.port.stream), RING);
         buffers::ring(self.index).set_written(written);

@@ -27,7 +27,7 @@ const HALF_TURN_E7: i32 = 1_800_000_000;
 const QUARTER_TURN_E7: i32 = 900_000_000;
 /// A ten-millionth of a degree, the unit of the integers, in rad.
 const RAD_PER_E7: f32 = (core::f64::consts::PI / 1.8e9) as f32;
-/// The number of parts of 1e-7 degrees, each 0.04 mm, in which the result is counted before it becomes degrees.
+/// The result is counted in 256ths of 1e-7 degrees, 0.04 mm each, before it is converted to degrees.
 const PARTS: i64 = 256;
 const PARTS_PER_RAD: f32 = (1.8e9 * 256.0 / core::f64::consts::PI) as f32;
 
@@ -91,15 +91,15 @@ impl Place {
     /// Returns latitude and longitude, degrees, of the point `north` and `east` metres from this place, at most some
     /// hundred. Without a step the result is exactly the position that was stated.
     pub(crate) fn degrees(&self, [north, east]: [f32; 2]) -> [f64; 2] {
-        // The distance of the point from the earth's axis, first in this place's direction, then in the point's own.
+        // The point's distance from the earth's axis, measured in the direction of this place, then in the direction of
+        // the point.
         let outward = self.across * self.cosine - north * self.sine;
         let away = libm::sqrtf(outward * outward + east * east);
         let ahead = outward >= 0.0;
-        // The tangent of half the turn; beyond the pole, of half of what the turn lacks to 180°; at the pole 0 / tiny.
+        // This is the tangent of half the change in longitude. Beyond the pole it is that of half of what the change
+        // lacks to 180°; at the pole it is 0 / tiny.
         let half_turn = east / at_least(away + if ahead { outward } else { -outward }, f32::MIN_POSITIVE);
         let turn = 2.0 * arc_tangent(half_turn);
-        // A turn to the west beyond the pole is written as a turn to the east of up to 360°; `over` brings the
-        // longitude back into ±180°.
         let (turn, bulge) =
             if ahead { (turn, east * half_turn) } else { (core::f32::consts::PI - turn, away - outward) };
         let rise = (north - self.sine * bulge) / self.along;
@@ -155,8 +155,8 @@ mod tests {
     use proptest::prelude::*;
     use proptest::test_runner::{Config, RngSeed};
 
-    /// The semi-minor axis of the WGS-84 ellipsoid, m, as the standard states it (NIMA TR8350.2, table 3.3). With it
-    /// the tests compute in float64 and in space, independently of the code.
+    /// The semi-minor axis of the WGS-84 ellipsoid, m (NIMA TR8350.2, table 3.3). The tests compute positions in space
+    /// with it, in float64 and independently of the code.
     const SEMI_MINOR_AXIS: f64 = 6_356_752.314_2;
 
     type Vector = [f64; 3];
@@ -254,7 +254,8 @@ mod tests {
     proptest! {
         #![proptest_config(seeded(20_000))]
 
-        /// The errors are those that the module states, also for the height, which depends on the earth's curvature.
+        /// The errors are within the bounds that the module's page states. Heights are checked too, since they depend
+        /// on the earth's curvature.
         #[test]
         fn the_way_to_a_place_has_the_accuracy_that_is_stated(
             here in anywhere(),
@@ -278,7 +279,8 @@ mod tests {
             prop_assert!(found >= 0.5 * exact, "{found} m for {exact} m");
         }
 
-        /// The step may lead over a pole or over ±180°. The places are rounded to 1e-7 degrees, which is 11 mm.
+        /// The step moves `other` and may lead over a pole or over ±180°. The places are rounded to 1e-7 degrees, which
+        /// is 11 mm.
         #[test]
         fn what_lies_a_step_away_is_where_the_step_leads(
             here in anywhere(),

@@ -27,8 +27,8 @@
 //!
 //! # What it cannot do
 //!
-//! The voter accepts a wrong place on which a majority agrees. A receiver that moves away slowly shifts the result by
-//! less than the agreement distance, until it is excluded.
+//! The voter accepts a wrong place on which a majority agrees. A receiver that drifts slowly shifts the result by less
+//! than the agreement distance, until the receiver is excluded.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -188,11 +188,11 @@ impl<const N: usize> Default for Voter<N> {
 /// A candidate's position, extrapolated to the tick.
 #[derive(Clone, Copy, Default)]
 struct Brought {
-    /// How far the candidate has moved since its position's epoch, m north and east.
+    /// How far the candidate has moved from its position's epoch to the tick, m north and east.
     step: [f32; 2],
-    /// How far the candidate has moved upwards since its position's epoch, m.
+    /// How far the candidate has moved upwards from its position's epoch to the tick, m.
     climb: f32,
-    /// The horizontal accuracy, m, with the error of the extrapolation.
+    /// The horizontal accuracy, m, which includes the error of the extrapolation.
     horizontal: f32,
     vertical: f32,
 }
@@ -245,7 +245,8 @@ impl<const N: usize> Voter<N> {
         let height = height(inputs, &brought, with_altitude);
         let is_stated = self.altitudes.take(now_ms, height, has_quorum, is_result);
 
-        // A receiver that agrees with no peer is outvoted; where a quorum has an altitude, its peers must have one too.
+        // A receiver that agrees with no other is outvoted. Where a quorum has an altitude, the others must have one
+        // too.
         let peers =
             inputs.each_ref().map(|input| if has_quorum & input.fix.has_altitude { with_altitude } else { set });
         let mut with_peer = 0;
@@ -254,7 +255,7 @@ impl<const N: usize> Voter<N> {
         }
         let outvoted = if is_result { outside & !with_peer } else { 0 };
 
-        // A receiver that is outvoted took part in the vote, so it was not excluded before.
+        // An outvoted receiver took part in the vote, so it was not excluded before.
         let excluded = self.excluded | outvoted;
         self.remember(members, outvoted, eligible, &friends, now_ms);
 
@@ -274,7 +275,6 @@ impl<const N: usize> Voter<N> {
     fn remember(&mut self, members: u8, outvoted: u8, eligible: u8, friends: &[u8; N], now_ms: u32) {
         let mut returned = 0;
         for (index, (since, friends)) in self.agreeing_since.iter_mut().zip(friends).enumerate() {
-            // Only a candidate counts as agreeing with itself.
             let with_members = friends & members == members;
             let with_one = (friends & eligible != 0) | (eligible == 0);
             let agrees = has(self.excluded & friends, index) & with_members & ((members != 0) | with_one);
@@ -302,7 +302,7 @@ fn mask_of<T, const N: usize>(items: &[T; N], is: impl Fn(&T) -> bool) -> u8 {
     items.iter().enumerate().fold(0, |mask, (index, item)| mask | u8::from(is(item)) << index)
 }
 
-/// Returns the first of `items` whose bit is set in `mask`; if none is, the first of all.
+/// Returns that of the `items` which belongs to the first receiver in `mask`; for an empty mask, the first of all.
 fn first<T: Copy, const N: usize>(mask: u8, items: &[T; N]) -> T {
     (0..N).rev().fold(items[0], |found, index| if has(mask, index) { items[index] } else { found })
 }
@@ -411,7 +411,8 @@ fn apart((place, step): (&Place, [f32; 2]), (other, other_step): (&Place, [f32; 
     ([north, east], off_north * off_north + off_east * off_east + up * up)
 }
 
-/// The place of a result: a step, m north and east, from a member's place, and the least accurate member's accuracy, m.
+/// The place of a result, given as a member's place and a step from it, m north and east, with the accuracy of the
+/// least accurate member, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Spot {
     place: Place,
@@ -429,14 +430,14 @@ impl hold::Mark for Spot {
 
 /// Returns the median position of the receivers that agree: the median north and the median east, separately.
 fn spot<const N: usize>(inputs: &[Input; N], brought: &[Brought; N], places: &[[[f32; 2]; N]; N], members: u8) -> Spot {
-    // The metres count from the first member's place, since its row has all members.
+    // The metres count from the first member's place, since that member's row has the places of all members.
     let place: Place = first(members, &inputs.each_ref().map(|input| input.fix.place));
     let row = first(members, places);
     let step = [0, 1].map(|axis| median(row.map(|place| place[axis]), members));
     Spot { place, step, accuracy: greatest(brought, |brought| brought.horizontal, members) }
 }
 
-/// The altitude of a result: `above` m above `ground_mm`; and the accuracy of the least accurate member, m.
+/// The altitude of a result, `above` m above `ground_mm`, with the accuracy of the least accurate member, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Height {
     ground_mm: i32,
@@ -447,7 +448,7 @@ struct Height {
 impl Height {
     /// Returns the altitude, m above the ellipsoid. If `above` is 0 it is exactly the altitude that was stated.
     fn altitude(&self) -> f64 {
-        /// The number of parts of a mm in which the sum of both heights is counted.
+        /// The sum of both heights is counted in 256ths of a mm, which integers hold exactly.
         const PARTS: i32 = 256;
         let above = (self.above * (1e3 * PARTS as f32)) as i32;
         (i64::from(self.ground_mm) * i64::from(PARTS) + i64::from(above)) as f64 / (1e3 * f64::from(PARTS))
@@ -486,7 +487,7 @@ fn attitude<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]
     let mut attitude = [0.0; 3];
     for (axis, from) in [-PI, 0.0, -PI].into_iter().enumerate() {
         let angles = axis_of(inputs, |input| input.attitude, axis, ANGLE_MAX);
-        // No limit is near half a turn, so two angles agree if their differences from the first angle do.
+        // No limit is near half a turn, so two angles agree if both differ from the first angle by amounts that agree.
         let (reference, differences) = about_first(angles, oriented);
         let (middle, spread) = median_and_spread(differences, oriented);
         agree &= spread <= ATTITUDE_LIMITS_RAD[axis];

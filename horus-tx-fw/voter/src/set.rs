@@ -26,13 +26,13 @@ pub(crate) fn winner<const N: usize>(friends: &[u8; N], eligible: u8, last: u8, 
         weights[index] = MEMBER + u32::from(has(last, index)) * KEPT + (1 << (MOST_RECEIVERS - 1 - index));
         parts[index] = ((accuracies[index] * PARTS_PER_METRE) as u32).min(MOST_PARTS);
     }
-    // For each set: the receivers that agree with all its members, its weight, and its sum of accuracies.
+    // Each set has three values: the receivers that agree with all its members, its weight, and its sum of accuracies.
     let mut common = [eligible; SETS];
     let mut weight = [0_u32; SETS];
     let mut sum = [0_u32; SETS];
     let (mut best, mut best_rank) = (0, 0);
     for index in 0..N {
-        // The sets whose highest receiver is number `index` follow, in number, the sets of the lower receivers.
+        // The sets whose highest receiver is `index` follow all sets of the lower receivers.
         let top = 1 << index;
         for rest in 0..top {
             let set = rest | top;

@@ -58,7 +58,7 @@ fn receiver() -> impl Strategy<Value = Drawn> {
     )
 }
 
-/// Returns the report of a receiver when `jump` has moved all receivers north and up, m.
+/// Returns the report of a receiver, after a jump of all receivers by `jump`, m north and up.
 fn report_of(place: (f64, f64), jump: [f64; 2], drawn: Drawn) -> Report {
     let (valid, [north, east, up], velocity_mm_s, accuracies, since_arrival_ms, lag_ms, flat, attitude, acceleration) =
         drawn;
@@ -98,7 +98,7 @@ fn compare<const N: usize>(ticks: &[(Vec<Report>, u32)]) -> Result<(), TestCaseE
     for (report, later) in ticks {
         let inputs: [Input; N] = std::array::from_fn(|i| report[i].input());
         let (verdict, opinion) = (voter.vote(&inputs, now), oracle.vote(&report[..N], now));
-        // A decision that rounding may turn cannot be compared, and neither can the decisions after it.
+        // A vote whose outcome depends on rounding cannot be compared, and neither can the votes after it.
         if opinion.narrow {
             return Ok(());
         }
@@ -179,7 +179,7 @@ proptest! {
             prop_assert_eq!((a.members, a.excluded), (back(b.members), back(b.excluded)));
             prop_assert_eq!(a.position.is_some(), b.position.is_some());
             if let (Some(a), Some(b)) = (a.position, b.position) {
-                // The axes north and east are those of the first member; beside a pole those of another member differ.
+                // North and east are the axes at the first member's place; close to a pole other members' axes differ.
                 if a.latitude.abs() < 89.0 {
                     let off = distance((a.latitude, a.longitude), (b.latitude, b.longitude));
                     prop_assert!(off < 0.01, "{} m", off);

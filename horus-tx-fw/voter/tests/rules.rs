@@ -133,14 +133,14 @@ fn the_age_of_a_message_follows_from_its_lag_behind_the_others() {
         ([90, 100, 130], [40, 50, 80]),
         ([130, 90, 100], [80, 40, 50]),
         ([100, 150, 50], [50, 100, 0]),
-        // In these rows one time of week is farther off than the voter accepts.
+        // The next rows have a time of week that is farther from the others than the voter accepts.
         ([100, 151, 49], [50, 50, 50]),
         ([100, 400_000, 110], [40, 50, 50]),
         ([400_000, 100, 110], [50, 40, 50]),
         ([0, WEEK_MS / 2 - 9, WEEK_MS / 2], [50, 50, 59]),
-        // In this row, times of week lie around half a week from the first, which is wrong, so none can be compared.
+        // Times of week half a week from the first cannot be compared, so every latency is assumed.
         ([0, WEEK_MS / 2, WEEK_MS / 2 + 9], [50, 50, 50]),
-        // In these rows the week ends between the receivers' times of week.
+        // In the next rows the week ends between the receivers' times of week.
         ([5, LAST, LAST - 20], [56, 50, 30]),
         ([LAST, 5, 15], [44, 50, 60]),
         ([LAST, LAST - 30, 9], [50, 20, 60]),
@@ -159,7 +159,7 @@ fn of_two_receivers_the_middle_lies_between_them() {
         let east = distance(place(&once(report)), degrees(&GOOD));
         assert!((east - 0.040 * latency).abs() < 0.012, "{east} m");
     }
-    // The position of each receiver is moved by 2.5 ms, which is 10 cm; 11 mm of that are the resolution of a position.
+    // The positions move by 2.5 ms of flight, 10 cm. A position's resolution adds an error of 11 mm.
     let still = GOOD.moved(0.0, 2.0);
     let one = once([one, Report { lag_ms: 105, ..still }]);
     let other = once([Report { lag_ms: 100, ..still }, other]);
@@ -267,7 +267,7 @@ fn a_receiver_that_drifts_away_never_takes_a_right_one_along() {
     assert_eq!(voter.vote(&[one, two, two].map(|report| report.input()), 10_000).excluded, 0b100);
 }
 
-/// Decision 15 states this limit of a majority vote.
+/// A majority vote cannot detect a majority that agrees on a wrong place (decision 15).
 #[test]
 fn two_that_agree_on_a_wrong_place_are_believed() {
     let wrong = GOOD.moved(10_000.0, 0.0);
@@ -294,7 +294,7 @@ fn ties_go_to_the_last_pair_then_accuracy_then_lower_numbers() {
     let verdict = voter.vote(&row([901, 1_000, 900]), 10);
     assert_eq!((verdict.members, verdict.excluded), (0b011, 0));
 
-    // The last result had the members 2 and 3, since receiver 1 was silent.
+    // Receiver 1 was silent in the last vote, so that result had the members 2 and 3.
     let mut voter = Voter::new();
     let mut silent = row([900, 1_000, 901]);
     silent[0].valid = false;
@@ -305,7 +305,7 @@ fn ties_go_to_the_last_pair_then_accuracy_then_lower_numbers() {
 
 #[test]
 fn of_equal_triples_of_five_the_lowest_numbers_win() {
-    // The places are in a row in which any three neighbours agree: receivers 1 4 2 5 3, and mirrored.
+    // The places are in a row in which any three neighbours agree: receivers 1 4 2 5 3. The mirrored row is tested too.
     let at = |norths: [f64; 5]| norths.map(|north| GOOD.stating(1_000, 1_000).moved(north, 0.0));
     assert_eq!(once(at([0.0, 4.8, 9.6, 2.4, 7.2])).members, 0b01011, "1, 2 and 4, not 2, 4 and 5 or 2, 3 and 5");
     assert_eq!(once(at([9.6, 4.8, 0.0, 7.2, 2.4])).members, 0b01011, "1, 2 and 4 again");
@@ -350,7 +350,8 @@ fn who_was_excluded_before_a_restart_returns_after_agreeing_for_1000_ms() {
     let excluded = (0..2_000).step_by(10).map(|at| voter.vote(&[GOOD; 3].map(|report| report.input()), at).excluded);
     assert_eq!(excluded.take_while(|excluded| *excluded == 0b100).count(), 101);
     assert_eq!(voter.excluded(), 0);
-    // A wrong receiver stays excluded, and has no vote while another receiver is missing.
+    // While another receiver is missing, a wrong receiver that was excluded before the restart stays excluded and has
+    // no vote.
     let mut voter = Voter::excluding(0b100);
     let verdict = voter.vote(&[GOOD, SILENT, GOOD.moved(200.0, 0.0)].map(|report| report.input()), 0);
     assert_eq!((verdict.members, verdict.excluded, voter.excluded()), (0, 0b100, 0b100));
@@ -382,7 +383,7 @@ fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate()
     let verdict = vote([GOOD, SILENT, GOOD], 1_020);
     assert_eq!((verdict.members, verdict.excluded), (0b101, 0));
 
-    // Two eligible receivers disagree. The third must agree with one of them, which is enough.
+    // Two eligible receivers disagree. To return, the third only has to agree with one of them.
     for (third, returns) in [(GOOD, true), (far, true), (GOOD.moved(0.0, 900.0), false)] {
         let mut voter = Voter::new();
         let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
@@ -393,7 +394,8 @@ fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate()
         }
         assert_eq!(vote([GOOD, far, third], 1_020).position.is_some(), returns);
     }
-    // If no eligible receiver is left, an excluded receiver only has to be a candidate.
+    // If no eligible receiver is left, an excluded receiver returns without agreeing with any other, if it is a
+    // candidate.
     let mut voter = Voter::new();
     let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
     assert_eq!(vote([GOOD, GOOD, far], 0).excluded, 0b100);
@@ -442,7 +444,7 @@ fn one_receivers_attitude_is_the_result_where_one_is_a_quorum() {
         assert_eq!(attitude([with_attitude(angles), SILENT]), angles);
         assert_eq!(attitude([GOOD, with_attitude(angles)]), angles);
     }
-    // The angles are moved by whole turns into range.
+    // Angles outside of a result's range are moved into it by whole turns.
     let [pitch, yaw, roll] = attitude([with_attitude([7.0, -0.5, 300.0]), GOOD]);
     assert!((pitch - (7.0 - TAU)).abs() < 1e-5 && (yaw - (TAU - 0.5)).abs() < 1e-5);
     assert!((roll - (300.0 - 48.0 * TAU)).abs() < 1e-3);
@@ -452,7 +454,7 @@ fn one_receivers_attitude_is_the_result_where_one_is_a_quorum() {
 fn attitude_is_the_median_on_the_circle() {
     let with = with_attitude;
     let attitude = |report: [Report; 3]| once(report).attitude.expect("an attitude");
-    // The angles lie across ±π, and across north.
+    // The angles to compare lie on both sides of ±π, and of north.
     let [pitch, yaw, roll] = attitude([with([0.2, 6.2, 3.12]), with([0.17, 0.08, -3.13]), with([0.24, 6.25, -3.1])]);
     assert!((pitch - 0.2).abs() < 1e-6 && (yaw - 6.25).abs() < 1e-6 && (roll + 3.13).abs() < 1e-6);
     let [_, yaw, roll] = attitude([GOOD, with([0.0, 6.22, 3.11]), with([0.0, 0.08, -3.11])]);
@@ -476,7 +478,7 @@ fn attitude_needs_a_quorum_of_members_that_have_one() {
             assert_eq!(has(&report), count >= least, "{count} of {receivers}");
         }
     }
-    // One receiver does not count for the quorum: it is no member, its value is not finite, or it has no value.
+    // One receiver does not count for the quorum, because it is no member, its value is not finite, or it has no value.
     assert!(!has(&[GOOD, with([1.0; 3]), with([1.0; 3]).moved(200.0, 0.0)]));
     assert!(!has(&[with([f32::NAN, 0.0, 0.0]), with([0.0; 3]), GOOD]));
     assert!(!has(&[with([0.0, f32::INFINITY, 0.0]), with([0.0; 3]), GOOD]));
@@ -505,12 +507,11 @@ fn attitudes_agree_within_5_10_and_5_degrees_on_the_circle() {
             assert_eq!(agree(off(180.0)), [false; 3], "axis {axis}");
         }
     }
-    // The yaw of the first receiver is in the middle of the others.
     assert!(once([degrees([0.0; 3]), degrees([0.0, 4.0, 0.0]), degrees([0.0, -4.0, 0.0])]).attitude.is_some());
     assert!(once([degrees([0.0; 3]), degrees([0.0, 6.0, 0.0]), degrees([0.0, -6.0, 0.0])]).attitude.is_none());
 }
 
-/// The rule about opposite yaws exists for this case, in which the mean would be 100°.
+/// Two yaws that are half a turn apart have no median: their mean would be 100°.
 #[test]
 fn yaw_10_and_190_degrees_of_two_receivers_is_none() {
     let yaw = |degrees: f32| with_attitude([0.0, degrees.to_radians(), 0.0]);
@@ -558,10 +559,10 @@ fn an_altitude_needs_a_quorum_of_members_that_have_one() {
     // One receiver is a quorum of one receiver and of two.
     assert_eq!(altitude(&once([FLAT])), None);
     assert_eq!(altitude(&once([FLAT, high])), Some(1_012.345));
-    // Two receivers have a 2D fix, and the third is 500 m off.
+    // Two receivers have a 2D fix, so they state no altitude; the third is 500 m off in height.
     let verdict = once([FLAT, FLAT, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b111, None, 0));
-    // One receiver has a 2D fix, and the two others disagree: there are two pairs, and nobody can tell who is wrong.
+    // One receiver has a 2D fix, and the two others disagree in height: nobody can tell which of them is wrong.
     let verdict = once([GOOD, FLAT, high]);
     assert_eq!((verdict.agreeing(), altitude(&verdict), verdict.excluded), (2, None, 0));
     let verdict = once([GOOD.stating(1_400, 2_500), FLAT, high]);
@@ -619,7 +620,7 @@ impl Flight {
         self.tick(report).position.is_some()
     }
 
-    /// Returns for how many ms no position is shown if all receivers send this report from now on.
+    /// Returns for how many ms no position is shown after a jump of all receivers to this report.
     fn withheld(&mut self, report: Report) -> u32 {
         (0..).find(|_| self.is_shown(report)).expect("some time it is") * 10
     }
@@ -648,7 +649,7 @@ fn a_step_beyond_speed_and_accuracies_is_a_jump() {
     assert!(shown(GOOD.moved(0.0, 0.02 - reach)) && !shown(GOOD.moved(0.0, -0.02 - reach)));
     let (a, b) = (reach * 0.6, reach * 0.8);
     assert!(shown(GOOD.moved(a - 0.02, b - 0.02)) && !shown(GOOD.moved(a + 0.02, b + 0.02)));
-    // The test covers the least and the most that accuracies allow, and that the accuracies of both results count.
+    // The cases are the least and the greatest step that accuracies allow, and pairs in which the accuracies differ.
     let between = |one: u32, other: u32, by: f64| {
         let mut flight = Flight { voter: Voter::new(), now: 0 };
         assert!(flight.is_shown(GOOD.stating(one, 2_500)));
@@ -675,7 +676,7 @@ fn the_least_accurate_member_counts_for_a_jump() {
         let moved = |by: f64| {
             [0, 1, 2].map(|i| if i == worst { GOOD.stating(4_995, 2_500) } else { GOOD }.moved(by, 0.0).input())
         };
-        // The limit of the step is 3 √(1.505² + 5²) m and 2 m.
+        // The greatest step that counts as no jump is 3 √(1.505² + 5²) m and 2 m.
         assert!(flight.voter.clone().vote(&moved(17.64), 10).position.is_some());
         assert!(flight.voter.vote(&moved(17.69), 10).position.is_none());
     }
@@ -740,14 +741,15 @@ fn an_altitude_that_jumps_is_held_back_by_itself() {
         assert_eq!((verdict.members, altitude(&verdict)), (0b111, None));
     }
     assert_eq!(altitude(&flight.tick(high)), Some(1_012.345));
-    // The limit of the step in height is 3 √2 of 2.505 m, and 2 m.
+    // The greatest step in height that counts as no jump is 3 √2 of 2.505 m, and 2 m.
     let reach = 3.0 * 2.0_f64.sqrt() * 2.505 + 2.0;
     for sign in [1.0, -1.0] {
         for (by, shown) in [(reach - 0.01, true), (reach + 0.01, false)] {
             assert_eq!(altitude(&Flight::begun(0).tick(GOOD.raised(sign * by))).is_some(), shown, "{by}");
         }
     }
-    // After ticks without an altitude, the altitude shown last still counts, with the way that is possible since then.
+    // While ticks have no altitude, the altitude shown last stays the reference, and the step allowed from it grows
+    // with the time.
     let mut flight = Flight::begun(0);
     (0..10).for_each(|_| assert_eq!(altitude(&flight.tick(FLAT)), None));
     assert_eq!(altitude(&flight.tick(GOOD.raised(33.0))), None);
@@ -862,7 +864,8 @@ fn wrong() -> impl Strategy<Value = Report> {
 proptest! {
     #![proptest_config(seeded(4_000))]
 
-    /// The result lies between the right receivers, or as far from one of them as two that agree can be apart.
+    /// The result lies between the right receivers, or at most as far from one of them as two receivers that agree can
+    /// be apart.
     // Shows VOTE-8.
     #[test]
     fn one_wrong_receiver_of_three_moves_the_position_within_bounds(

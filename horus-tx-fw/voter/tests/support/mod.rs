@@ -161,7 +161,6 @@ pub(crate) fn geodetic([x, y, z]: Vector) -> (f64, f64) {
         let middle = (low + high) / 2.0;
         let (s, c) = middle.to_radians().sin_cos();
         let root = (A * A * c * c + B * B * s * s).sqrt();
-        // The point lies north of the normal at `middle` if it is beyond that normal.
         let (foot_p, foot_z) = (A * A / root * c, B * B / root * s);
         if (z - foot_z) * c - (p - foot_p) * s > 0.0 { low = middle } else { high = middle }
     }
@@ -222,7 +221,7 @@ impl Moves for Level {
     }
 }
 
-/// The result that was shown last, and each later one that was held back and led to the next, all with their ticks.
+/// The result shown last, and the row of later results that are held back, each with its tick.
 #[derive(Clone, Debug)]
 struct Jumps<T> {
     shown: Option<(u32, T)>,
@@ -236,7 +235,7 @@ impl<T> Default for Jumps<T> {
 }
 
 impl<T: Moves> Jumps<T> {
-    /// Returns the part of `found` that is shown at `now`, if `may_show` allows it.
+    /// Returns `found` if its jump is small enough, or old enough, to be shown at `now`, and `may_show` allows it.
     fn judge(&mut self, now: u32, found: Option<T>, may_show: bool, narrow: &mut bool) -> Option<T> {
         let Some(found) = found else {
             self.held.clear();
@@ -382,7 +381,7 @@ impl Oracle {
             members.clear();
         }
 
-        // The verdict of a tick also names the receivers that were excluded before it.
+        // The list of excluded receivers also names those that were excluded before this tick.
         let mut shown: Vec<usize> = self.excluded.iter().map(|(who, _)| *who).collect();
         let mut next = Vec::new();
         for (who, since) in &self.excluded {
@@ -437,7 +436,6 @@ fn ages(report: &[Report], candidates: &[usize]) -> Vec<f64> {
     let middle = (!candidates.is_empty()).then(|| middle(&mut candidates.iter().map(|i| lag(*i)).collect::<Vec<_>>()));
     let latency = |i: usize| {
         let off = middle.map_or(0.0, |middle| lag(i) - middle);
-        // The ages are multiples of half a millisecond, for which float64 is exact enough.
         0.050 + if off.abs() < 0.0502 { off } else { 0.0 }
     };
     report
