@@ -54,7 +54,7 @@ impl Objects {
         Self(((2_u16 << receivers) - 1) as u8)
     }
 
-    /// Returns the objects of a frame that has this place in the profile.
+    /// Returns the objects of a frame whose objects have this place in the profile.
     #[must_use]
     pub const fn at(place: Place) -> Self {
         Self((((1_u16 << place.count()) - 1) << place.first()) as u8)
@@ -72,7 +72,7 @@ impl Objects {
         Self(self.0 | other.0)
     }
 
-    /// Whether two sets have no object in common.
+    /// Whether the two sets have no object in common.
     #[must_use]
     pub const fn is_disjoint(self, other: Self) -> bool {
         self.0 & other.0 == 0
@@ -89,7 +89,7 @@ impl Objects {
     }
 }
 
-/// The relation of a frame to the frames that were received before it.
+/// The relation of a frame to the frames received before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cycle {
     /// No object of the frame is intact, so no timestamp is known.
@@ -214,7 +214,8 @@ pub struct Acceptance<const N: usize> {
 }
 
 impl<const N: usize> Acceptance<N> {
-    /// The age of the sample at the end of each frame, µs. The second value is not used if a cycle has one frame.
+    /// The age of the sample at the end of each of a cycle's frames, µs. A profile whose cycle has one frame uses only
+    /// the first value.
     const AGE_AT_END_US: [u32; 2] = {
         let first = air::age_at_end_us::<N>(0).expect("a cycle has at least one frame");
         let second = if air::frames(N) == 2 { air::age_at_end_us::<N>(1).expect("of two frames") } else { first };
@@ -263,7 +264,7 @@ impl<const N: usize> Acceptance<N> {
         &self.sequence
     }
 
-    /// Records a frame that carries `places` and whose first intact object has `timestamp`.
+    /// Records a frame that carries the objects `places`, and whose first intact object has `timestamp`.
     fn enter(&mut self, timestamp: Option<u32>, sampled_us: u64, places: Objects) -> Cycle {
         let Some(timestamp) = timestamp else { return Cycle::Unknown };
         let current = self.sequence.last();
@@ -404,7 +405,7 @@ mod tests {
     fn two_frames_of_a_cycle_in_the_wrong_order_are_not_accepted() {
         let mut acceptance = in_sequence::<5>();
         assert_eq!(judge(&mut acceptance, 50, 1, 50_000).accepted, Objects(0b11_1000));
-        // At this sample instant the first frame would have been sent in the slot after that of the second frame.
+        // The first frame's timestamp comes again, with a sample instant that is too late for the same cycle.
         let sampled_us = 50_000 + u64::from(air::send_slot_us::<5>(1).expect("a second frame"));
         let verdict = judge(&mut acceptance, 50, 0, sampled_us);
         assert_eq!((verdict.cycle, verdict.accepted), (Cycle::Next(Judgement::Frozen), Objects::NONE));
@@ -530,7 +531,8 @@ mod tests {
 
     #[test]
     fn bytes_beyond_the_length_of_a_frame_are_no_objects() {
-        // The bytes beyond the first frame's length are GPS3, intact and at the right offset, but no part of it.
+        // The bytes beyond the first frame's length are GPS3, intact and at the right offset, but the first frame does
+        // not carry GPS3.
         let sent = profile::<5>(70);
         let mut arrived = vec![185];
         arrived.extend(&sent.as_bytes()[..244]);
@@ -547,7 +549,7 @@ mod tests {
         arrived.extend(sent.as_bytes());
         let mut early = Early::default();
         early.follow::<3>(&arrived[..65]);
-        // The byte is changed after the object was verified, so the object is still accepted.
+        // A byte of an object that was already verified is changed now, so the object is still accepted.
         let mut payload = sent.as_bytes().to_vec();
         payload[63] ^= 1;
         let verdict = in_sequence::<3>().judge(&payload, &early, end::<3>(50_000, 0)).expect("the length is right");

@@ -35,9 +35,9 @@ use crate::{
     ImageMemory,
 };
 
-/// HORUS wrote what comes over the air.
+/// The claim of HORUS's role: HORUS wrote the objects that come over the air.
 const HORUS: Writer<Horus> = Writer::claim();
-/// The DPR writes Link-Status.
+/// The claim of the DPR's role: the DPR writes Link-Status.
 const DPR: Writer<Dpr> = Writer::claim();
 
 /// The destination of the images that the commit task makes.
@@ -68,13 +68,13 @@ pub struct Commit<const N: usize> {
     monitor: Monitor<N>,
     link: Link,
     shown: Objects,
-    /// The instant, µs since start, of the sample of a first frame whose second frame is awaited.
+    /// The instant of the sample, µs since start, of a cycle of which only the first frame has come.
     open: Option<u64>,
     /// Whether Port-Status and the uplinks have been copied into the image being filled.
     port_placed: bool,
 }
 
-/// Copies the bits of `from` that are set in `mask`. The loop copies five words per turn, for speed.
+/// Copies the bits of `from` that are set in `mask`. For speed the loop copies five words per turn.
 fn copy_masked(to: &mut [u8], from: &[u8], mask: u32) {
     const TURN: usize = 20;
     let copy = |to: &mut [u8], from: &[u8]| {
@@ -121,7 +121,7 @@ impl<const N: usize> Commit<N> {
         self.publish(health, images);
     }
 
-    /// Takes in a frame, and restarts the deadline from the frame's end. Frames must be taken in in the order of their
+    /// Takes in a frame, and restarts the deadline from the frame's end. Frames must be given in the order of their
     /// ends. Returns how many images were published: usually one, none if the cycle's second frame is awaited, and one
     /// more if an earlier image had to be published first.
     ///
@@ -151,7 +151,8 @@ impl<const N: usize> Commit<N> {
             let other_slot = first || !same_sample(sampled_us, verdict.sampled_us);
             let other_cycle = matches!(verdict.cycle, Cycle::Next(_)) && self.shown != Objects::NONE;
             if other_slot || other_cycle {
-                // The open image gets the Link-Status of its own cycle, so it is published before the new frame counts.
+                // The image of the previous cycle gets the Link-Status of that cycle, so it is published before the new
+                // frame counts.
                 self.publish(health, images);
                 published += 1;
             }
@@ -199,7 +200,7 @@ impl<const N: usize> Commit<N> {
         true
     }
 
-    /// Returns the next deadline, a value of the DPR's µs counter, which wraps.
+    /// Returns the next deadline as a value of the DPR's µs counter, which wraps.
     #[must_use]
     pub const fn deadline_us(&self) -> u32 {
         self.monitor.deadline_us()
@@ -216,7 +217,7 @@ impl<const N: usize> Commit<N> {
         let Some(lapse) = self.monitor.lapse(until_us) else { return false };
         self.link.missed(lapse.missed);
         if lapse.silent {
-            // The first frame's objects are too old by now.
+            // When the link is silent, the first frame's objects are too old to be published.
             images.filling().fill(0);
             self.port_placed = false;
             self.shown = Objects::NONE;
@@ -230,7 +231,8 @@ impl<const N: usize> Commit<N> {
         let image: &mut [u8] = bytemuck::cast_slice_mut(images.filling());
         let Ok(objects) = air::objects::<N>(payload) else { return };
         for (index, object) in objects {
-            // Without the barrier the compiler might make a copy and a clear, which take different times.
+            // Without the barrier the compiler might copy accepted objects and clear rejected ones, which would take
+            // different times.
             let mask = black_box(if verdict.accepted.has(index) { u32::MAX } else { 0 });
             let Some(place) = map::profile_object_mut::<_, N>(HORUS, image, index) else { return };
             copy_masked(place, object, mask);

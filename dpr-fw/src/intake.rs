@@ -59,9 +59,10 @@ impl<const N: usize> Intake<N> {
         Self { commit: Commit::new(), started: false, reset_reason }
     }
 
-    /// Serves a call of either task. It publishes the first image at the first call, takes in the frames that wait,
-    /// checks the deadline, and withdraws an image that the idle loop found damaged. Then it sets the timer and begins
-    /// the next image. Returns whether there was any such work; otherwise it prepares an image at most.
+    /// Serves a call of the task `commit` or `deadline`. It publishes the first image at the first call, takes in the
+    /// frames that wait, checks the deadline, and withdraws an image that the idle loop found damaged. Then it sets the
+    /// timer and begins the next image. Returns whether there was any such work; otherwise it prepares an image at
+    /// most.
     pub fn serve<B, I, M, D, S>(
         &mut self,
         rotation: impl Mutex<T = Rotation<B, FrameInfo>>,
@@ -84,7 +85,7 @@ impl<const N: usize> Intake<N> {
         }
         let before = telemetry.publications.get();
         called_for |= take_in(&mut self.commit, rotation, || timer.now_us(), &health, outbox, telemetry);
-        // If an image was just published, the flight controller no longer reads the damaged one.
+        // The flight controller no longer reads the damaged image if another image was just published.
         let replaced = telemetry.publications.get() != before;
         if notices.integrity.take_withdrawal(notices.shown.generation()) && !replaced {
             called_for |= self.commit.withdraw(timer.now_us(), &health, outbox);

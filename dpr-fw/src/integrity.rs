@@ -2,7 +2,7 @@
 //!
 //! # Design
 //!
-//! The idle loop does all of the verifying, in one [slice](firmware_common::patrol) every 2.5 ms:
+//! The idle loop verifies all of this memory, in one [slice](firmware_common::patrol) every 2.5 ms:
 //!
 //! - *The published image*, object by object ([`ImageCheck`]): an object must have a right CRC, or be zero throughout
 //!   where no object was accepted. The idle loop copies the object's words first, and uses the copy only if the image
@@ -52,7 +52,8 @@ use profile::{
 
 use crate::{link::FRAME_DEADLINE_US, protection::NULL_PAGE_END, telemetry::Telemetry};
 
-/// The number of words of each memory in a slice, which takes about 1 % of the time on the pessimistic clock.
+/// The number of words of each memory that one slice verifies. This takes about 1 % of the time on the pessimistic
+/// clock.
 pub const RATE: Rate = Rate { flash_words: 8, code_words: 4, ram_words: 2 };
 
 /// The number of slices that the idle loop does in place of one while a self-test runs.
@@ -100,7 +101,8 @@ const _: () = {
 
 /// The image that the flight controller reads at present. The SSI task may exchange it at any time.
 pub trait Shown {
-    /// Returns how many images were streamed so far; 0 before the first. An equal number means the same image.
+    /// Returns how many images were streamed so far; 0 before the first. Two calls that return the same number saw the
+    /// same image.
     fn generation(&self) -> u32;
 
     /// Copies words of the image from word `first` on. If the image is exchanged meanwhile, the copy is arbitrary.
@@ -175,7 +177,7 @@ impl<const N: usize> ImageCheck<N> {
         if shown.generation() != generation {
             return Found::Unknown;
         }
-        // Link-Status and Port-Status are in every image, so they must not be zero.
+        // Link-Status and Port-Status must not be zero, since every image has them.
         let vacant = object != 0 && object != Self::PORT_STATUS && words.iter().all(|word| *word == 0);
         if vacant || profile::crc::frame_intact(bytemuck::cast_slice(words)) {
             Found::Intact
@@ -191,7 +193,8 @@ pub struct Integrity {
     /// The generation of the image that was found damaged; 0 if none was.
     damaged: AtomicU32,
     flash_fault: AtomicBool,
-    /// Whether flash was found changed, and the image without objects that follows from this was not yet asked for.
+    /// Whether flash was found changed since the commit task last asked. The commit task then publishes an image
+    /// without objects.
     withdraw: AtomicBool,
     self_test: AtomicU32,
 }
@@ -248,12 +251,12 @@ impl Integrity {
     pub fn take_result(&self) -> Option<bool> {
         let state = self.self_test.load(Ordering::Relaxed);
         let ended = state == PASSED || state == FAILED;
-        // The exchange keeps a request for a self-test that comes after the load.
+        // The exchange keeps a request for a self-test that was made after the load.
         let taken = ended && self.self_test.compare_exchange(state, NONE, Ordering::Relaxed, Ordering::Relaxed).is_ok();
         taken.then_some(state == PASSED)
     }
 
-    /// Asks for a self-test while `wanted` and none runs. Returns whether a self-test has passed, once for each.
+    /// Requests a self-test if `wanted` and none runs. Returns whether a self-test has passed, once for each.
     pub fn serve_self_test(&self, wanted: bool) -> Option<bool> {
         if !wanted || self.is_self_test_running() {
             return None;
@@ -280,11 +283,11 @@ impl Integrity {
 /// What the idle loop has to do after a slice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Consequence {
-    /// The idle loop has to do nothing.
+    /// There is nothing to do.
     None,
-    /// The idle loop calls the commit task, because an image has to be withdrawn.
+    /// The commit task has to be called, because an image has to be withdrawn.
     Withdraw,
-    /// The idle loop enters the safe state for this cause, with this detail.
+    /// The DPR has to enter the safe state for this cause, with this detail.
     Stop(Cause, u32),
 }
 
@@ -347,7 +350,8 @@ impl Judge {
             }
         }
         self.end_self_test(integrity);
-        // The most severe findings come last, so that their consequence is the one that is returned.
+        // If a slice has several findings, the consequence of the last one here is returned, so the most severe ones
+        // come last.
         if let Some(address) = slice.code {
             consequence = Consequence::Stop(Cause::CodeInRam, address);
         }

@@ -25,7 +25,7 @@ pub const RESTART_SHOWN_US: u32 = 1_000_000;
 const _: () = {
     let first = air::age_at_end_us::<5>(0).expect("the first frame of two");
     let second = air::age_at_end_us::<5>(1).expect("the second frame of two");
-    // A second frame of the same cycle never comes after the deadline for second frames.
+    // The deadline for second frames lies behind every second frame of the same cycle.
     assert!(second - first + SAME_SAMPLE_US < SECOND_FRAME_US && SECOND_FRAME_US < FRAME_DEADLINE_US);
 };
 
@@ -74,7 +74,7 @@ impl Clock {
     }
 }
 
-/// The frame for which the deadline waits.
+/// The frame that the deadline waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Due {
     /// The deadline waits for the first frame since start, and no frame counts as missed.
@@ -87,7 +87,7 @@ enum Due {
     Cycle,
 }
 
-/// The position in time of a frame that was received.
+/// The sample instant and the number of a frame that was received.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
     sampled_us: u64,
@@ -97,9 +97,10 @@ struct Slot {
 /// The result of the deadlines that have passed since the last call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lapse {
-    /// The number of frames that count as missed now.
+    /// The number of frames that the deadlines of this call count as missed.
     pub missed: u32,
-    /// Whether no frame came in time, so that images must have no objects. If false, only a second frame is late.
+    /// Whether no frame came in time, so that images must have no objects. If false, only the second frame of a cycle
+    /// is late.
     pub silent: bool,
 }
 
@@ -200,7 +201,7 @@ impl<const N: usize> Monitor<N> {
         }
         let silent = self.has_lapsed(now_us);
         if silent {
-            // The passed deadline counts once, and once more for each further period.
+            // A deadline that has passed counts as one missed frame or cycle, and each further period as another.
             let more = now_us.wrapping_sub(self.deadline_us) / SILENCE_US;
             self.deadline_us = self.deadline_us.wrapping_add((more + 1) * SILENCE_US);
             let (due, frames) = match self.due {
@@ -258,7 +259,8 @@ impl Default for Link {
 }
 
 impl Link {
-    /// Returns the state before any frame was received: the age is saturated, and the link is out of sequence.
+    /// Returns the state before any frame was received: the age has its greatest value, and the link is out of
+    /// sequence.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -338,15 +340,16 @@ impl Link {
         })
     }
 
-    /// Returns the numbers of objects accepted and rejected and of frames received and missed, since start, wrapping.
+    /// Returns, since start and wrapping, the numbers of objects accepted, objects rejected, frames received and frames
+    /// missed.
     #[must_use]
     pub const fn counters(&self) -> [u32; 4] {
         [self.accepted, self.rejected, self.received, self.missed]
     }
 
-    /// Returns the µs since `instant_us`, saturating; `u32::MAX` if there was no such instant.
+    /// Returns the µs since `instant_us`, at most `u32::MAX`; `u32::MAX` if there was no such instant.
     fn since_us(&self, instant_us: Option<u64>) -> u32 {
-        // No branch is used, so that the time is the same with and without an instant.
+        // The code has no branch, so that it takes the same time whether there is an instant or not.
         let never = u64::from(instant_us.is_none()).wrapping_neg();
         let passed = self.clock.us().wrapping_sub(instant_us.unwrap_or_default()) | never;
         u32::try_from(passed).unwrap_or(u32::MAX)
@@ -422,7 +425,7 @@ mod tests {
         assert_eq!(monitor.deadline_us(), 32_500);
         assert_eq!(monitor.lapse(32_499), None);
         assert_eq!(monitor.lapse(32_500), OVERDUE(1, true));
-        // Three frames were due, at 20, 30 and 40 ms; the deadlines have counted two of them.
+        // Frames were due at 20, 30 and 40 ms. The deadlines have counted two of them, so one is left.
         assert_eq!(monitor.frame(0, 45_000, 50_000), 1);
         assert_eq!(monitor.frame(0, 55_000, 60_000), 0);
         assert_eq!(monitor.deadline_us(), 72_500);
@@ -430,7 +433,7 @@ mod tests {
 
     #[test]
     fn frames_that_were_due_between_two_are_counted_by_their_slots() {
-        // Each row has number and sample instant (µs) of two frames, and the number of missed frames between them.
+        // Each row has the number and sample instant (µs) of two frames, and the frames that were missed between them.
         for (one, other, missed) in [
             ((0, 0), (1, 0), 0),
             ((1, 0), (0, 10_000), 0),
@@ -452,7 +455,7 @@ mod tests {
         let mut monitor = Monitor::<1>::new();
         monitor.frame(0, 0, 0);
         assert_eq!(monitor.frame(0, 40_000, 0), 3);
-        // The frames that deadlines counted before a frame are not subtracted from those missed after it.
+        // Missed frames that deadlines have counted are subtracted once, from those missed before the next frame.
         let mut monitor = Monitor::<1>::new();
         monitor.frame(0, 0, 5_000);
         assert_eq!(monitor.lapse(37_500), OVERDUE(3, true));
@@ -477,7 +480,7 @@ mod tests {
             }
         }
         assert_eq!(missed, 1 + 1 + 2 * 8);
-        // The missed frames are the second frame of the cycle before and the first frame of this cycle.
+        // Two more frames are missed: the second one of the previous cycle and the first one of this cycle.
         assert_eq!(monitor.frame(1, 100_000, 103_935), 2);
     }
 
@@ -541,12 +544,12 @@ mod tests {
             let status = judged(&mut link, 10 * cycle, 10_000 * cycle);
             assert_eq!(status, LinkStatusBits::new().with_out_of_sequence(out), "cycle {cycle}");
         }
-        // No frame comes for 267.7 ms, and the sequence is lost only after that time.
+        // The sequence is lost only after 267.7 ms without a frame.
         link.advance(40_000 + 267_700);
         assert!(!values(&link).status.out_of_sequence());
         link.advance(40_000 + 267_701);
         assert!(values(&link).status.out_of_sequence());
-        // The repeated timestamp counts as frozen until the next cycle comes.
+        // A repeated timestamp makes HORUS count as frozen until the next cycle comes.
         let frozen = LinkStatusBits::new().with_out_of_sequence(true).with_horus_frozen(true);
         assert_eq!(judged(&mut link, 40, 400_000), frozen);
         assert_eq!(judged(&mut link, 50, 410_000), LinkStatusBits::new().with_out_of_sequence(true));

@@ -145,8 +145,9 @@ mod tests {
     #[test]
     fn tasks_reach_only_the_boards_peripherals_and_two_neighbours() {
         let of_the_board = [0x3000, 0x4000, 0x6000, 0x8000, 0x9000, 0xA000, 0x1_0000, 0x1_A000];
-        // RTC1 and TIMER4 share an eighth with a peripheral of the board, so they are open. With the feature `hold`,
-        // TIMER4, SPIM2 and EGU3 are the board's, and UARTE0, NFCT, SAADC, RTC0 and EGU2 are open beside them.
+        // RTC1 and TIMER4 are open, because each shares an eighth of a region with a peripheral of the board. With the
+        // feature `hold`, TIMER4, SPIM2 and EGU3 are the board's, and UARTE0, NFCT, SAADC, RTC0 and EGU2 are open
+        // beside them.
         let beside: &[u32] = if cfg!(feature = "hold") {
             &[0x1_1000, 0x1_B000, 0x2_3000, 0x1_7000, 0x2000, 0x5000, 0x7000, 0xB000, 0x1_6000]
         } else {

@@ -43,7 +43,7 @@ const _: () = assert!((LEAD + PAYLOAD_OFFSET).is_multiple_of(4));
 /// takes 0.26 ms at worst (store-and-forward) and re-arming 0.03 ms. Only the read-back of a setting may last longer.
 pub const RESUME_AFTER_US: u32 = 80;
 
-/// The hardware that the executor needs, with the receive buffer that is being written.
+/// The hardware that the executor needs, and the receive buffer that is being written.
 pub trait FrontEndPort: executor::Port {
     /// The type of a receive buffer.
     type Buffer: Memory;
@@ -135,7 +135,7 @@ impl<P: FrontEndPort> Reception<P> {
     /// Starts to bring up the front end, and returns the state of the RFID tasks.
     pub fn start(listener: Listener, port: P) -> Self {
         let mut executor = Executor::new(listener, port);
-        // A bring-up begins with a transfer, which gives no event.
+        // A bring-up begins with a transfer, so the first step of the executor gives no event.
         let event = executor.resume();
         debug_assert!(event.is_none(), "{event:?}");
         Self { executor, early: Early::default() }
@@ -155,8 +155,7 @@ impl<P: FrontEndPort> Reception<P> {
         while let Some(happened) = event {
             match happened {
                 ListenerEvent::Frame { len, flags } => {
-                    // If the front end is already within a field when it begins to listen, it may not report that
-                    // field.
+                    // A front end that is already within a field when it begins to listen may not report that field.
                     front_end.lock(|state| *state = FrontEnd::Listening { field: true });
                     telemetry.chip_crc_flags.add(u32::from(!flags.is_clean()));
                     let info =
@@ -229,7 +228,7 @@ impl<P: FrontEndPort> Reception<P> {
     }
 }
 
-/// Replaces the buffer of a frame that will not be delivered by a clean one.
+/// Gives up the frame that is being received: its buffer is replaced by a clean one.
 fn replace_buffer<P: FrontEndPort>(
     executor: &mut Executor<Listener, P>,
     rotation: &mut impl Mutex<T = Rotation<P::Buffer, FrameInfo>>,

@@ -144,14 +144,15 @@ impl SignOfLife {
     /// the cycle of that call they are half of the watchdog's 100 ms.
     pub const MOST: u32 = 3;
 
-    /// Returns the state at the start. The start has taken up to a third of the watchdog's time, so a transaction that
-    /// is under way then is waited for during one cycle only.
+    /// Returns the state at the start. The start has taken up to a third of the watchdog's time. So a transaction that
+    /// is in progress at the start is waited for during one cycle only.
     #[must_use]
     pub const fn new() -> Self {
         Self { transactions: 0, waited: Self::MOST - 1 }
     }
 
-    /// Whether to call the task so that it checks in, given the transactions so far. To be asked once a cycle.
+    /// Whether to call the SSI task so that it checks in, given the number of transactions so far. To be asked once a
+    /// cycle.
     pub fn is_due(&mut self, transactions: u32, is_selected: bool) -> bool {
         let has_come = transactions != self.transactions;
         self.transactions = transactions;
@@ -247,7 +248,7 @@ mod tests {
             prop_assert!(window.start < window.end && window.end <= 156);
             if !damage {
                 let inside = length > 0 && usize::from(offset) + usize::from(length) <= 156;
-                // The request (0, 0) has a CRC that is not zero, so it is a request for no bytes.
+                // A request for no bytes, (0, 0), has a CRC other than zero, so it does not look like an idle line.
                 let expected = match inside {
                     true => Asked::Window,
                     false if mosi == [0xFF; 8] => Asked::Nothing,

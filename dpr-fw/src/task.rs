@@ -13,7 +13,7 @@ pub mod hold {
 
     macro_rules! names {
         ($($name:ident $vector:ident)*) => {
-            /// The names of these tasks with their interrupt vectors.
+            /// The names of the second port's tasks with their interrupt vectors.
             pub const TASKS: &[(&str, &str)] = &[$((stringify!($name), stringify!($vector))),*];
         };
     }

@@ -37,7 +37,7 @@ const READY: u64 = 60 * MS;
 /// The time from the last clock of the transmit command to the answer's first bit, ns.
 const LATENCY: u64 = 3_650;
 
-/// An SPI transfer that is under way, or that begins at `start`.
+/// An SPI transfer in progress, or one that begins at `start`.
 struct Transfer {
     mosi: Vec<u8>,
     miso: Vec<u8>,
@@ -45,7 +45,7 @@ struct Transfer {
 }
 
 impl Transfer {
-    /// Returns the time at which the next byte ends.
+    /// Returns the time at which the transfer's next byte ends.
     fn next(&self) -> Option<u64> {
         let done = self.miso.len() as u64;
         (self.miso.len() < self.mosi.len()).then(|| self.start + (done + 1) * BYTE_NS)
@@ -58,7 +58,7 @@ struct World {
     now: u64,
     air: VecDeque<(u64, AirEvent)>,
     transfer: Option<Transfer>,
-    /// Whether transfers neither end nor can be stopped.
+    /// Whether SPI transfers hang: they do not end and cannot be stopped.
     stuck: bool,
     irq: bool,
     irq_rose: u64,
@@ -499,7 +499,7 @@ fn frames_at_every_opportunity_are_served_within_the_budget() {
     let before = dpr.calls;
     dpr.run_to(at);
     let windows = ((at - begin) / MS) as u32 * 1_000 / Budget::WINDOW_US + 1;
-    // The calls that only make the tasks check in come on top of the budget.
+    // Calls that only make the tasks check in are not bounded by the budget.
     let most = windows * (Budget::CALLS + 1) + ((at - begin) / CHECK_IN) as u32;
     assert!(windows > 5 && dpr.calls - before <= most, "{} calls in {windows} windows", dpr.calls - before);
     assert!(dpr.telemetry.rests.get() + 1 >= windows && dpr.telemetry.calls_most.get() <= Budget::CALLS);

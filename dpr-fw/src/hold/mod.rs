@@ -59,16 +59,16 @@ pub type AnswerMemory = [u32; (LEAD + 1 + Answer::SIZE) / 4];
 /// The memory that the second port's SPI accesses, except the receive buffers.
 #[derive(Debug)]
 pub struct SpiMemory {
-    /// The bytes of a short transfer, or the read command.
+    /// The bytes that a short transfer sends, or the command of a read.
     pub tx: [u8; Short::MAX],
-    /// The bytes that a short transfer receives.
+    /// The bytes that come in during a short transfer.
     pub rx: [u8; Short::MAX],
     /// The answer that is sent.
     pub answer: AnswerMemory,
 }
 
 impl SpiMemory {
-    /// Zeros, for the start.
+    /// The memory at the start, all zeros.
     pub const NEW: Self = Self { tx: [0; Short::MAX], rx: [0; Short::MAX], answer: [0; (LEAD + 1 + Answer::SIZE) / 4] };
 }
 

@@ -18,12 +18,12 @@ use crate::{
 
 /// The hardware that the second port needs in addition to that of a port that only receives.
 pub trait AnswerPort: FrontEndPort {
-    /// Returns the value of the timer that also gives [`FrontEndPort::irq_edge_us`], µs.
+    /// Returns the present value, µs, of the timer that also captures [`FrontEndPort::irq_edge_us`].
     fn now_us(&mut self) -> u32;
     /// Copies the answer to where the driver loads it from. It is never called during a load.
     fn put(&mut self, answer: &Answer);
-    /// Sets up the transfer of [`Answerer::transmit`], which the timer starts at counter value `at_us`. The executor's
-    /// next transfer is this one. Returns false, and starts nothing, if that instant has passed.
+    /// Sets up the transfer of [`Answerer::transmit`], which the executor starts next. The timer starts it at counter
+    /// value `at_us`. Returns false, and sets nothing up, if that instant has passed.
     fn arm(&mut self, at_us: u32) -> bool;
     /// Makes sure that the timer starts no transfer within the next 71 minutes, unless an answer is armed.
     fn park(&mut self);
@@ -67,7 +67,7 @@ where
 {
     /// Starts to bring up the front end.
     pub fn start(port: P, rotation: Rotation<P::Buffer, Length>, now_us: u32) -> Self {
-        // A frame is short, so it is read after its end, which takes fewer calls.
+        // The hold's frame is short, so it is read after its end in one piece, which takes fewer calls.
         let config = ListenerConfig { read_mode: ReadMode::StoreAndForward, ..ListenerConfig::new() };
         let mut executor = Executor::new(Answerer::new(config), port);
         let event = executor.resume();
@@ -171,8 +171,8 @@ where
         let begin = LEAD + st25r3916::listener::PAYLOAD_OFFSET;
         let payload = bytes.get(begin..begin + received.about()).unwrap_or(&[]);
         let judged = shared.lock(|shared| {
-            // The lock comes first: otherwise the task `port` could have advanced the shared clock beyond this
-            // `now_us`.
+            // The lock is taken before `now_us` is read. Otherwise the task `port` could advance the shared clock
+            // beyond `now_us`.
             let (now_us, since_us) = (now_us(), executor.port().now_us().wrapping_sub(*ended_us));
             shared.receive(payload, now_us.wrapping_sub(since_us), now_us)
         });

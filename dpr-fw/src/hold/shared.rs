@@ -24,7 +24,7 @@ pub struct Area {
 }
 
 impl Area {
-    /// Zeros. No object in them has a right CRC.
+    /// An area of zeros, in which no object has a right CRC.
     pub const EMPTY: Self = Self { port: PortArea::EMPTY, hold: [0; SHOWN] };
 
     /// Copies the area into `map`, which has the objects of `N` receivers.

@@ -7,7 +7,7 @@ use firmware_common::memory;
 
 /// The address of the image buffer that the SSI streams; 0 before the first image.
 static ADDRESS: AtomicU32 = AtomicU32::new(0);
-/// The number of images that the SSI has streamed so far, without 0 when it wraps.
+/// The number of images that the SSI has streamed so far. When it wraps, it skips 0.
 static GENERATION: AtomicU32 = AtomicU32::new(0);
 
 /// Records that the SSI task has taken another image. To be called before the previous image's buffer can be scrubbed,

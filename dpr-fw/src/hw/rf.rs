@@ -38,7 +38,7 @@ impl RfEdge {
         Self(gpiote)
     }
 
-    /// Clears the interrupt. No edge is lost by that, because the driver reads the level of the pin.
+    /// Clears the interrupt of the IRQ's edge. No edge is lost, because the driver reads the level of the pin.
     pub(crate) fn clear(&mut self) {
         let channel = self.0.channel0();
         take_event!(*channel.event());
@@ -60,7 +60,7 @@ pub(crate) trait Sends {
     /// Puts the FIFO load command before the `len` bytes at `offset` of the bytes to send. Returns the command with
     /// these bytes, or `None` if they do not exist.
     fn load(&mut self, offset: usize, len: usize) -> Option<&[u8]>;
-    /// Whether a timer, not the port, starts the present transfer, which is then already set up.
+    /// Whether the present transfer is already set up, and a timer starts it instead of the port.
     fn is_armed(&self) -> bool;
     /// Counts the bytes of a transfer.
     fn carries(&mut self, bytes: usize);
@@ -68,11 +68,11 @@ pub(crate) trait Sends {
     fn disarm(&mut self);
     /// Returns the time limit, counted from `now_us`, of a transfer that may take `us` from its start.
     fn limit_us(&self, us: u32, now_us: u32) -> u32;
-    /// Is called if the SPIM does not stop. Its buffers are never released then, because it may still write to them.
+    /// Is called if the SPIM does not stop. The SPIM may still write to its buffers, so they are never released.
     fn does_not_stop(&mut self);
 }
 
-/// The wiring of HORUS's front end, which sends nothing.
+/// HORUS's front end, which sends nothing.
 pub(crate) struct Horus;
 
 impl Wiring for Horus {
@@ -111,7 +111,8 @@ enum Transfer {
     Short {
         len: usize,
     },
-    /// A read of the FIFO. It overwrites the byte before `offset` in the buffer, which had the value `kept`.
+    /// A read of the FIFO. The chip's first byte overwrites the byte before `offset` in the buffer, whose value was
+    /// `kept`.
     Read {
         offset: usize,
         len: usize,
@@ -176,7 +177,7 @@ impl<W: Wiring> Port<W> {
         }
     }
 
-    /// Sets the SPIM up to send `send` bytes from `from` and to receive `receive` bytes at `into`, and selects the
+    /// Sets the SPIM up to send `send` bytes from `from` and to receive `receive` bytes at `into`. Then selects the
     /// chip.
     ///
     /// # Safety
@@ -251,7 +252,7 @@ impl<W: Wiring> executor::Port for Port<W> {
         let Some(receive) = &mut self.receive else { return false };
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(receive.memory().as_mut_slice());
         let place = LEAD + offset - 1;
-        // The slice has one byte before the data, for the byte that the chip returns under the command.
+        // The slice begins one byte before the data, where the byte goes that the chip returns during the command.
         let into = &mut bytes[place..place + 1 + len];
         self.transfer = Transfer::Read { offset, len, kept: into[0] };
         self.tx[0] = command::FIFO_READ;

@@ -40,7 +40,7 @@ pub type Brought<B> = Received<B, Transaction>;
 /// The queues between the SSI task and the port task.
 #[derive(Debug)]
 pub struct Areas<B> {
-    // A queue of heapless holds one item less than its length.
+    // A queue of the crate heapless holds one item less than its length.
     brought: Queue<Brought<B>, AREAS>,
     clean: Queue<Clean<B>, AREAS>,
 }
@@ -99,9 +99,10 @@ pub enum HandedOver {
     Waits,
     /// The transaction brought no byte.
     Empty,
-    /// The transaction was dropped with its object, since two others wait already.
+    /// The transaction was dropped with the object that it brought, since two other transactions wait already.
     Dropped,
-    /// The transaction was dropped, since two others wait already. It brought no object, since the line was idle.
+    /// The transaction was dropped, since two other transactions wait already. It brought no object, since the line was
+    /// idle.
     DroppedIdle,
 }
 

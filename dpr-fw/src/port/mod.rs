@@ -44,14 +44,14 @@ use crate::{
 use areas::Transaction;
 use newer::Timestamps;
 
-/// The values of a word that an idle line, one that is not driven, brings.
+/// The values that a word has when the line is idle or not driven.
 pub const IDLE: [u32; 2] = [0, u32::MAX];
 
 /// Whether `bytes` are all 0x00 or all 0xFF, as an idle line brings them.
 fn is_idle(bytes: &[u8]) -> bool {
     let (words, rest) = bytes.as_chunks();
     let words = words.iter().map(|word| u32::from_le_bytes(*word));
-    // The byte is repeated four times, so that it compares with a word.
+    // The idle byte is repeated four times, so that it can be compared with a word.
     let rest = rest.iter().map(|byte| u32::from(*byte) * 0x0101_0101);
     let (any, all) = words.chain(rest).fold((0, u32::MAX), |(any, all), word| (any | word, all & word));
     any == 0 || all == u32::MAX
@@ -91,7 +91,7 @@ impl<W: WritesUplink> Slot<W> {
         Self { timestamps: Timestamps::new(), stored: Uplink::EMPTY, stored_us: None, writer: PhantomData }
     }
 
-    /// Stores an uplink that came in at `now_us`, if it is newer than the writer's last one.
+    /// Stores an uplink that came in at `now_us`, if it is newer than its writer's last one.
     fn store(&mut self, uplink: &Uplink, now_us: u64) -> Result<(), Violation> {
         if !self.timestamps.accept(uplink.timestamp()) {
             return Err(Violation::UplinkNotNewer);
@@ -171,7 +171,8 @@ impl WritePort {
     pub fn transaction(&mut self, transaction: Transaction, area: &ReceiveArea, now_us: u32) -> bool {
         self.clock.advance(now_us);
         let total = self.total;
-        // Areas are scrubbed, so only zeros mean that no byte came in: the transaction just read, as most do.
+        // Areas are scrubbed, so an area of zeros means that the transaction brought no byte. Most transactions only
+        // read.
         if area.iter().all(|word| *word == 0) {
             return false;
         }

@@ -150,7 +150,7 @@ fn an_idle_line_of_any_length_is_no_violation_and_changes_nothing() {
             assert!(!bench.port.last_refused());
         }
     }
-    // Request, object and the bytes after it may each be idle at 0x00 or at 0xFF.
+    // The bytes of request and object, and those after the object, may each be idle at 0x00 or at 0xFF.
     let mut bench = Bench::new();
     assert!(!bench.clock(&[[0x00; 8].as_slice(), &[0xFF; 64], &[0x00; 8]].concat()));
     assert!(!bench.clock(&[[0xFF; 8].as_slice(), &[0x00; 64], &[0xFF; 8]].concat()));
@@ -353,7 +353,7 @@ fn a_second_self_test_is_refused_while_the_first_runs() {
         assert_eq!(bench.values().status, before.with_last_refused(false).with_self_test_running(true));
         bench.write(command(10 * round + 2, Command::SelfTest).as_bytes());
         assert_eq!(bench.values().violations.of(Violation::CommandBusy), u16::try_from(round).expect("few") + 1);
-        // A command that was refused because a self-test was under way is not carried out later either.
+        // A command that was refused during a self-test is not carried out after the self-test either.
         bench.port.self_test_done(passed);
         bench.write(command(10 * round + 2, Command::SelfTest).as_bytes());
         assert!(!bench.port.self_test_requested());
@@ -412,8 +412,8 @@ fn mosi() -> impl Strategy<Value = Vec<u8>> {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2_000))]
-    /// The place of an uplink holds zeros, or an intact uplink of its own writer that was written less than 500 ms
-    /// before. No other bytes that were written can be read back.
+    /// Where an image has an uplink, there are zeros, or an intact uplink of its own writer that was written less than
+    /// 500 ms before. No other bytes that were written can be read back.
     #[test]
     fn whatever_is_clocked_in_only_the_uplinks_and_the_counters_change(
         transactions in prop::collection::vec((mosi(), 0_u32..300), 0..40),
@@ -446,7 +446,8 @@ proptest! {
                 prop_assert_eq!(fresh, place != &Uplink::EMPTY && written.iter().any(recent));
                 prop_assert!(fresh || (place == &Uplink::EMPTY && verified == Err(Rejection::Crc)));
             }
-            // The flight controller cannot change the DPR's faults. A transaction counts as three violations at most.
+            // Nothing that the flight controller writes changes the DPR's counts of its own faults. A transaction
+            // counts as three violations at most.
             let faults = [values.integrity_faults, values.flash_passes, values.stuck_bits, values.buffers_out_of_use];
             prop_assert_eq!((faults, values.last_stop), ([0; 4], 0));
             let cleared = values.last_command == Command::ClearCounters.word();

@@ -50,14 +50,15 @@ impl<B: Memory> Scrubbable for Mailbox<B> {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Taken {
-    /// Whether the image is newer than the one that was streamed before it.
+    /// Whether the image is newer than the one streamed before.
     pub(super) newer: bool,
     pub(super) announced: bool,
 }
 
 /// The operations on the SSI's hardware that the commit task needs.
 pub trait Doorbell {
-    /// Asks for the semaphore, and calls the SSI task. Returns whether a transaction is under way and still has it.
+    /// Requests the semaphore, and calls the SSI task. Returns whether a transaction is in progress and keeps the
+    /// semaphore.
     fn request(&mut self) -> bool;
     /// Raises FRESH, which also restarts the time until the image expires.
     fn announce(&mut self);

@@ -15,9 +15,9 @@ use crate::{
 /// The events on the SSI since the SSI task was last called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Events<'a> {
-    /// Whether the processor has the semaphore.
+    /// Whether the processor owns the buffers, that is, has the semaphore.
     pub ours: bool,
-    /// The bytes that the ended transaction clocked in, as far as they fit; `None` if no transaction has ended.
+    /// The bytes that came in during the ended transaction, as far as they fit; `None` if no transaction has ended.
     pub received: Option<&'a [u8]>,
     /// Whether the ended transaction clocked out more bytes than its window has.
     pub over_read: bool,
@@ -34,7 +34,8 @@ pub trait Ssi {
     /// transaction: if a transaction ends between the two reads, the next call returns the semaphore. After an end, the
     /// peripheral's events do not call the task until the pause that [`Ssi::pass_on`] begins is over.
     fn take_events(&mut self) -> Events<'_>;
-    /// Takes the bytes and the request of the ended transaction for the port task. Called before the next release.
+    /// Takes the bytes and the request of the ended transaction for the port task. Called before the next release of
+    /// the buffers.
     fn hand_over(&mut self, asked: Asked) -> HandedOver;
     /// Passes the taken bytes on to the port task, calls that task, and begins the pause of
     /// [`PAUSE_US`](crate::ssi::PAUSE_US) anew. Called after the next release, for which the flight controller waits.
@@ -101,7 +102,7 @@ impl<const LEN: usize> Server<LEN> {
         if newer {
             self.budget = Budget::new();
         }
-        // An image that was announced during a transaction may have expired before that transaction ended.
+        // An image may expire during a transaction, after it was announced and before the transaction ended.
         let announce = newer && !announced;
         if !announce && ssi.is_expired() {
             telemetry.images_expired.add(1);

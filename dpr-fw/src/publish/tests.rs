@@ -36,7 +36,7 @@ enum Semaphore {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Happening {
     Nothing,
-    /// The flight controller selects the DPR, unless it has already.
+    /// The flight controller selects the DPR, unless the DPR is selected already.
     Select,
     /// The flight controller deselects the DPR, and the transaction ends.
     Deselect,
@@ -61,9 +61,9 @@ struct World {
     paused: bool,
     /// The number of the image that the last release gave to the SPIS.
     loaded: Option<u32>,
-    /// What the transaction under way reads; `None` if none is under way.
+    /// What the present transaction reads; `None` between transactions.
     selected: Option<Read>,
-    /// The bytes that the transaction under way will have clocked in at its end.
+    /// The bytes that will have come in when the present transaction ends.
     mosi: Vec<u8>,
     /// The number of the newest image for which FRESH has risen.
     announced: u32,
@@ -130,7 +130,7 @@ impl World {
             Happening::Select => {}
             Happening::Deselect => {
                 if let Some(Read::Image(_)) = self.selected.take() {
-                    // The shortcut from END to ACQUIRE takes effect here.
+                    // In hardware, END triggers ACQUIRE at this moment.
                     self.end = true;
                     self.semaphore = Semaphore::Cpu;
                     self.acquired = true;
@@ -189,7 +189,7 @@ impl Board {
         board
     }
 
-    /// Makes the next event happen in hardware, and then lets the SSI task interrupt.
+    /// Makes the next event happen in hardware, and then runs the SSI task if it is called.
     fn point(&self) {
         let next = self.world.borrow_mut().happenings.pop_front();
         self.world.borrow_mut().happen(next.unwrap_or(Happening::Nothing));
@@ -238,7 +238,7 @@ impl Board {
         found.buffers
     }
 
-    /// Makes a whole transaction, without any other event until the pause after it is over.
+    /// Makes a whole transaction and the pause after it, without any other event.
     fn read(&self, mosi: &[u8]) -> Read {
         self.world.borrow_mut().mosi = mosi.to_vec();
         for what in [Happening::Select, Happening::Deselect, Happening::PauseEnd] {
@@ -346,7 +346,7 @@ impl Ssi for SsiModel {
     }
 
     fn announce(&mut self) {
-        // No image can be published while the SSI task runs, so the image that it has taken is the newest.
+        // The image that the SSI task has taken is the newest, since no image can be published while the SSI task runs.
         self.board.clone().expect("on the board").announce();
     }
 
@@ -403,7 +403,8 @@ proptest! {
 
 #[test]
 fn fresh_rises_before_the_image_is_released() {
-    // The flight controller selects at each access in turn, and never reads the new image before FRESH has risen.
+    // The flight controller selects the DPR at a different access in each turn. It must never read the new image before
+    // FRESH has risen.
     let mut busy = 0;
     for at in 0..20 {
         let board = Board::new();

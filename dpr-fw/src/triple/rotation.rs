@@ -36,7 +36,7 @@ impl<B: Memory, I> Rotation<B, I> {
     ///
     /// # Panics
     ///
-    /// This never panics, since [`RECEIVE_LEAST`] buffers stay in use.
+    /// Cannot panic, since [`RECEIVE_LEAST`] buffers always stay in use.
     pub fn new(buffers: [B; RECEIVE_BUFFERS]) -> (Filling<B>, Self, Scrubbed) {
         let mut rotation =
             Self { clean: Deque::new(), received: Deque::new(), dirty: Deque::new(), in_use: InUse::ALL };

@@ -54,7 +54,7 @@ struct Bounds {
     /// The number of bits that may get stuck, in any buffer from number `stick_from` on.
     sticks: u8,
     stick_from: usize,
-    /// Whether the commit task publishes images: one at start, and one for each frame and each deadline.
+    /// Whether the commit task publishes images: one at the start, and one for each frame and each deadline.
     publishes: bool,
     mutation: Mutation,
 }
@@ -62,20 +62,20 @@ struct Bounds {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mutation {
     None,
-    /// If two frames wait, the newer one is read first.
+    /// The newer one of two waiting frames is read first.
     RotationOrder,
     NoScrub,
     /// A scrub does not report the stuck bit that it found, so the buffer stays in use.
     FaultyUsedAgain,
     /// A store to the image may come after the release of that image.
     NoFenceBeforeRelease,
-    /// The received bytes may be loaded before the end of the transaction is read.
+    /// The received bytes may be loaded before the end of the transaction is known.
     NoFenceAfterEnd,
     /// FRESH rises when the image is published, before the commit task has taken back the image that the SPIS has.
     FreshBeforeTaken,
     /// FRESH rises after the image is released instead of before.
     FreshAfterRelease,
-    /// The end of a transaction is read before the semaphore.
+    /// The event END is read before the semaphore.
     EndBeforeSemaphore,
     /// An image that was announced during a transaction is released without a check whether it has expired.
     ExpiryNotAskedAgain,
@@ -83,9 +83,9 @@ enum Mutation {
     NoSecondCompare,
     /// The event of the expiry timer's compare is cleared before the timer.
     EventClearedBeforeTimer,
-    /// No pause masks the end of a transaction, so it calls the task at any time.
+    /// No pause masks the end of a transaction, so that each end calls the SSI task.
     NoPause,
-    /// The pause begins although its compare is not set, so it never ends.
+    /// A pause begins although its compare is not set, so that the pause never ends.
     PauseWithoutEnd,
     /// When a pause begins anew, the event of the previous pause's end is not cleared, and ends the new pause.
     OldPauseEndKept,

@@ -39,11 +39,12 @@ pub(crate) enum Task {
     Ssi = 5,
 }
 
-/// The priority ceilings of the two locks: the highest priority among the tasks that share the resource.
+/// The priority ceilings of the locks on the mailbox and on the rotation. A ceiling is the highest priority among the
+/// tasks that share the resource.
 const ROTATION_CEILING: u8 = Task::Receive as u8;
 const MAILBOX_CEILING: u8 = Task::Ssi as u8;
 
-/// These are the pieces of state that a task may hold, as indices into the digests of them.
+/// The digest of each of five pieces of state that a task may hold has a fixed index.
 const MAILBOX: usize = 0;
 const ROTATION: usize = 1;
 const SSI: usize = 2;
@@ -55,7 +56,7 @@ const FILLING: usize = 4;
 struct Frame {
     task: Task,
     seen: u64,
-    /// Whether the task has scrubbed a buffer since its last lock.
+    /// Whether the task has scrubbed a buffer since it last held a lock.
     scrubbed: bool,
 }
 
@@ -72,7 +73,7 @@ struct Board {
     bounds: Bounds,
     hw: RefCell<Hardware>,
     called: Cell<Called>,
-    /// The priority that BASEPRI masks.
+    /// The priority up to which BASEPRI masks interrupts.
     mask: Cell<u8>,
     frames: RefCell<Vec<Frame>>,
     rotation: RefCell<Option<Rotation<Buffer, u8>>>,
@@ -81,7 +82,7 @@ struct Board {
     receiving: RefCell<Option<Filling<Buffer>>>,
     filling: RefCell<Option<Filling<Buffer>>>,
     telemetry: Telemetry,
-    /// The digests of the five states above, which cannot be read while a task holds them.
+    /// The digests of the five pieces of state, kept here because a state cannot be read while a task holds it.
     digests: Cell<[u64; 5]>,
     /// The frames that were handed on to the commit task and not read yet.
     handed: RefCell<Vec<u8>>,
@@ -290,7 +291,7 @@ impl At {
         self.0.mask.get().max(running as u8)
     }
 
-    /// Runs each called task whose priority is above that of the code that runs.
+    /// Runs each called task whose priority is above that of the running code.
     fn interrupts(&self) {
         loop {
             let level = self.level();
