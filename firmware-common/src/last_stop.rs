@@ -78,7 +78,8 @@ causes! {
 }
 
 impl Cause {
-    /// Whether the cause is memory that does not hold what was written to it: flash, code in RAM, guards, RAM in use.
+    /// Whether the cause is memory that does not hold what was written to it: flash, code in RAM, guard words, or RAM
+    /// in use.
     #[must_use]
     pub const fn is_memory_fault(self) -> bool {
         matches!(self, Self::Flash | Self::CodeInRam | Self::GuardWord | Self::Ram)
@@ -89,7 +90,7 @@ impl Cause {
     }
 }
 
-/// The end of the path of a source file, padded with zeros.
+/// The last characters of the path of a source file, padded with zeros.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Place([u8; Self::LEN]);
 
@@ -266,7 +267,7 @@ fn check_word(words: &[u32; WORDS]) -> u32 {
 
 fn fault_in_words(cause: Cause, cfsr: u32) -> &'static str {
     let bits: &[(u32, &str)] = match cause {
-        // The refused access comes first: it is also the reason why a frame could not be stacked.
+        // A refused access comes before a failed entry to the handler, which it may have caused.
         Cause::MemoryProtection => {
             &[(0, "execution"), (1, "data access"), (4, "exception entry"), (3, "exception return"), (5, "FPU state")]
         }

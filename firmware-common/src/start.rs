@@ -45,7 +45,7 @@ mod memory {
         ".type __prepare_memory, %function",
         ".thumb_func",
         "__prepare_memory:",
-        // No stack is used here, since it lies in the memory that is tested.
+        // The test changes the memory of the stack, so the stack is not used here.
         "mov r8, lr",
         "bl __test_memory",
         #[cfg(feature = "hot")]

@@ -77,7 +77,8 @@ impl Outcome {
     }
 }
 
-/// Returns the outcome of this start's test once, so that a later start that ends before its test does not read it.
+/// Returns the result of this start's test once. A second call returns that no test was done, and so does a later start
+/// that ends before its test.
 pub fn take() -> Outcome {
     Outcome::of(MEMORY_TEST.swap(0, Ordering::Relaxed))
 }
@@ -147,7 +148,7 @@ mod test {
         "visit_down r3, r4",
         "mov r2, r1",
         "visit_down r4, r3",
-        // Each word is read once more, and written with the value that it already has.
+        // In this visit each word is read once more, and written with the value that it already has.
         "visit_up r3, r3",
         "3:",
         "bx lr",
@@ -180,7 +181,7 @@ mod test {
     );
     core::arch::global_asm!(
         ".section .text.__test_memory, \"ax\", %progbits",
-        // The registers r3 and r4 hold two words, which are tested upwards and downwards.
+        // Registers r3 and r4 hold the contents of two words, which are tested upwards and then downwards.
         "ldr r0, =__suninit",
         "ldr r1, =__ram_end",
         "4:",

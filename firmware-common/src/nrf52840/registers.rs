@@ -43,13 +43,13 @@ pub fn open_debug_port(ficr: &pac::FICR, uicr: &pac::UICR) -> DebugPort {
     debug_port::open(&mut Protection { ficr, uicr })
 }
 
-/// A word that keeps its value over every reset that leaves the RAM powered.
+/// A word of RAM that keeps its value over every reset that leaves the RAM powered.
 #[link_section = ".uninit.RAM_KEPT"]
 static RAM_KEPT: AtomicU32 = AtomicU32::new(0);
 /// The value of [`RAM_KEPT`] once the firmware has run since power-on.
 const KEPT: u32 = 0x4450_5221;
 
-/// Returns the reason of the last reset. Call it once only: the first call marks the RAM as kept.
+/// Returns the reason of the last reset. To be called only once, because the first call marks the RAM as kept.
 pub fn reset_reason() -> ResetReason {
     let ram_kept = RAM_KEPT.swap(KEPT, Ordering::Relaxed) == KEPT;
     reset::reason(start::reset_flags(), ram_kept)
@@ -59,7 +59,7 @@ pub fn reset_reason() -> ResetReason {
 /// wait has no limit.)
 #[must_use]
 pub fn start_crystal(clock: &pac::CLOCK) -> bool {
-    // The event HFCLKSTARTED may still be set from an earlier start (anomaly 36).
+    // The event HFCLKSTARTED may be left over from an earlier start (anomaly 36), so it is cleared first.
     clock.events_hfclkstarted.reset();
     // SAFETY: 1 is a valid value of a task register.
     clock.tasks_hfclkstart.write(|w| unsafe { w.bits(1) });
