@@ -16,9 +16,10 @@ use crate::{Answerer, AnswererEvent, Exchange, ExchangeEvent, Listener, Listener
 /// The longest duration of a transfer, µs. 258 bytes at 8 MHz take 258 µs; the rest is margin.
 pub const TRANSFER_US: u32 = 1_000;
 
-/// The number of steps without a transfer or a wait after which a call returns. The machines need two at most.
+/// The number of steps in one call, none of them a transfer or a wait, after which the call returns. The machines need
+/// two at most.
 const STEPS: u32 = 8;
-/// The pause, µs, after a machine has taken [`STEPS`] such steps.
+/// The pause, µs, after a call that took [`STEPS`] steps without a transfer or a wait.
 const PAUSE_US: u32 = 1_000;
 
 /// The machine that an executor drives: [`Poller`], [`Listener`], [`Exchange`] or [`Answerer`].
@@ -83,11 +84,11 @@ pub trait Port {
         false
     }
 
-    /// Whether the transfer has ended, with or without success, and chip select is high again. After it has returned
+    /// Whether the transfer has ended, with or without success, and chip select is high again. Once this has returned
     /// true, the executor does not call it again before the next transfer.
     fn ended(&mut self) -> bool;
 
-    /// The bytes that the ended transfer has clocked in, as [`Input::Done`] describes them.
+    /// Returns the bytes that came in during the transfer that has ended, as [`Input::Done`] describes them.
     ///
     /// # Errors
     ///
@@ -111,12 +112,12 @@ pub trait Port {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Waiting {
     Transfer,
-    /// The IRQ pin or the timer, whichever comes first.
+    /// The IRQ pin or the end of the timer, whichever comes first.
     IrqOrTime,
     Time,
-    /// The timer, before the machine continues after an event.
+    /// The end of the timer, before the machine continues after an event.
     Later,
-    /// The owner, which has got an event and has not called the executor since.
+    /// The owner's next call: the owner has got an event and has not called the executor since.
     Owner,
 }
 
@@ -129,7 +130,8 @@ pub struct Executor<M, P> {
     loading: bool,
     /// The number of bytes of the frame in the buffer once the present read has ended; `None` if no read is running.
     reading_to: Option<NonZeroUsize>,
-    /// The number of bytes of the frame in the buffer after the read that has just ended, if one has.
+    /// The number of bytes of the frame that are in the buffer after the read that has just ended; `None` if no read
+    /// has.
     arrived: Option<NonZeroUsize>,
 }
 
@@ -139,7 +141,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         Self { machine, port, waiting: Waiting::Owner, loading: false, reading_to: None, arrived: None }
     }
 
-    /// The machine.
+    /// The state machine that the executor drives.
     pub const fn machine(&self) -> &M {
         &self.machine
     }
@@ -149,7 +151,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         &mut self.port
     }
 
-    /// Whether a FIFO load is under way, so that the bytes of the payload must not change.
+    /// Whether a FIFO load is in progress, during which the payload's bytes must not change.
     pub const fn is_loading(&self) -> bool {
         self.loading
     }
@@ -189,7 +191,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         self.carry_out(step)
     }
 
-    /// Continues after an event, with [`Input::Start`].
+    /// Makes the machine continue after an event, with [`Input::Start`].
     pub fn resume(&mut self) -> Option<M::Event> {
         self.go_on(|machine| machine.step(Input::Start))
     }
@@ -203,7 +205,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         self.carry_out(step)
     }
 
-    /// Continues after an event with [`Input::Start`], `us` µs later.
+    /// Makes the machine continue after an event, with [`Input::Start`], `us` µs later.
     pub fn resume_later(&mut self, us: u32) {
         self.wait(Waiting::Later, us);
     }
@@ -212,7 +214,8 @@ impl<M: Machine, P: Port> Executor<M, P> {
         for _ in 0..STEPS {
             step = match step {
                 Step::Transfer(transfer) => {
-                    // The transfer is started first, since its time limit can be set while it runs.
+                    // The transfer is started before its time limit, since the limit can be set while the transfer
+                    // runs.
                     if self.start(transfer) {
                         self.wait(Waiting::Transfer, TRANSFER_US);
                         return None;
@@ -221,7 +224,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
                 }
                 Step::Wait { us } => {
                     self.wait(Waiting::IrqOrTime, us);
-                    // The IRQ pin may already be high, or high again; then no edge and no interrupt comes.
+                    // If the IRQ pin is high already, no edge and so no interrupt will come.
                     if !self.port.irq_is_high() {
                         return None;
                     }
