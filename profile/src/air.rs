@@ -35,7 +35,7 @@ use core::iter::FusedIterator;
 
 use crate::{GpsObject, Identifier, Profile, Rejection, ReportedPosition};
 
-/// The longest payload that an NFC-F frame can have, bytes: LEN is one byte and counts itself.
+/// The longest payload that an NFC-F frame can have, bytes. LEN is a single byte, which counts itself.
 pub const MAX_PAYLOAD: usize = 254;
 
 /// The longest payload of a profile's frames, bytes: that of the only frame for three receivers.
@@ -102,8 +102,8 @@ pub const fn send_slot_us<const N: usize>(frame: usize) -> Option<u32> {
     }
 }
 
-/// The age of a cycle's sample at the last bit of frame number `frame`, µs, rounded up: send slot plus air time. `None`
-/// if a profile of `N` receivers has no such frame.
+/// The age of a cycle's sample, µs, rounded up, at the last bit of frame number `frame`: send slot plus air time.
+/// `None` if a profile of `N` receivers has no such frame.
 ///
 /// ```
 /// assert_eq!(profile::air::age_at_end_us::<3>(0), Some(100 + 4_815));

@@ -59,7 +59,7 @@ pub const FRAME_RESIDUE: u32 = 0x9D18_E2E0;
 /// The register of the position CRC after one pass over latitude, longitude and their intact CRC, before the final XOR.
 pub const POSITION_RESIDUE: u32 = 0x3C13_9B22;
 
-// A static, because a constant would be copied into every function that uses it.
+// The tables are a static, because a constant would be copied into every function that uses them.
 static FRAME_TABLE: FourTables = FourTables::new(&FRAME);
 static POSITION_TABLE: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&POSITION);
 
@@ -89,7 +89,7 @@ impl FourTables {
         Self(tables)
     }
 
-    /// Returns the CRC register after `bytes`; before them it is `register`.
+    /// Returns the CRC register after `bytes`, where `register` is the CRC register before them.
     fn update(&self, mut register: u32, bytes: &[u8]) -> u32 {
         let [behind_0, behind_1, behind_2, behind_3] = &self.0;
         let (words, rest) = bytes.as_chunks();

@@ -84,7 +84,7 @@ impl Violation {
         Self::TooLong,
     ];
 
-    /// The kind of violation that a rejected [request](crate::ssi::parse) is.
+    /// Returns the kind of violation that counts for a rejected [request](crate::ssi::parse).
     #[must_use]
     pub const fn of_request(rejection: Rejection) -> Self {
         match rejection {
@@ -94,7 +94,7 @@ impl Violation {
         }
     }
 
-    /// The kind of violation that a rejected [object](crate::uplink::Written::verify) is.
+    /// Returns the kind of violation that counts for a rejected [object](crate::uplink::Written::verify).
     #[must_use]
     pub const fn of_object(rejection: Rejection) -> Self {
         match rejection {

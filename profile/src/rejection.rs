@@ -67,7 +67,7 @@ impl Findings {
         Self { faults: self.faults | u8::from(!good) << bit }
     }
 
-    /// Returns `accepted` if every check was good, or else the first reason for a rejection.
+    /// Returns `accepted` if every check was good. Otherwise returns the first reason for a rejection.
     #[inline]
     pub(crate) fn judge<T>(self, accepted: T) -> Result<T, Rejection> {
         // `black_box` keeps the optimiser from moving a CRC's computation into the branch that needs its result.

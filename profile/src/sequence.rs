@@ -23,7 +23,7 @@
 //! | 3 | `Searching { found: 2 }` |
 //! | 4 | `InSequence { missed: 0 }` |
 //!
-//! So of timestamps 20, 10, 20, 10, … no cycle is ever shown.
+//! For example, no cycle of timestamps 20, 10, 20, 10, … is ever shown.
 //!
 //! **Clock.** A single step may deviate by up to 27 % (2.5 ms + 2 % of 10 ms), because one cycle may be late for many
 //! reasons. The error of a wrong clock adds up. So while cycles are in sequence, the timestamps' advance is compared
@@ -94,21 +94,22 @@ pub enum Judgement {
         /// The number of cycles that did not arrive between the last cycle and this one, at most [`MAX_MISSED`].
         missed: u32,
     },
-    /// The cycle is the first of all, or comes during the search for the sequence.
+    /// The cycle is the first of all, or comes while the sequence is searched for.
     Searching {
-        /// The number of cycles in a row, with this one, that have advanced as the search requires: less than
+        /// The number of cycles in a row, including this one, that have advanced as the search requires: less than
         /// [`SEARCH_CYCLES`].
         found: u8,
     },
-    /// The cycle's timestamp is the last one again: HORUS is frozen, or a frame is repeated.
+    /// The cycle repeats the last timestamp: HORUS is frozen, or a frame is repeated.
     Frozen,
     /// The cycle's timestamp is before the last one: HORUS has restarted, or frames are reordered.
     Restarted,
-    /// The timestamp is ahead, but not by a whole number of cycles, or more than [`MAX_MISSED`] cycles are missing.
+    /// The timestamp is ahead of the last one, but not by a whole number of cycles, or more than [`MAX_MISSED`] cycles
+    /// are missing.
     Irregular,
-    /// The timestamp is ahead by a possible step, but less time has passed.
+    /// The timestamp is ahead of the last one by a possible step, but the cycle comes too early for that step.
     Early,
-    /// The timestamp is ahead by a possible step, but more time has passed.
+    /// The timestamp is ahead of the last one by a possible step, but the cycle comes too late for that step.
     Late,
 }
 

@@ -47,7 +47,7 @@ impl Words for HoldCommand {
 }
 
 bit_set! {
-    /// Status of Hold-Status.
+    /// The status word of Hold-Status.
     HoldStatusBits, used 0x01FF;
     /// Bit 0: the values are valid. A value that is not known is still NaN.
     values_valid, with_values_valid = 0;

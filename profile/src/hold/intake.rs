@@ -9,7 +9,7 @@ use crate::{PortStatusBits, Rejection};
 /// [`EXPIRY_MS`]; then its bytes in the [map](crate::map) are 0x00, as at the DPR's start.
 #[derive(Clone, Debug, Default)]
 pub struct Intake {
-    /// The timestamp of the last accepted object, and the instant at which its frame ended, µs.
+    /// The timestamp of the last accepted object of the hold, and the instant at which its frame ended, µs.
     accepted: Option<(u32, u64)>,
     /// The instant at which the hold's last frame ended, µs, whether it was accepted or not.
     heard_us: Option<u64>,

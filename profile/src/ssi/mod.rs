@@ -99,7 +99,7 @@ pub mod timing {
     }
 }
 
-/// The window of the map that the next transaction reads.
+/// The window of the map that the next transaction shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Request {
     /// The offset of the window's first byte in the map.

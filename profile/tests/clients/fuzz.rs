@@ -275,7 +275,7 @@ impl Drawn {
             1 => bytes.fill(0xFF),
             2 => bytes[46..].fill(5),
             3 => {
-                // The object gets another identifier, outcome or undefined bit, and a right CRC afterwards.
+                // The hold's object gets another identifier, outcome or undefined bit, and then a right CRC.
                 let at = self.pick(&[4, 5, 7, 50]);
                 bytes[at] ^= 1 << self.random.below(8);
                 reference::repair_frame_crc(&mut bytes);
@@ -305,7 +305,7 @@ impl Drawn {
             }
             5 => miso.resize(miso.len() + self.random.below(40), 0xFF),
             6 if miso.len() >= 96 => {
-                // The object keeps a right frame CRC, but gets another identifier or a wrong position CRC.
+                // The object gets another identifier or a wrong position CRC, and then a right frame CRC.
                 let at = self.pick(&[36, 40, 50, 57, 4, 5]);
                 miso[at] ^= 1 << self.random.below(8);
                 let object = if at < 32 { 0..32 } else { 32..96 };

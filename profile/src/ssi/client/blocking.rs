@@ -56,7 +56,7 @@ impl<Spi: SpiDevice> Dpr<Spi> {
         self.client.view(brought)
     }
 
-    /// The client, through which a window is requested or an object is written.
+    /// The client, by which a window is requested or an object is written.
     pub const fn client(&mut self) -> &mut Client {
         &mut self.client
     }
