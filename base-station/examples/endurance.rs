@@ -24,8 +24,8 @@ const HOUR: u64 = 360_000;
 
 const START_US: u64 = 1_790_000_000_000_000;
 
-/// The limit for the growth of memory after the first tenth of the work, kB. The index of a recording's part grows
-/// until the part is finished.
+/// The limit for the growth of memory after the first tenth of the work, kB. It allows for the index of a recording's
+/// part, which grows until the part is finished.
 pub(crate) const GROWTH_KB: u64 = 16 << 10;
 
 #[derive(Debug, Default)]

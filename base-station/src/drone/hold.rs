@@ -96,7 +96,7 @@ impl HoldState {
     #[must_use]
     pub fn presence(&self, now_us: u64) -> Presence {
         let Some((_, held)) = &self.last else { return Presence::Never };
-        // A transaction that read nothing lets the last one age.
+        // A copy of the track gets a transaction that read nothing, so that the last Hold-Status ages until `now_us`.
         let shown = self.track.clone().read(&view(&[]), now_us).shown;
         let is_valid = shown == HoldShown::Valid && held.age_us(now_us) <= OLD_US;
         if is_valid { Presence::Valid } else { Presence::Expired }
@@ -120,14 +120,14 @@ impl HoldState {
         self.restarts
     }
 
-    /// Returns the number of objects that did not continue the earlier ones, as those of a hold that has just
-    /// restarted.
+    /// Returns the number of Hold-Status objects that did not continue the earlier ones, as after a restart of the
+    /// hold.
     #[must_use]
     pub const fn strange(&self) -> u64 {
         self.strange
     }
 
-    /// Returns the number of objects that were damaged, or of another kind, in the place of Hold-Status.
+    /// Returns the number of times that the place of Hold-Status held an object that was damaged or of another kind.
     #[must_use]
     pub const fn damaged(&self) -> u64 {
         self.damaged
@@ -150,7 +150,7 @@ impl HoldState {
     }
 }
 
-/// Returns `bytes` as what a transaction read from the hold's place in the map.
+/// Returns a view of `bytes`, as if a transaction had read them from the hold's place in the map.
 fn view(bytes: &[u8]) -> View<'_> {
     let [.., layout] = Layout::ALL.map(Layout::with_hold);
     let offset = layout.hold().and_then(|place| u16::try_from(place.start).ok()).unwrap_or_default();
@@ -222,7 +222,7 @@ mod tests {
         let other = *HoldStatus::seal(Writer::<ActiveLoad>::claim(), &other).as_bytes();
         assert_eq!(hold.take(at(62_010), &other), Verdict::OutOfSequence, "another content with its timestamp");
         assert_eq!(hold.held().unwrap().timestamp, 62_000);
-        // The radio held this one back for two seconds.
+        // The radio delayed this object by two seconds.
         assert_eq!(hold.take(at(64_100), &object(62_100)), Verdict::New);
         assert_eq!((hold.presence(at(64_100)), hold.held().unwrap().late_us), (Presence::Expired, 1_999_440));
     }

@@ -73,7 +73,7 @@ pub enum Verdict {
     Duplicate,
     /// The object is intact and older than the displayed one.
     Older,
-    /// The object is intact, but its timestamp does not continue the earlier ones, so it is not shown.
+    /// The object is intact, but is not shown, since its timestamp does not continue the earlier ones.
     OutOfSequence,
     /// There is no object. Its bytes are 0x00 or 0xFF throughout, because the DPR did not accept one.
     Vacant,
@@ -176,12 +176,13 @@ pub struct Drone {
     link: Option<Held<LinkValues>>,
     port_status: Option<Held<PortValues>>,
     uplink: Option<Uplink>,
-    /// Absent for a drone that forwards nothing of a hold.
+    /// The state of the active hold; `None` if the drone forwards nothing of a hold.
     hold: Option<Box<HoldState>>,
     receivers: usize,
     counts: Counts,
     board: Board,
-    /// The instant, µs, at which an intact object last arrived, or from which on the drone is awaited.
+    /// The instant, µs, at which an intact object last arrived. Before the first one, it is the instant from which on
+    /// the drone is awaited.
     heard_us: u64,
     restarted_us: Option<u64>,
     damaged_us: Option<u64>,
@@ -318,12 +319,13 @@ impl Drone {
         Verdict::New
     }
 
-    /// Judges an object with the displayed object's timestamp. `own` is the displayed object's frame CRC.
+    /// Judges an object that has the same timestamp as the displayed one. Their frame CRCs, `crc` and `own`, are
+    /// compared.
     fn repeated(&mut self, own: Option<u32>, at_us: u64, crc: u32) -> Verdict {
         if own == Some(crc) {
             return Verdict::Duplicate;
         }
-        // One sender never seals two contents with one timestamp, so there are two senders.
+        // A sender never seals two contents with the same timestamp, so there must be two senders.
         self.rival_us = Some(at_us);
         Verdict::OutOfSequence
     }
@@ -386,7 +388,7 @@ impl Drone {
                 let held = Held { values, timestamp, arrived_us, late_us, repeats: 0, crc, implausible };
                 self.gps[receiver] = Some(held);
             }
-            // This does not occur: a GPS object is found intact only where a message has a GPS object.
+            // This cannot occur: a GPS object is found intact only where a message has a GPS object.
             (Object::Gps(_), None) => {}
         }
         Verdict::New

@@ -50,7 +50,7 @@ const BUFFER: usize = 16 << 10;
 /// The number of bytes that the system may hold for a slow reader: those of a few states.
 const SEND_BUFFER: usize = 64 << 10;
 
-/// How long no connection is accepted after an error that concerns all connections (too many open files).
+/// The pause in accepting connections after an error that concerns all of them (too many open files).
 const REST: Duration = Duration::from_millis(50);
 
 /// Serves `router` to all clients, within the limits of this [module](self). This function does not return.
@@ -71,7 +71,7 @@ pub async fn serve(listener: TcpListener, router: Router, limits: Limits) -> io:
         let Ok(place) = Arc::clone(&places).try_acquire_owned() else { continue };
         // The error is ignored, because the system may grant a smaller send buffer.
         let _ = socket2::SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER);
-        // A state must be sent at once, even if the last one is not acknowledged yet.
+        // A state is sent at once, even before the last one is acknowledged, so Nagle's algorithm is off.
         let _ = stream.set_nodelay(true);
         let mut stream = TimeoutStream::new(stream);
         stream.set_write_timeout(Some(limits.stall));

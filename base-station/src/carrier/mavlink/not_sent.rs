@@ -1,4 +1,4 @@
-//! Why the station does not send what a user of the page asked for.
+//! The reasons why the station does not send what a user of the page asked for.
 
 /// The reason why an uplink, or a command to a hold, is not sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

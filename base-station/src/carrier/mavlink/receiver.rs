@@ -94,7 +94,7 @@ impl Receiver {
         self.counts.version_1 += u64::from(bytes.first() == Some(&MAV_STX));
         while at < bytes.len() {
             at = self.all(unix_us, bytes, at, &mut received);
-            // A datagram cannot be continued, so the search for a message continues at the next byte.
+            // A message in a datagram cannot continue in the next datagram. So the search goes on at the next byte.
             at += 1;
         }
         received

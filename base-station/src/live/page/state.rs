@@ -41,7 +41,7 @@ struct Playback {
     speed: f64,
     at_s: f64,
     length_s: f64,
-    /// The number of changes of pace or instant. By it the page knows which states include its own change.
+    /// The number of changes of pace or instant so far. From it the page knows which states include its own change.
     changes: u64,
 }
 
@@ -250,9 +250,9 @@ fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Opti
         playback: player.map(|player| {
             let (first_us, last_us) = player.span_us();
             let seconds = |us: u64| us.saturating_sub(first_us) as f64 / 1e6;
-            // The number is read first, so that the state includes all changes that it counts.
+            // The count of changes is read before the state, so that the state includes all changes that it counts.
             let changes = player.changes();
-            // During a jump back the station is behind the player, so the instant is the player's.
+            // The displayed instant is the player's, because during a jump back the station is behind it.
             let at_s = seconds(player.now_us());
             Playback { speed: player.speed(), at_s, length_s: seconds(last_us), changes }
         }),
@@ -294,7 +294,7 @@ fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Opti
     }
 }
 
-/// Returns the drone of this name. If that one is gone, returns another sender with its id.
+/// Returns the drone of this name. If that drone is gone, returns another sender with its id.
 pub(super) fn asked<'a>(fleet: &'a Fleet, name: &str) -> Option<(DroneId, &'a Drone)> {
     let who = |id: DroneId| id.who.to_string();
     fleet.iter().find(|(id, _)| id.to_string() == name).or_else(|| {
