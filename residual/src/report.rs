@@ -52,7 +52,7 @@ impl Analysis {
     ///
     /// # Errors
     ///
-    /// [`NotADual`], with the code, if the weights of a code are not those of its dual.
+    /// [`NotADual`], with the code, if the weights counted for a code are not those of any dual.
     pub fn new(duals: &[(Code, DualWeights)]) -> Result<Self, (Code, NotADual)> {
         let codes = duals.iter().map(|(code, dual)| {
             let weights = Weights::from_dual(dual, code.named.polynomial.degree()).map_err(|error| (*code, error))?;
@@ -122,9 +122,9 @@ pub struct Claim {
 pub struct Report {
     /// The judged codes.
     pub analysis: Analysis,
-    /// The distance of both CRCs together over latitude and longitude.
+    /// The distance of both CRCs together, for errors in latitude and longitude.
     pub joint: Joint,
-    /// The verdicts of `profile` on injected errors.
+    /// The verdicts of `profile` on objects with injected errors.
     pub checks: Vec<Check>,
 }
 

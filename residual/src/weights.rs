@@ -136,7 +136,7 @@ mod tests {
         let mut counts = vec![0_u64; length + 1];
         let data = length - polynomial.degree() as usize;
         for data in 0..1_u64 << data {
-            // The codewords are the multiples of the polynomial, in some order.
+            // All codewords are counted, as multiples of the polynomial. Their order does not matter.
             let codeword = (0..length)
                 .filter(|bit| data >> bit & 1 == 1)
                 .fold(0_u64, |word, bit| word ^ polynomial.coefficients() << bit);

@@ -35,8 +35,8 @@ pub(crate) struct TestArgs {
 }
 
 /// Returns the packages that have tests called `name`: the name of a package, of a test binary or of a file of tests.
-/// Each comes with the arguments of `cargo test` before `--` and, for a file in a larger binary, the module of the
-/// tests.
+/// With each package come the arguments for `cargo test` before `--` and, if the file is part of a larger binary, the
+/// module of the tests.
 fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<(Vec<String>, Option<String>)>> {
     let mut found = vec![];
     for package in metadata["packages"].as_array().into_iter().flatten() {
@@ -79,8 +79,8 @@ fn only(name: &str, test: Option<&String>) -> Result<ExitCode> {
         };
         let mut command = cargo_test();
         match (&module, test) {
-            // The test runner accepts only one text as a filter, so this program selects the tests by module and by
-            // name.
+            // The test runner takes only one text as a filter. To select by module and by name, this program lists the
+            // tests and passes their names.
             (Some(module), Some(test)) => {
                 let listed = cargo_test().args([module, "--list"]).output().context("cargo did not start")?;
                 let listed = String::from_utf8_lossy(&listed.stdout).into_owned();
@@ -106,8 +106,8 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     if let Some(name) = args.only.first() {
         return only(name, args.only.get(1));
     }
-    // The path is read before the build, which replaces the running program's file. The system then appends "
-    // (deleted)" to the path.
+    // The build replaces the running program's file. The system would then append " (deleted)" to the path, so the path
+    // is read before.
     let runner = std::env::current_exe().context("could not find out where this program is")?;
     let mut ran = 0;
     let mut failed = vec![];
@@ -133,7 +133,7 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
         });
         step("the speed of the bench", &mut crate::speed::check);
         step("a sample of the defects", &mut crate::defects::sample);
-        // Tests that run both firmwares need the firmwares' folder. Without it they would be skipped, or fail if CI is
+        // Tests that run both firmwares get the firmwares' folder. Without it they would be skipped, or fail if CI is
         // set.
         let images = firmware::folder();
         step("host tests", &mut || {
@@ -194,7 +194,8 @@ fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArg
             "--features",
             board.name(),
         ])
-        // A list is used because the path may contain a space. JSON and TOML write such a list in the same way.
+        // The runner is given as a list, because its path may contain a space. JSON and TOML write such a list in the
+        // same way.
         .arg("--config")
         .arg(format!("target.{TARGET}.runner={}", serde_json::to_string(&runner)?))
         .env("DEFMT_LOG", "info");

@@ -141,7 +141,8 @@ impl Bus {
             return Err(Error::Stuck);
         }
         compiler_fence(Ordering::SeqCst);
-        // After this transfer, AMOUNT of a direction without bytes still holds the count of an earlier transfer.
+        // If a transfer skips a direction that has no bytes, AMOUNT of that direction keeps an earlier count, so it is
+        // not compared.
         let sent = send.is_empty() || self.twim.txd.amount.read().bits() as usize == send.len();
         let received = receive.is_empty() || self.twim.rxd.amount.read().bits() as usize == receive.len();
         if self.twim.errorsrc.read().bits() != 0 || !sent || !received {
@@ -167,7 +168,7 @@ impl I2c for Bus {
     }
 }
 
-/// SDA and SCL as open-drain GPIO pins, for a recovery of the bus.
+/// The lines SDA and SCL as open-drain GPIO pins, by which the bus is recovered.
 struct OpenDrains(BusPins);
 
 const SDA: usize = 26;
@@ -231,7 +232,7 @@ pub(crate) struct Pause;
 impl DelayNs for Pause {
     fn delay_ns(&mut self, ns: u32) {
         let from = now_us();
-        // The first µs may be almost over already, so one more is waited for.
+        // The µs counter may be about to advance, so one µs more is waited for.
         while now_us().wrapping_sub(from) <= ns.div_ceil(1_000) {}
     }
 }

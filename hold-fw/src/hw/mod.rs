@@ -81,7 +81,7 @@ pub(crate) struct Board {
     pub(crate) watchdog: Option<WatchdogHandle<Hdl0>>,
     pub(crate) reset_reason: ResetReason,
     pub(crate) debug_port: DebugPort,
-    /// The keeper of the records that outlive a reset, and the newest record.
+    /// The keeper of the records that outlive a reset, and the newest of these records.
     pub(crate) kept: (kept::Keeper, Option<kept::Kept>),
 }
 

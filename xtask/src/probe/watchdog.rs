@@ -10,7 +10,8 @@
 //! | nRF52840 | fed between the probe's transfers ([`fed`]) | soft resets do not end it, nothing stops it (PS v1.7) |
 //! | STM32F429 | a halt stops it (DBG_IWDG_STOP) | a reset ends it; HORUS clears that bit (RM0090, 38.16.4) |
 //!
-//! The core is halted first. A running or half-written firmware would undo the measure.
+//! The core is halted before the watchdog is handled, because a running or half-written firmware would undo the
+//! measure.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -283,7 +284,7 @@ impl ArmDebugSequence for Watched {
         for _ in 0..HALTS {
             memory.write_word_32(DHCSR, HALT)?;
             self.see_to(&mut *memory)?;
-            // A reset after the request to halt makes the core run.
+            // The core runs again if a reset came after the request to halt it.
             if memory.read_word_32(DHCSR)? & S_HALT != 0 {
                 return Ok(());
             }
