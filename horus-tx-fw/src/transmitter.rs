@@ -6,7 +6,7 @@
 //! the hardware, whose interrupts call [`Transmitter::poll`]. The transmitter owns the executor: it decides which frame
 //! the state machine prepares and loads, and when. No task ever waits for the SPI.
 //!
-//! As soon as a frame was sent, the chip is prepared for the next one. So after the tick only the frame's head has to
+//! Once a frame was sent, the chip is prepared for the next one. So after the tick only the frame's head has to
 //! be loaded.
 //!
 //! The command that starts a frame must be sent at an exact instant. When the frame's head is loaded, the transmitter

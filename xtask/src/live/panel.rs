@@ -210,7 +210,7 @@ impl Inner {
                 },
             }
         }
-        // Of several episodes on the air only the last one has effect, so each episode contains all present faults of
+        // Only the last of several episodes on the air has effect, so each episode contains all present faults of
         // the air.
         let air = AirFaults {
             lost: if self.lasts(Thing::Frames, now) { LOST } else { 0.0 },
