@@ -16,7 +16,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     if env::var("CARGO_CFG_TARGET_OS")? == "none" {
         println!("cargo:rustc-link-arg-bins=-Tprogram_crc.x");
     }
-    // The tasks of the second port come last, because they have the lowest priorities.
+    // The tasks of the second port have the lowest priorities, so they come last.
     let application = fs::read_to_string("src/main.rs")?;
     let (always, hold) =
         application.split_once("#[cfg(feature = \"hold\")]\n    #[task(").ok_or("no task of a hold")?;

@@ -136,7 +136,7 @@ fn row(intake: &Intake, judged: &Judged, at_us: u64) -> String {
             let words = if status.last_refused() { "last refused" } else { "none refused" };
             write!(row, ",{},{age_ms},0x{:04x},,,,,,,,,,{words}", held.timestamp, status.bits())
         }),
-        // The uplink's timestamp is on the clock of the base station that sent it, so its age is not known.
+        // An uplink has no known age, because its timestamp is on the clock of the base station that sent it.
         Place::Uplink => drone.uplink().map_or(Ok(()), |uplink| {
             write!(row, ",{},,0x{:04x},,,,,,,,,,", uplink.timestamp(), uplink.values().status.bits())
         }),

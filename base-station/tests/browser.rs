@@ -327,7 +327,7 @@ fn the_page_marks_data_as_old_within_half_a_second() {
     let Some(mut tab) = tab("stale") else { return };
     let mut scene = Scene::begin();
     tab.open(&scene.address());
-    // The script records the instants at which the verdict changes, and each of its own runs, every 10 ms.
+    // Every 10 ms a script records the time. It also records each instant at which the verdict changes.
     tab.eval(
         "window.turns = []; window.beats = [];
         new MutationObserver(() => turns.push([Date.now(), document.body.className]))

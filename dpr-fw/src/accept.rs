@@ -170,7 +170,7 @@ impl Early {
     pub fn follow<const N: usize>(&mut self, arrived: &[u8]) {
         let Some((&len, payload)) = arrived.split_first() else { return };
         if self.length == 0 {
-            // LEN counts its own byte as well as the payload.
+            // LEN counts itself and the payload, so the payload has one byte less.
             *self = Self::of(len.saturating_sub(1));
         }
         self.advance::<N>(payload);
@@ -193,7 +193,8 @@ impl Early {
                 return;
             };
             let begun = core::mem::replace(&mut self.begun, Begun::NOTHING);
-            // The barrier keeps the compiler from making a branch between intact and damaged objects.
+            // The barrier keeps the compiler from branching on whether an object is intact, so the time does not depend
+            // on it.
             self.intact = self.intact.with(index, black_box(Object::verify_begun(index, bytes, begun).is_ok()));
             // A damaged object's timestamp is stored too, but never used.
             if let (Some(timestamp), Some(bytes)) = (self.timestamps.get_mut(index), bytes.first_chunk()) {
@@ -413,7 +414,8 @@ mod tests {
 
     #[test]
     fn it_does_not_matter_which_frames_of_a_cycle_are_heard() {
-        // The first four cycles find the sequence, whether the first frame, the second or both are received.
+        // Whichever frames of the first four cycles are received (the first, the second or both), these cycles find the
+        // sequence.
         for heard in 0..3_usize.pow(6) {
             let mut acceptance = Acceptance::<5>::new();
             for cycle in 1..=6_u32 {

@@ -139,7 +139,7 @@ impl<const N: usize> Commit<N> {
         let ended_us = self.link.clock().instant_us(frame.ended_us);
         let mut verdict = self.acceptance.judge(frame.payload, frame.early, ended_us)?;
         if health.flash_fault {
-            // After a flash fault the code that judges objects cannot be trusted.
+            // The code that judges objects cannot be trusted after a flash fault, so no object is accepted.
             verdict.accepted = Objects::NONE;
         }
 

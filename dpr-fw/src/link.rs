@@ -173,7 +173,7 @@ impl<const N: usize> Monitor<N> {
         if !matches!(self.due, Due::Cycle) {
             return false;
         }
-        // This is the time from the end of a cycle's first frame to the end of its last.
+        // The interval from the end of a cycle's first frame to the end of its last, µs; 0 if a cycle has one frame.
         let frames_us = match (air::age_at_end_us::<N>(0), air::age_at_end_us::<N>(air::frames(N) - 1)) {
             (Some(first), Some(last)) => last - first,
             _ => 0,
@@ -502,7 +502,7 @@ mod tests {
         assert_eq!(values(&link).age_100us, 51);
         link.advance(50_000 + 12_500);
         assert_eq!(values(&link).age_100us, 176);
-        // The age grows while no Reported-Position is accepted.
+        // The age keeps growing until a Reported-Position is accepted.
         link.frame(&verdict(Objects::NONE, Cycle::Same, 60_000), &sequence);
         assert_eq!(values(&link).age_100us, 176);
         for minutes in 1..200_u32 {

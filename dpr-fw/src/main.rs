@@ -214,7 +214,7 @@ mod app {
         let mut memory = PartMemory::take();
         let patrol = Patrol::new(patrol::layout(integrity::SHUT_END, shared), integrity::RATE, &mut memory);
         mpu::apply(&mut core.MPU, &protection::TASKS);
-        // The first image is published before any frame is received.
+        // The task `commit` publishes the first image at once, before any frame is received.
         board::call(Task::commit);
         (
             Shared {

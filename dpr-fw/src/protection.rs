@@ -159,7 +159,7 @@ mod tests {
             assert_eq!(TASKS.allows(address, Write), open, "{address:#x}");
             assert!(START.allows(address, Write) && !START.allows(address, Execute));
         }
-        // The addresses are P0.OUT and P1.OUT.
+        // The tasks may write the outputs of both GPIO ports, P0.OUT and P1.OUT.
         assert!(TASKS.allows(0x5000_0504, Write) && TASKS.allows(0x5000_0804, Write));
         assert_eq!((area(0x4001_E504), area(0x4000_A540)), ("a peripheral that is shut", "timers"));
         assert!(!TASKS.allows(0x5000_1000, Write) && !TASKS.allows(0x4001_E504, Write), "the flash controller");

@@ -178,7 +178,7 @@ impl<P: FrontEndPort> Reception<P> {
                 }),
                 ListenerEvent::Fault(fault) => {
                     match fault {
-                        // HORUS may be switched off, so silence is not counted as a fault of the front end.
+                        // Silence does not count as a fault of the front end, because HORUS may be switched off.
                         Fault::Silence { .. } => telemetry.rf_silences.add(1),
                         _ => telemetry.rf_faults.add(1),
                     }

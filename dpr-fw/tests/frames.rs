@@ -443,7 +443,7 @@ fn profiles_of_any_number_of_receivers_arrive_while_the_fifo_fills() {
 
 #[test]
 fn profiles_arrive_by_store_and_forward() {
-    // The SPI takes 0.248 ms for the 247 bytes of a frame and the read command.
+    // With store-and-forward, reading a frame's 247 bytes over the SPI takes 0.248 ms with the command.
     every_profile_arrives::<3>(ReadMode::StoreAndForward, 280_000);
     every_profile_arrives::<5>(ReadMode::StoreAndForward, 280_000);
 }
@@ -522,7 +522,7 @@ fn the_age_at_publication_is_the_samples() {
 fn a_damaged_byte_costs_only_the_object_it_lies_in() {
     let mut dpr = Dpr::<3>::in_sequence(ReadMode::WhileFilling);
     let sent = profile_at::<3>(timestamp(4));
-    // Byte 70 of the payload lies in GPS1.
+    // The damaged byte, byte 70 of the payload, lies in GPS1.
     let at = FIRST_TICK_NS + 4 * CYCLE_NS + 300_000;
     dpr.world.borrow_mut().send(at, sent.as_bytes(), |data| data[1 + 70] ^= 0x10);
     dpr.run_to(at + CYCLE_NS);
@@ -576,7 +576,7 @@ fn a_buffer_with_a_lost_frame_is_scrubbed_before_the_next_one() {
         assert!(!buffer_is_clean(&mut dpr), "{lost:?}: the frame has been read in part");
         dpr.world.borrow_mut().stuck = matches!(lost, Lost::WithTheSpi);
         dpr.run_to(tick + 2 * CYCLE_NS);
-        // A receiver that loses the field may also report the end of a shorter frame.
+        // If the field is lost during a frame, the receiver may also report the end of a shorter frame.
         assert_eq!(dpr.telemetry.rf_faults.get() + dpr.telemetry.wrong_length.get(), 1, "{lost:?}");
         assert!(buffer_is_clean(&mut dpr), "{lost:?}: what is received into next is a scrubbed buffer");
         assert_eq!(dpr.profile(dpr.published() - 1), [0; Profile::<3>::SIZE], "{lost:?}");
@@ -652,7 +652,7 @@ fn a_frame_that_ends_during_a_status_read_keeps_its_instant() {
         let at = FIRST_TICK_NS + 4 * CYCLE_NS + 1_000 * u64::from(slot_us);
         dpr.world.borrow_mut().send(at, sent.as_bytes(), |data| data[0] += more);
         {
-            // The bit rate is off by tenths of a percent, each of which is 2.5 µs at the frame's end.
+            // The frame's bit rate is wrong by some tenths of a percent. Each tenth shifts the frame's end by 2.5 µs.
             let longer = |span: u64| span + span / 1_000 * slow;
             let mut world = dpr.world.borrow_mut();
             for (instant, event) in &mut world.air {

@@ -451,7 +451,7 @@ fn an_accepted_frame_is_answered_with_both_uplinks() {
 fn the_answer_keeps_its_instant_whenever_horus_has_work() {
     let mut dpr = Dpr::new();
     for (timestamp, from_us) in (0_u64..3_600).step_by(150).enumerate() {
-        // HORUS's tasks run for 0.4 ms, longer than in the DPR, and begin at any time around the frame's end.
+        // HORUS's tasks run for 0.4 ms at any time around the frame's end, longer than they ever do in the DPR.
         let from = dpr.now() + MS + from_us * US;
         dpr.busy.push(from..from + 400 * US);
         dpr.is_answered(timestamp as u32);
@@ -503,7 +503,7 @@ fn frames_at_every_opportunity_are_served_within_the_budget() {
     let most = windows * (Budget::CALLS + 1) + ((at - begin) / CHECK_IN) as u32;
     assert!(windows > 5 && dpr.calls - before <= most, "{} calls in {windows} windows", dpr.calls - before);
     assert!(dpr.telemetry.rests.get() + 1 >= windows && dpr.telemetry.calls_most.get() <= Budget::CALLS);
-    // The last call within the budget may begin one more transfer, at most of a whole frame.
+    // The call that uses the budget up may still begin one transfer, at most of a whole frame.
     assert!(dpr.telemetry.bytes_most.get() < Budget::BYTES + 258);
     dpr.answers();
     dpr.run_to(at + 200 * MS);

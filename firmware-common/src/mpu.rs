@@ -127,7 +127,7 @@ impl Region {
     /// Returns the value of MPU_RASR (B3.5.9), with the region enabled.
     #[cfg(any(test, target_os = "none"))]
     const fn rasr(&self) -> u32 {
-        // The access permission is the same for privileged and unprivileged code (table B3-15).
+        // AP gives privileged and unprivileged code the same permission (table B3-15).
         let permission = match self.allowed {
             Allowed::Nothing => 0b000,
             Allowed::ReadWrite => 0b001,

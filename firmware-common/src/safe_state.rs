@@ -130,7 +130,7 @@ macro_rules! install_safe_state {
             );
         }
 
-        // The four faults have one handler, which saves the frame's address and resets the stack pointer.
+        // One handler serves the four faults. It saves the frame's address and resets the stack pointer.
         core::arch::global_asm!(
             ".section .text.fault_entry, \"ax\", %progbits",
             ".global MemoryManagement",

@@ -60,7 +60,8 @@ impl Outcome {
     const fn of(result: u32) -> Self {
         match result ^ TESTED {
             0 => Self::Sound,
-            // Addresses of RAM begin with the digit 2; any other value did not come from the test.
+            // A faulty address lies in RAM, so it begins with the hexadecimal digit 2. Any other value did not come
+            // from the test.
             address if address >> 28 == 2 => Self::Faulty(address),
             _ => Self::NotTested,
         }

@@ -341,7 +341,8 @@ const fn meet(one: [Stream; 2], other: [Stream; 2]) -> bool {
     is_same(one[0], other[0]) || is_same(one[0], other[1]) || is_same(one[1], other[0]) || is_same(one[1], other[1])
 }
 
-// Each of I2C and SPI has one static buffer, in `hw/ddc.rs` and `hw/spi.rs`, and so serves one receiver at most.
+// A receiver on I2C or SPI uses the one static buffer of `hw/ddc.rs` or `hw/spi.rs`, so each kind serves one receiver
+// at most.
 const _: () = {
     let (mut ddc, mut spi) = (0, 0);
     let mut receiver = 0;

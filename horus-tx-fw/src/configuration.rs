@@ -292,7 +292,7 @@ impl Configuration {
 
     fn await_answer(&mut self, step: Step, sent: u32, now: u32, answer: Option<Answer>) {
         let passed = now.wrapping_sub(sent);
-        // Silent means that no intact message has come since the configuration message was sent.
+        // The receiver counts as silent if no intact message has come since the configuration message was sent.
         let is_silent = self.silent_for(now) >= passed;
         match (step, answer) {
             (Step::Baud, Some(_)) => self.go_to(Step::Basic),
@@ -421,7 +421,7 @@ mod tests {
                     Some(_) => {
                         self.step(true, None);
                         self.step(false, Some(answer(answered)));
-                        // An answer may make HORUS send the next message at once.
+                        // HORUS may send the next configuration message as soon as it gets an answer.
                         while self.sent.len() > answered + 1 && quiet == 0 && answered < 3 {
                             answered += 1;
                             self.step(false, Some(answer(answered)));
@@ -487,7 +487,7 @@ mod tests {
         assert_eq!(baud.rate(), Rate::Factory);
         let model = of(Interface::Spi).message(Step::Model);
         assert_eq!(model.bytes(), built(&[NavSpgDynModel(NavDynamicModel::AirborneWithLess2gAcceleration)]));
-        // The crate does not have NAV-ATT's keys.
+        // The crate `ublox` does not have NAV-ATT's keys, so they are compared with numbers.
         let attitude =
             [Interface::Ddc, Interface::Uart, Interface::Spi].map(|it| keys(&of(it).message(Step::Attitude)));
         assert_eq!(attitude, [[0x2091_001F], [0x2091_0020], [0x2091_0023]]);
@@ -636,7 +636,7 @@ mod tests {
         assert!(configuration.poll(at.wrapping_add(1), 0, None).is_none());
         let basic = configuration.poll(at.wrapping_add(2), 1, Some(Answer::Taken)).unwrap();
         assert_eq!(keys(&basic)[0], 0x1074_0001);
-        // The receiver has answered the baud rate's message, but not the basic message yet.
+        // The receiver has answered the message of the baud rate, but not yet the basic message.
         assert_eq!(configuration.standing(), Standing::NotYet);
     }
 
@@ -678,7 +678,7 @@ mod tests {
                     prop_assert!(interface == Interface::Uart || message.rate() == Rate::Usual);
                 }
             }
-            // One message is sent for each answer, and otherwise at most one in 200 ms.
+            // HORUS sends one message for each answer, and without answers at most one in 200 ms.
             prop_assert!(talk.sent.len() <= 1 + answers + (talk.now.wrapping_sub(NOW) / BAUD_MS) as usize);
         }
     }

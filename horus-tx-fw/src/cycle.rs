@@ -208,7 +208,8 @@ fn gps_values(solution: &Solution, excluded: bool, now: u32) -> GpsValues {
         .with_heard(last_heard.within(now, HEARD_MS))
         .with_stale(!position.pace.is_fresh(now))
         .with_excluded(excluded);
-    // Both values are computed, since a branch would take longer for a receiver that has sent a message.
+    // Both values are computed, whichever is used. A branch would make the time depend on whether the receiver has sent
+    // a message.
     status = select_unpredictable(
         position.pace.has_arrived(),
         status.with_solution_age_ms(Some(position.pace.age_ms(now))),

@@ -266,7 +266,7 @@ impl Ddc {
     /// Serves the peripheral's interrupt.
     pub fn event(&mut self, events: Events) -> Order {
         if events.arbitration_lost {
-            // The peripheral does not control the bus any more, so there is no transfer to stop.
+            // After a lost arbitration the peripheral does not control the bus, so there is no transfer to stop.
             return self.give_up(Order::Mute);
         }
         if events.refused {

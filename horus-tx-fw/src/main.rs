@@ -133,10 +133,11 @@ mod app {
     fn init(mut cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let mut device = cx.device;
 
-        // The first instructions have started the watchdog (`hw::start_up`). Only power-on clears the bits of DBGMCU.
+        // The watchdog has been running since the first instructions (`hw::start_up`). The bits of DBGMCU are set each
+        // time, since only power-on clears them.
         let mut watchdog = IndependentWatchdog::new(device.IWDG);
         watchdog.stop_on_debug(&device.DBGMCU, cfg!(feature = "debugger-stops-watchdog"));
-        // The watchdog is fed after its reload value has arrived, so that it counts from that value.
+        // The watchdog is fed once its reload value has arrived, so that it counts from that value.
         asm::delay(timing::WATCHDOG_UPDATE_CYCLES);
         watchdog.feed();
         let reason = hw::reset::note_reason();
@@ -144,12 +145,14 @@ mod app {
         cx.core.DCB.enable_trace();
         cx.core.DWT.enable_cycle_counter();
 
-        // Log messages carry the cycle timer's time, even those of a start that fails.
+        // The clock of the cycle timer is switched on early, so that log messages have a time even if the start fails.
         cycle_timer::enable_clock(&mut device.RCC);
-        // The record of the last stop is read first, since the set-up of the clocks writes a record of its own.
+        // The record of the last stop is read before the clocks are set up, because that set-up writes a record of its
+        // own.
         let stopped = last_stop::take();
         HORUS_TELEMETRY.last_stop.set(last_stop::code());
-        // At 144 MHz only the brown-out reset prevents wrong reads of instructions while the supply falls.
+        // The brown-out level is checked before the clocks are set up. At 144 MHz only the brown-out reset prevents
+        // wrong reads of instructions while the supply falls.
         let level = hw::supply::brown_out_level();
         if level != supply::BROWN_OUT_LEVEL {
             let stop = Stop::new(Cause::BrownOutLevel, 0, level);

@@ -25,7 +25,7 @@ impl Writer {
     /// Takes the DMA stream's NDTR (the bytes left until the ring's end, 1..=`size`) of a ring of `size` bytes. Returns
     /// how many bytes were ever written (wraps).
     pub fn advance(&mut self, left: usize, size: usize) -> u32 {
-        // NDTR reads 0 only between the last byte of the ring and its reload.
+        // The DMA stream's NDTR reads 0 only between the last byte of the ring and the reload.
         let position = (size - left.min(size)) % size;
         let step = (position + size - self.position) % size;
         self.position = position;

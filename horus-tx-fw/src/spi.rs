@@ -40,12 +40,12 @@ pub const HOLD_US: u16 = 20;
 pub const FILLER: u8 = 0xFF;
 
 const _: () = assert!(TRANSFER.is_multiple_of(4) && RING >= 2 * TRANSFER);
-// At least 1 ms lies between two selections of the receiver.
+// Between two selections of a receiver on SPI there must be at least 1 ms.
 const _: () = assert!(
     SETUP_US as u64 + HOLD_US as u64 + TRANSFER as u64 * 8 * 1_000_000 / crate::timing::GNSS_SPI_HZ as u64
         <= 1_000 * profile::CYCLE_MS as u64 - 1_000 - 1_000
 );
-// A byte takes at least 8 µs, and the clock has at most 5.5 MHz.
+// On SPI a byte must take at least 8 µs, and the clock may have 5.5 MHz at most.
 const _: () = assert!(crate::timing::GNSS_SPI_HZ / 8 <= 125_000 && crate::timing::GNSS_SPI_HZ <= 5_500_000);
 
 /// What the code that accesses the registers has to do next.
@@ -342,7 +342,7 @@ mod tests {
             (0..count).map(|_| (filter.keeps(FILLER), filter.has_nothing_more())).collect::<Vec<_>>()
         };
         let [more, no_more] = [(false, false), (false, true)];
-        // Length bytes of 0xFF are not filler, although a message of that length is too long to be followed.
+        // A message whose length bytes are 0xFF is too long to be followed, but these length bytes are not filler.
         let mut filter = Filter::new();
         for byte in [0xB5, 0x62, 0x01, 0x07, 0xFF, 0xFF].repeat(50) {
             assert!(filter.keeps(byte) && !filter.has_nothing_more(), "{byte:#04x}");
@@ -367,7 +367,7 @@ mod tests {
             assert!([0xB5, 0x62, 0x01, 0x07, low, high].into_iter().all(|byte| filter.keeps(byte)));
             filter.keeps(FILLER)
         };
-        // Sync, class, identifier and length are six bytes, and the checksum is two.
+        // Of a message, sync, class, identifier and length are six bytes, and the checksum is two.
         assert!(is_followed(0) && is_followed(248));
         assert!(!is_followed(249) && !is_followed(0x0107) && !is_followed(u16::MAX));
     }

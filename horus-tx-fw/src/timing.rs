@@ -87,7 +87,7 @@ pub const fn payload(frame: usize) -> usize {
 /// Returns the air time of frame `frame`, µs, rounded up.
 #[must_use]
 pub const fn air_us(frame: usize) -> u32 {
-    // The length is at most `profile::air::LONGEST_PAYLOAD`, which is less than 256.
+    // The payload's length fits a byte, because it is at most `profile::air::LONGEST_PAYLOAD`.
     air::air_time_ns(payload(frame) as u8).div_ceil(1_000) as u32
 }
 
@@ -209,11 +209,11 @@ pub const fn now_ms(before: u32, count: u32, due: bool, after: u32) -> u32 {
     timestamp(tick).wrapping_add(within)
 }
 
-// The divisions of the clocks are exact, so the cycle is exactly 10 ms.
+// All clocks follow from each other by exact division, so a cycle is exactly 10 ms.
 // Shows TIME-1.
 const _: () = assert!(TIMER_HZ.is_multiple_of(1_000_000) && PERIOD_TICKS == 720_000);
 const _: () = assert!(CORE_HZ == 4 * APB1_HZ && CORE_HZ == 2 * APB2_HZ && SPI_HZ <= 10_000_000);
-// The constants are those of DS13541 and of the design for the air; a change of either fails here.
+// The air times follow from DS13541 and from the design. If either changes, this assertion fails.
 const _: () = assert!(air::air_time_ns(244) == 4_814_159 && air::air_time_ns(254) == 5_002_950);
 // Between the last frame's end and the next cycle's first frame, the receiver has the whole gap to empty its FIFO.
 const _: () = assert!(SLOT_US[FRAMES - 1] + air_us(FRAMES - 1) + GAP_US <= 1_000 * profile::CYCLE_MS + SLOT_US[0]);

@@ -181,7 +181,7 @@ fn a_message_longer_than_the_buffer_costs_only_itself() {
 
 #[test]
 fn a_message_of_another_length_than_its_kind_has_is_not_used() {
-    // NAV-PVT of protocol 14 had 84 bytes of payload.
+    // In protocol 14, a NAV-PVT message had a payload of 84 bytes.
     let old = message(0x01, 0x07, &[0xFF; 84]);
     let receiver = fed(&old);
     assert_eq!(receiver.counts().messages, 1);
@@ -207,7 +207,7 @@ fn what_was_cut_off_is_no_message_once_the_line_is_silent() {
 
 #[test]
 fn a_false_start_hides_a_message_only_until_the_line_is_silent() {
-    // The bytes are the header of a message of 200 bytes, and then a whole message.
+    // The false start is the header of a message of 200 bytes. A whole message follows it at once.
     let mut receiver = Receiver::new();
     feed(&mut receiver, &[&[0xB5, 0x62, 0x01, 0x07, 200, 0], NavPvt::GOOD.bytes().as_slice()].concat(), 1_000);
     assert!(!receiver.solution().position.valid);
@@ -409,7 +409,7 @@ fn the_lag_is_the_arrival_less_the_time_of_week() {
         // A message with a repeated time of week does not renew the solution.
         (900, 0, 300),
         (week + 1_050, 1_000, 50),
-        // No receiver sends such a time of week, beyond the end of the week.
+        // These times of week lie beyond the end of the week. No receiver sends them.
         (week + 2_000, 2 * week + 300, 1_700),
         (u32::MAX, 0, u32::MAX % week),
     ] {

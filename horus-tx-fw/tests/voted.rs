@@ -305,7 +305,7 @@ fn run(seed: u64, failures: &mut [(usize, Failure)]) -> Outcome {
     for tick in 0..(SECONDS * 100.0) as u32 {
         let now = timestamp(tick);
         for (index, (source, receiver)) in sources.iter_mut().zip(&mut receivers).enumerate() {
-            // A burst takes at most 4 ms on the line, and has arrived when its last byte has arrived.
+            // A receiver's burst takes at most 4 ms on the line, so it counts as arrived after that time.
             while let Some(burst) = source.next_if(|burst| burst.at_ns + 4_000_000 <= u64::from(now) * 1_000_000) {
                 let arrived = ((burst.at_ns + 4_000_000) / 1_000_000) as u32;
                 let mut bytes = burst.bytes;
@@ -355,7 +355,7 @@ fn run(seed: u64, failures: &mut [(usize, Failure)]) -> Outcome {
             };
             let error = off(reported.latitude, reported.longitude);
             outcome.worst_m = outcome.worst_m.max(error);
-            // A result beyond the bound can only come from two wrong receivers that agree with each other alone.
+            // A result beyond the bound is explained only by two wrong receivers that alone agree with each other.
             let of_two_wrong = failures.len() == 2 && agreeing == 2 && {
                 let wrong: Vec<_> = failures.iter().map(|(who, _)| &gps[*who]).collect();
                 wrong.iter().all(|gps| gps.status.position_valid() && !gps.status.excluded())

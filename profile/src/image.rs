@@ -34,7 +34,7 @@ const _: () = {
 };
 
 /// The image of a DPR for a profile of `N` receivers.
-// All fields have alignment 1; `packed` proves to bytemuck that no `N` has padding.
+// Every field has alignment 1, so there is no padding. `packed` proves that to bytemuck for any `N`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 pub struct Image<const N: usize> {

@@ -90,7 +90,7 @@ fn twenty_five_missed_cycles_are_in_sequence_and_twenty_six_are_not() {
 // Shows SEQ-2.
 #[test]
 fn two_cycles_may_be_off_by_2_5_ms_and_2_percent() {
-    // The columns are the step, ms, and the least and the most time, µs, that may pass in this step.
+    // Each row has the step of the timestamps, ms, and the least and the greatest time, µs, that may pass in it.
     for (ms, least, most) in
         [(10, 7_300, 12_700), (20, 17_100, 22_900), (130, 124_900, 135_100), (260, 252_300, 267_700)]
     {

@@ -98,7 +98,7 @@ struct Walk<const W: usize> {
 impl<const W: usize> Walk<W> {
     fn new(polynomial: Polynomial, length: usize) -> Self {
         let columns = polynomial.columns(length);
-        // Parity check j consists of bit j of every column.
+        // Bit j of every column makes up the parity check j.
         let mut checks: Vec<[u64; W]> = (0..polynomial.degree())
             .map(|j| {
                 let mut check = [0; W];

@@ -226,7 +226,7 @@ mod tests {
 
     #[test]
     fn a_parity_bit_misses_every_even_number_of_errors() {
-        // For this code P_ud = (1 + (1 - 2p)^n) / 2 - (1 - p)^n.
+        // The code of one parity bit has P_ud = (1 + (1 - 2p)^n) / 2 - (1 - p)^n.
         let curve = ErrorCurve::new(&weights(1, 1, 9));
         for p in [1e-6, 1e-3, 0.1, 0.4] {
             let (q, n) = (1.0 - p, 9);

@@ -44,7 +44,7 @@ fn castagnolis_polynomials_have_the_distances_published() {
 
 #[test]
 fn opc_ua_safetys_digits_are_normal_notation() {
-    // In Koopman's notation, 0xF4ACFB13 is another polynomial, without the published distance.
+    // Read in Koopman's notation, 0xF4ACFB13 is another polynomial, which does not have the published distance.
     let misread = Polynomial::from_koopman(32, 0xF4AC_FB13).unwrap();
     assert_eq!(OPC_UA_SAFETY.polynomial, Polynomial::from_normal(32, 0xF4AC_FB13).unwrap());
     assert_ne!(misread, OPC_UA_SAFETY.polynomial);

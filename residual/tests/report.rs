@@ -35,7 +35,8 @@ fn one_two_and_three_wrong_bits_are_always_rejected() {
 #[test]
 fn bursts_of_up_to_16_bits_are_always_rejected() {
     for object in Object::ALL {
-        // A burst of 1 bit has n positions. Each of the 2^(b - 2) bursts of b bits has n - b + 1 positions.
+        // There are n positions for a burst of 1 bit, and n - b + 1 positions for each of the 2^(b - 2) bursts of b
+        // bits.
         let n = object.bits() as u64;
         let tried = n + (2..=16).map(|b| (n - b + 1) << (b - 2)).sum::<u64>();
         let check = check(object, "every burst of 1 to 16 bits");

@@ -822,8 +822,8 @@ impl Frame {
     /// # Errors
     /// The reason why the frame that has ended is not delivered.
     pub(crate) fn ends(&mut self, status: Status) -> Result<u16, Dropped> {
-        // If a frame broke off within a byte, the FIFO's level counts that byte, but the byte is left out of the frame.
-        // An early read may have taken the incomplete byte already.
+        // The FIFO's level counts a byte within which the frame broke off, but this byte is not part of the frame. An
+        // early read may have taken it already.
         let mut count = status.count;
         if self.flags.contains(FrameFlags::PARTIAL) {
             match count.checked_sub(1) {

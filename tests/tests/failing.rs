@@ -15,7 +15,7 @@ struct Start {
     bitten: bool,
 }
 
-// The start code starts no watchdog, because the suite would not feed one.
+// The start code must not start the watchdog, because the suite would not feed it.
 firmware_common::install_start!([]);
 
 #[defmt_test::tests]

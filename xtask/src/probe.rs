@@ -294,7 +294,7 @@ fn keep_debug_port_open(session: &mut Session) -> Result<()> {
     const NVMC_CONFIG: u64 = 0x4001_E504;
     const READ_ONLY: u32 = 0;
     const WRITE: u32 = 1;
-    // The NVMC takes 41 us to program a word (PS v1.7, NVMC, electrical specification). One reading of its state
+    // Programming a word takes the NVMC 41 us (PS v1.7, NVMC, electrical specification). A single reading of its state
     // through the probe takes longer.
     const LOOKS: usize = 1_000;
 
@@ -525,7 +525,7 @@ fn follow(
             CoreStatus::Halted(reason) => bail!("the core stopped: {reason:?}"),
             CoreStatus::LockedUp => bail!("the core locked up"),
             _ if span.is_over() => return Ok(ExitCode::SUCCESS),
-            // A board on the bench needs no pause, because its virtual time advances with each access.
+            // On the bench no pause is needed, because the board's virtual time advances with each access.
             _ if matches!(span, Span::Virtual(..)) => {}
             _ => std::thread::sleep(LOG_POLL),
         }
@@ -539,8 +539,8 @@ fn was_reset(core: &mut Core<'_>) -> Result<bool> {
 /// Makes the core halt again at a HardFault and at semihosting calls. On an nRF52840 only a soft reset keeps that
 /// setting (PS v1.7, 5.3.7.8). Returns whether a HardFault occurred before the setting was made.
 fn catch_again(core: &mut Core<'_>) -> Result<bool> {
-    // After any reset but a soft one, an nRF52840's debug port is closed until the program opens it. Until then a
-    // request to halt is lost, and every read returns zero. CPUID is never zero, so a read of it shows that the port is
+    // After any reset but a soft one, an nRF52840's debug port is closed until the program opens it. Meanwhile a
+    // request to halt is lost, and every read returns zero. CPUID is never zero, so reading it shows when the port is
     // open.
     let since = Instant::now();
     while core.read_word_32(CPUID).context("lost the core")? == 0 {

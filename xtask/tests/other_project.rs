@@ -132,7 +132,7 @@ fn a_project_elsewhere_runs_its_firmware_on_the_bench_by_cargo_run() {
         assert!(std::env::var_os("CI").is_none(), "there is no gdb-multiarch: apt-get install gdb-multiarch");
         eprintln!("not run: there is no gdb-multiarch: apt-get install gdb-multiarch");
     } else {
-        // The output is the same when gdb inspects the run, and gdb gets the run's exit status.
+        // With gdb connected, the run must give the same output, and gdb must get the run's exit status.
         let looks = ["set language c", "tbreak main", "continue", "info registers pc", "monitor pin P0.11"];
         let watches = ["watch *(unsigned *)0x50000508", "continue", "stepi", "monitor pin P0.13", "delete", "continue"];
         let script = [&looks[..], &watches].concat();

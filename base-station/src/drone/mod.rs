@@ -257,7 +257,8 @@ impl Drone {
                     },
                     Intact::Hold(_) => Verdict::Rejected(Rejection::Identifier),
                 };
-                // An object that is not accepted, or is the base station's own, is no sign of life of this drone.
+                // A drone shows a sign of life only by an accepted object. The base station's own uplink does not
+                // count.
                 if verdict != Verdict::OutOfSequence && place != Place::Uplink {
                     self.heard_us = self.heard_us.max(at_us);
                 }
@@ -474,7 +475,7 @@ impl Drone {
         let is_in = |state| status.state() == Some(state);
         let stale = reported.is_none_or(|held| held.age_us(now_us) > STALE_US);
         let silent = now_us.saturating_sub(self.heard_us) > SILENT_US;
-        // The data of a silent drone are all old, so no separate alarm reports that.
+        // Once a drone is silent, all its data are old, so there are no further alarms for old data.
         let old = |age_us: u64| age_us > OLD_US && !silent;
         let mut gps = self.gps.iter().flatten();
         let implausible = reported.is_some_and(|held| held.implausible);

@@ -67,9 +67,9 @@ pub async fn serve(listener: TcpListener, router: Router, limits: Limits) -> io:
             sleep(REST).await;
             continue;
         };
-        // The limit of connections is reached. Dropping the new connection closes it.
+        // If the limit of connections is reached, the new connection is dropped, which closes it.
         let Ok(place) = Arc::clone(&places).try_acquire_owned() else { continue };
-        // The error is ignored, because the system may grant a smaller send buffer.
+        // An error is ignored here, because the system may grant a smaller send buffer.
         let _ = socket2::SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER);
         // A state is sent at once, even before the last one is acknowledged, so Nagle's algorithm is off.
         let _ = stream.set_nodelay(true);

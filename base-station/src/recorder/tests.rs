@@ -211,7 +211,7 @@ fn a_file_cut_anywhere_keeps_all_but_the_last_half_second() {
         assert!(records.len() + 5 > cycle, "{} of {cycle}", records.len());
         assert!(records.iter().zip(&recorded).all(|(read, recorded)| is_same(read, recorded)));
     }
-    // A power loss may leave any part of the data that were being written.
+    // After a power loss the file may end anywhere, so it is read at each length.
     let mut before = 0;
     for length in 0..file.len() {
         let (records, _) = read(&file[..length]);

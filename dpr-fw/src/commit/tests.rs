@@ -134,7 +134,7 @@ fn a_profile_lies_in_the_image_as_it_was_sent() {
     assert_eq!(link.status, LinkStatusBits::new().with_link_up(true).with_all_accepted(true));
     // The frame's last bit comes 4.915 ms after its sample at 50 ms, and the commit another 0.09 ms later.
     assert_eq!((link.timestamp, link.age_100us), (55, 50));
-    // Before the sequence was found, three cycles of four objects each were rejected.
+    // The counts include three cycles of four objects each, which were rejected before the sequence was found.
     let counters = [link.objects_accepted, link.objects_rejected, link.frames_received, link.frames_missed];
     assert_eq!(counters, [8, 12, 5, 0]);
 }
@@ -642,7 +642,7 @@ fn images_are_as_the_definition_says<const N: usize>(start_us: u32, steps: &[Ste
         (timestamp, sampled_us) = (timestamp.wrapping_add(ms), sampled_us + us);
         let profile = profile::<N>(timestamp);
         for (frame, payload) in air::split(&profile).enumerate() {
-            // A frame is lost or damaged, or a second frame belongs to another cycle.
+            // The number decides the fate of each frame: it may be lost, damaged, or the second frame of another cycle.
             if number >> 8 & 0xF == frame as u32 + 1 {
                 continue;
             }

@@ -137,10 +137,11 @@ pub(crate) fn init(
     memory: DmaMemory,
     receive: Filling<ReceiveBuffer>,
 ) -> Board {
-    // The debug port is opened first, so that a debugger can connect even if the firmware stops early.
+    // Opening the debug port comes first, so that a debugger can connect even if the firmware stops early.
     let debug_port = nrf52840::open_debug_port(&p.FICR, &p.UICR);
 
-    // The watchdog runs: the first instructions started it, or it was running before a soft reset or a lockup.
+    // The watchdog runs already: the first instructions have started it, or it was running before a soft reset or a
+    // lockup.
     let watchdog = Watchdog::try_recover::<One>(p.WDT).ok().map(|parts| parts.handles.0);
 
     let reset_reason = nrf52840::reset_reason();
@@ -222,7 +223,7 @@ fn POWER_CLOCK() -> ! {
 /// Takes the SSI's buffers back, so that the flight controller reads 0xFF. A transaction under way still ends with its
 /// image. Before the SSI is set up, every transaction reads 0xFF anyway.
 pub(crate) fn safe_state() {
-    // From here on no timer starts an answer to the hold.
+    // Stopping the timer comes first, so that no further answer to the hold starts.
     #[cfg(feature = "hold")]
     hold::stop();
     if SsiDoorbell::is_enabled() {

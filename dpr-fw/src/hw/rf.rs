@@ -155,7 +155,8 @@ impl<W: Wiring> Port<W> {
         // SAFETY: the selector is that of the MISO pin, which `pins` owns.
         spim.psel.miso.write(|w| unsafe { w.bits(pins.miso.psel_bits()) });
         spim.frequency.write(|w| w.frequency().m8());
-        // The SPIM works in mode 1: the clock is low between transfers, and data are taken at the trailing edge.
+        // SPIM0 and SPIM2 work in SPI mode 1: the clock is low between transfers, and data are taken at the trailing
+        // edge.
         spim.config.write(|w| w.order().msb_first().cpha().trailing().cpol().active_high());
         // SAFETY: any byte may be sent beyond the end of the transmit buffer.
         spim.orc.write(|w| unsafe { w.orc().bits(0) });
@@ -196,7 +197,7 @@ impl<W: Wiring> Port<W> {
         self.spim.events_end.reset();
         self.sends.carries(send.max(receive));
         self.running = true;
-        // The fence lets no write to a buffer move behind the start of the DMA.
+        // The fence keeps the compiler from moving a write to a buffer behind the start of the DMA.
         compiler_fence(Ordering::SeqCst);
         let Ok(()) = self.pins.select.set_low();
     }
@@ -275,7 +276,8 @@ impl<W: Wiring> executor::Port for Port<W> {
     fn response(&self) -> Result<&[u8], Failed> {
         let received = usize::from(self.spim.rxd.amount.read().amount().bits());
         match (self.transfer, &self.receive) {
-            // A load, which only the second port makes, receives nothing. RXD.AMOUNT may then keep its former value.
+            // A load of the FIFO, which only the second port makes, receives no bytes. RXD.AMOUNT may then keep an
+            // earlier count, so it is not compared.
             (Transfer::Short { len: 0 }, _) if cfg!(feature = "hold") => Ok(&[]),
             (Transfer::Short { len }, _) if received == len => Ok(&self.rx[..len]),
             (Transfer::Read { offset, len, .. }, Some(receive)) if received == len + 1 => {
@@ -292,7 +294,7 @@ impl<W: Wiring> executor::Port for Port<W> {
         // SAFETY: 1 is a valid value of a task register.
         self.spim.tasks_stop.write(|w| unsafe { w.bits(1) });
         let stopped = (0..STOP_POLLS).any(|_| self.spim.events_stopped.read().bits() != 0);
-        // Before STOPPED the peripheral may still write to the buffers (PS v1.7, 6.25, "Low power").
+        // Until the event STOPPED, the SPIM may still write to its buffers (PS v1.7, 6.25, "Low power").
         if !stopped {
             self.sends.does_not_stop();
             return;
@@ -316,7 +318,8 @@ impl<W: Wiring> executor::Port for Port<W> {
         timer.cc[WAIT_COMPARE].write(|w| unsafe { w.bits(self.timer_from.wrapping_add(us)) });
         timer.events_compare[WAIT_COMPARE].reset();
         if W::now_us().wrapping_sub(self.timer_from) >= us {
-            // The counter may have passed the compare value already if the task was preempted for long.
+            // If the task was preempted for long, the counter may have passed the compare value already. Then no
+            // interrupt would come.
             call(W::TIMER_TASK);
         }
     }

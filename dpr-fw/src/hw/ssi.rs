@@ -182,7 +182,7 @@ impl Ssi for SsiPort {
         let ours = self.spis.semstat.read().semstat().is_cpu();
         let ended = take_event!(self.spis.events_end);
         if ours || ended {
-            // From the end of a transaction to the next release the processor owns both buffers.
+            // Between the end of a transaction and the next release, both buffers belong to the processor.
             compiler_fence(Ordering::SeqCst);
         }
         if ours {

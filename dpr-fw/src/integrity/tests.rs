@@ -234,7 +234,7 @@ fn a_self_test_ends_after_a_whole_pass_of_flash_and_ram() {
         for ram_first in [false, true] {
             let (integrity, telemetry, mut judge) = (Integrity::new(), Telemetry::new(), Judge::new());
             assert!(!judge.begin_self_test(&integrity) && !integrity.is_self_test_running());
-            // Passes that ended before the self-test was asked for do not count.
+            // A self-test counts only passes that end after it was requested.
             let both = Slice { flash: Some(CHANGED), ram_pass: Some(false), ..Slice::default() };
             judge.judge(&both, None, &integrity, &telemetry);
             assert_eq!(integrity.take_result(), None);

@@ -105,7 +105,8 @@ impl<W: WritesUplink> Slot<W> {
     /// age, ms, saturating; `u32::MAX` / 1000 if none was stored.
     fn show(&mut self, now_us: u64, area: &mut PortArea) -> u32 {
         let age_us = self.stored_us.map_or(u64::MAX, |stored| now_us.wrapping_sub(stored));
-        // A division of 64 bits takes some hundreds of cycles. 32 bits of µs are enough for 16 bits of ms.
+        // A division of 64 bits would take some hundreds of cycles. The age is saturated to 32 bits of µs first, which
+        // suffice for 16 bits of ms.
         let age_ms = u32::try_from(age_us).unwrap_or(u32::MAX) / 1000;
         if age_ms >= Uplink::EXPIRY_MS {
             self.stored = Uplink::EMPTY;

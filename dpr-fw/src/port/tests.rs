@@ -289,7 +289,7 @@ fn a_writer_that_was_silent_for_long_goes_on_where_it_was() {
     bench.write(uplink(FC, 100).as_bytes());
     bench.wait_ms(2_000);
     assert_eq!(bench.area().uplink::<FlightController>(), &Uplink::EMPTY);
-    // The old uplink is written again, so it is not newer.
+    // The expired uplink comes again. Its timestamp is not newer than the last one, so it is refused.
     bench.write(uplink(FC, 100).as_bytes());
     assert_eq!(bench.area().uplink::<FlightController>(), &Uplink::EMPTY);
     bench.write(uplink(FC, 2_100).as_bytes());

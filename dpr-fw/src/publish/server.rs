@@ -85,7 +85,7 @@ impl<const LEN: usize> Server<LEN> {
         if ours {
             self.offer(ssi, &mut mailbox, telemetry);
         }
-        // The counters are updated after the release, for which the flight controller waits.
+        // The flight controller waits for the release, so the counters are updated after it.
         if let Some(Ended { spent, handed_over }) = ended {
             ssi.pass_on();
             telemetry.ssi_transactions.add_alone(1);

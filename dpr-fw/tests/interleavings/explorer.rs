@@ -90,7 +90,7 @@ impl Explorer {
         let mut search = self.search.borrow_mut();
         let asked = search.asked;
         search.asked += 1;
-        // The last choice of the path is the first that differs from the previous run's.
+        // A digest from before the path's last choice equals the previous run's: that choice is the first that differs.
         if search.made < search.path.len() {
             if let Some(&known) = search.digests.get(asked) {
                 return known;

@@ -221,7 +221,8 @@ impl Board {
             self.happen(steps[taken]);
         }
         if *self.resting.borrow() {
-            // After the window of the budget, the first call to check in ends the rest and handles pending events.
+            // When the budget's window has ended, the first call to check in ends the rest and handles the events that
+            // wait.
             *self.wants_rest.borrow_mut() = false;
             *self.called_to_check_in.borrow_mut() = true;
             self.wake();

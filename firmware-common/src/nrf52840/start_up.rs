@@ -35,7 +35,8 @@ macro_rules! install_nrf52840_start {
                 "str r1, [r0]",
             ]
             ticks = const 32_768 / 10,
-            // CONFIG (PS v1.7, 6.36): bit 0 counts while the processor sleeps, bit 3 while a debugger halts it.
+            // In CONFIG (PS v1.7, 6.36), bit 0 makes the watchdog count while the processor sleeps, bit 3 while a
+            // debugger halts it.
             config = const if $debugger_stops { 0b0001 } else { 0b1001 },
             flags = sym $crate::start::RESET_FLAGS,
         );

@@ -121,7 +121,7 @@ impl RfPort {
         // SAFETY: the selector is that of the MISO pin, which `pins` owns.
         spim.psel.miso.write(|w| unsafe { w.bits(pins.miso.psel_bits()) });
         spim.frequency.write(|w| w.frequency().m8());
-        // The SPIM works in mode 1: the clock is low when idle, and data are taken at the trailing edge.
+        // SPIM0 works in SPI mode 1: the clock is low when idle, and data are taken at the trailing edge.
         spim.config.write(|w| w.order().msb_first().cpha().trailing().cpol().active_high());
         // SAFETY: any byte may be sent beyond the end of the transmit buffer.
         spim.orc.write(|w| unsafe { w.orc().bits(0) });
@@ -232,7 +232,7 @@ impl Port for RfPort {
         // SAFETY: 1 is a valid value of a task register.
         self.spim.tasks_stop.write(|w| unsafe { w.bits(1) });
         let stopped = (0..STOP_POLLS).any(|_| self.spim.events_stopped.read().bits() != 0);
-        // Before STOPPED the peripheral may still write to the buffers (PS v1.7, 6.25, "Low power").
+        // Until the event STOPPED, the SPIM may still write to its buffers (PS v1.7, 6.25, "Low power").
         assert!(stopped, "SPIM0 does not stop");
         self.spim.events_end.reset();
         self.finish();

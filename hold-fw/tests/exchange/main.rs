@@ -215,7 +215,7 @@ fn a_command_goes_the_whole_way_and_its_acknowledgement_comes_back() {
     let values = cycle(&mut world, &mut writers, &mut hold);
     assert_eq!((values.set_point, values.acknowledged[0]), (8.5, Acknowledged::new(2, Outcome::Refused)));
     assert_eq!((telemetry.commands_done.get(), telemetry.commands_refused.get()), (2, 1));
-    // After a reset that keeps the RAM, lock, set-point and acknowledgements must be the same.
+    // Lock, set-point and acknowledgements must outlive a reset that keeps the RAM.
     let mut restarted = Hold::new(ResetReason::Watchdog, Keeper::take(memory));
     let values = restarted.cycle(0, &mut Readings::default(), None).0.values();
     assert_eq!((values.set_point, values.status.locked()), (8.5, false));

@@ -488,7 +488,8 @@ proptest! {
             // The longest cycle sends a message and drives 23 levels of a recovery.
             prop_assert!(rig.cycle(Some((at, fault))) <= MESSAGE + 24 + 4);
         }
-        // Two cycles in a row that leave no byte behind end the drop of old bytes, so all later bytes arrive.
+        // After two reads in a row that leave no byte in the receiver, bytes are no longer dropped as old. So all later
+        // bytes arrive.
         rig.cycle(None);
         rig.cycle(None);
         while !rig.waiting.is_empty() {

@@ -85,7 +85,7 @@ impl CycleTimer {
         timer.ccer().write(|w| w.cc3e().set_bit());
         gpio::enable_ports();
         gpio::alternate(board::TICK, Speed::Low, Pull::None);
-        // The prescaler is loaded now by an update event, which must not count as a tick.
+        // An update event loads the prescaler now. This event must not count as a tick.
         timer.cr1().write(|w| w.urs().set_bit());
         timer.egr().write(|w| w.ug().set_bit());
         timer.sr().write(|w| w.uif().clear());
@@ -140,7 +140,7 @@ impl CycleTimer {
                 HORUS_TELEMETRY.record_fire(left.wrapping_sub(timing::SLOT_TICKS[frame]));
                 report |= FIRED | u32::from(response);
             }
-            // Before the first tick no cycle has begun, so there is nothing to send.
+            // A slot before the first tick belongs to no cycle, so it has nothing to send and is not counted.
             None if tick == 0 => {}
             None => HORUS_TELEMETRY.frames_skipped.add(1),
         }

@@ -92,11 +92,11 @@ impl DdcSource {
         i2c.cr1().write(|w| w);
         // SAFETY: the bus's frequency is 36 MHz, and 2 to 50 may be written (RM0090 "I2C", control register 2).
         i2c.cr2().write(|w| unsafe { w.freq().bits(mhz as u8) });
-        // The clock is low for twice CCR (DUTY 0) and high for CCR.
+        // SCL is low for twice the time in CCR (DUTY 0), and high for that time once.
         let ccr = (timing::GNSS_I2C_LOW_NS / 2 * mhz).div_ceil(1_000);
         // SAFETY: the value is 36, and 1 to 4095 may be written in fast mode with DUTY 0.
         i2c.ccr().write(|w| unsafe { w.f_s().set_bit().ccr().bits(ccr as u16) });
-        // The rise time is 300 ns in fast mode (RM0090 "I2C", TRISE).
+        // The rise time of SCL and SDA is 300 ns in fast mode (RM0090 "I2C", TRISE).
         // SAFETY: the value is 11, and at most 63 may be written.
         i2c.trise().write(|w| unsafe { w.bits((mhz * 300 / 1_000 + 1) as u16) });
         i2c.cr1().write(|w| w.pe().set_bit().ack().set_bit());
@@ -124,7 +124,7 @@ impl DdcSource {
             arbitration_lost: sr1.arlo().bit_is_set(),
             bus_error: sr1.berr().bit_is_set(),
         };
-        // Zeros clear the error flags, bits 8 to 15; all other bits are read-only.
+        // Writing zeros clears the error flags, bits 8 to 15. All other bits are read-only.
         const ERRORS: u16 = 0xDF00;
         if sr1.bits() & ERRORS != 0 {
             // SAFETY: only the flags that were seen are cleared, and reserved bit 13 is written as 0.
@@ -159,7 +159,8 @@ impl DdcSource {
             Order::Mute => self.mute(),
             Order::Release => {
                 self.mute();
-                // If the stream does not stop, the next recovery tries again; its bytes are not used until then.
+                // If the DMA stream does not stop, the next recovery of the bus tries again. Its bytes are not used
+                // until then.
                 let _ = dma::stop(self.port.stream);
                 dma::clear_flags(self.port.stream);
                 i2c.cr1().write(|w| w.swrst().set_bit());

@@ -36,7 +36,7 @@
 //!
 //! `unsafe` is used here for the symbol under which the telemetry is found.
 #![allow(unsafe_code)]
-// RTIC's generated resource types are public, so the types that they hold must be public too.
+// RTIC generates public types for its resources, so the types in those resources must be public too.
 #![allow(unreachable_pub)]
 
 use core::ops::Range;

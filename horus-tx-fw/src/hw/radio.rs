@@ -110,7 +110,8 @@ fn enable_clocks() {
 }
 
 fn set_up_spi() {
-    // Chip select is high before it becomes an output; the clock's edges are fast (erratum 2.12.4).
+    // Chip select is made high before its pin becomes an output. The edges of the clock are fast because of erratum
+    // 2.12.4.
     gpio::output(CHIP_SELECT, Speed::VeryHigh, true);
     gpio::alternate(SCK, Speed::VeryHigh, Pull::None);
     gpio::alternate(MISO, Speed::Low, Pull::None);
@@ -268,7 +269,7 @@ impl Port for Radio {
             self.abort();
             return true;
         }
-        // The last byte comes in after the last one has gone out, so the outgoing stream has ended too.
+        // The last byte comes in after the last one was sent, so the outgoing DMA stream has ended too.
         if !incoming.is_complete() {
             return false;
         }
@@ -348,16 +349,18 @@ impl transmitter::FrontEndPort for Radio {
 /// most. All interrupts must be masked for good.
 pub(super) fn field_off() {
     enable_clocks();
-    // A stream that does not stop has no request to serve once CR2 is cleared, and the field has to go off anyway.
+    // The field must go off even if a DMA stream does not stop. Once CR2 is cleared, such a stream has no request to
+    // serve.
     let _ = (dma::stop(SPI_OUT), dma::stop(SPI_IN));
     spi().cr2().write(|w| w);
     deselect();
     set_up_spi();
     let _ = spi().dr8().read();
-    // This wait is longer than any minimum high time of chip select.
+    // The delay keeps chip select high for 1 µs or more, longer than the chip requires.
     asm::delay(timing::CORE_HZ / 1_000_000);
     select();
-    // Operation control (register 02) = 0 switches transmitter, receiver and oscillator off (DS13541).
+    // Writing 0 to operation control (register 02) switches the chip's transmitter, receiver and oscillator off
+    // (DS13541).
     for byte in [command::WRITE | 0x02, 0x00] {
         put(byte);
         take();

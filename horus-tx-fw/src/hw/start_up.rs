@@ -21,7 +21,7 @@ use super::reset::EXCLUSIONS;
 
 firmware_common::install_start!(
     [
-        // The flags are in RCC_CSR, and its bit RMVF clears them.
+        // The part's reset flags are in RCC_CSR, whose bit RMVF clears them.
         "ldr r0, =0x40023874",
         "ldr r1, [r0]",
         "orr r2, r1, #0x01000000",

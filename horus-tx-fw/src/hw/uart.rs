@@ -47,7 +47,7 @@ impl UartSource {
     pub fn new(index: usize, port: &'static UartPort, rcc: &mut pac::RCC) -> Self {
         let source =
             Self { index, port, registers: Registers::at((port.registers)()), writer: Writer::new(), outgoing: None };
-        // The pull-up makes a line that is not connected read as idle.
+        // A line that is not connected reads as idle, because of the pull-up.
         gpio::alternate(port.rx, Speed::Low, Pull::Up);
         gpio::alternate(port.tx, Speed::Low, Pull::Up);
         (port.enable)(rcc);
@@ -72,7 +72,8 @@ impl UartSource {
             Rate::Usual => timing::GNSS_BAUD,
             Rate::Factory => timing::FACTORY_BAUD,
         };
-        // With 16 times oversampling BRR is the nearest divider itself (36 MHz: 78, 0.16 % fast; 938, 0.05 % slow).
+        // With 16 times oversampling, BRR is the divider of the bus clock to the nearest integer (36 MHz: 78, 0.16 %
+        // fast; 938, 0.05 % slow).
         let divider = (self.port.bus_hz + baud / 2) / baud;
         // SAFETY: any 16-bit value is a divider; this one is within 1 % of the wanted baud rate.
         self.uart().brr().write(|w| unsafe { w.bits(divider as u16) });
@@ -80,7 +81,8 @@ impl UartSource {
 
     /// Sets the baud rate of a UART that is on, by switching it off and on.
     fn change_rate(&self, rate: Rate) {
-        // The rate must not change during a byte (RM0090 "USART", fractional baud rate generation).
+        // The UART is off while its rate changes, because the rate must not change during a byte (RM0090 "USART",
+        // fractional baud rate generation).
         self.uart().cr1().modify(|_, w| w.ue().clear_bit());
         self.set_rate(rate);
         self.uart().cr1().modify(|_, w| w.ue().set_bit());
@@ -118,8 +120,8 @@ impl UartSource {
             self.telemetry().uart_errors.add(1);
         }
         if is_bad || flags.idle().bit_is_set() {
-            // Reading SR, then DR, clears all of these flags (RM0090 "USART", status register). The line has been idle
-            // for a whole frame, or its byte was bad, so the DMA stream does not lose a byte by this read.
+            // Reading SR, then DR, clears all of these flags (RM0090 "USART", status register). The DMA stream does not
+            // lose a byte by this read: either the line has been idle for a whole frame, or its last byte was bad.
             let _ = uart.dr().read();
         }
         self.send(flags.txe().bit_is_set(), flags.tc().bit_is_set());
@@ -141,7 +143,8 @@ impl UartSource {
             None if is_complete => {
                 let rate = message.rate();
                 self.outgoing = None;
-                // Both interrupts are switched off; the data register's may still be on after the last bit.
+                // Both interrupts of the transmitter are switched off. After the last bit, that of the empty data
+                // register may still be on.
                 uart.cr1().modify(|_, w| w.txeie().clear_bit().tcie().clear_bit());
                 if rate != Rate::Usual {
                     self.change_rate(Rate::Usual);

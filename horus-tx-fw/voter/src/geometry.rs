@@ -78,7 +78,7 @@ impl Place {
         let east = self.across * other.cosine * turn_sine;
         let up = -self.across * (0.5 * northward * northward + self.cosine * round);
 
-        // North and east at the other place have other directions than at this one.
+        // The directions of north and east at the other place differ from those at this place.
         let [step_north, step_east] = step;
         let straight = self.sine * other.sine * turn_cosine + self.cosine * other.cosine;
         [

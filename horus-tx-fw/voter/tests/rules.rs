@@ -188,7 +188,7 @@ fn climb(one: Report, other: Report) -> f64 {
 
 #[test]
 fn two_receivers_agree_within_three_standard_deviations_and_fixed_limits() {
-    // An age of 50 ms without speed adds 5 mm to an accuracy.
+    // The positions are 50 ms old and at rest, which adds 5 mm to an accuracy.
     for (one, other, expected) in [
         (1_000, 1_000, 5.0),
         (1_650, 100, 5.0),
@@ -213,12 +213,13 @@ fn two_receivers_agree_within_three_standard_deviations_and_fixed_limits() {
 
 #[test]
 fn accuracies_grow_with_speed_and_with_the_square_of_the_age() {
-    // The accuracy is 4 m, 0.05 s of 50 m/s, and 2 m/s² over 0.55 s, so 7.105 m; that of the other receiver is 1.005 m.
+    // The moving receiver's accuracy is 4 m, 0.05 s of 50 m/s, and 2 m/s² over 0.55 s, together 7.105 m. That of the
+    // receiver at rest is 1.005 m.
     let fast = |velocity| Report { since_arrival_ms: 500, ..GOOD }.stating(4_000, 4_000).flying(velocity);
     let still = GOOD.stating(1_000, 1_000);
     let horizontal = reach(still, fast([30_000, 40_000, 0]).moved(-0.55 * 30.0, -0.55 * 40.0));
     assert!((horizontal - 21.53).abs() < 0.03, "{horizontal}");
-    // At 50 m/s downwards the vertical accuracy has the same value.
+    // A receiver that moves at 50 m/s downwards has a vertical accuracy of 7.105 m, too.
     let vertical = climb(still, fast([0, 0, 50_000]).raised(0.55 * 50.0));
     assert!((vertical - 21.527).abs() < 0.01, "{vertical}");
     let upwards = climb(still, fast([0, 0, -50_000]).raised(-0.55 * 50.0));
@@ -278,7 +279,7 @@ fn two_that_agree_on_a_wrong_place_are_believed() {
 
 #[test]
 fn ties_go_to_the_last_pair_then_accuracy_then_lower_numbers() {
-    // Receiver 2 agrees with both others, which do not agree with each other.
+    // Receivers 1 and 3 are too far apart to agree, but receiver 2 agrees with both.
     let row = |accuracies: [u32; 3]| {
         let mut north = -4.0;
         accuracies.map(|mm| {
@@ -290,7 +291,7 @@ fn ties_go_to_the_last_pair_then_accuracy_then_lower_numbers() {
     assert_eq!(Voter::new().vote(&row([901, 1_000, 900]), 0).members, 0b110, "the more accurate");
     let mut voter = Voter::new();
     assert_eq!(voter.vote(&row([900, 1_000, 901]), 0).members, 0b011);
-    // Receiver 3 agrees with a member, so it may still take part; but the last result's members are kept.
+    // The members of the last result stay members. Receiver 3 agrees with one of them, so it is not excluded.
     let verdict = voter.vote(&row([901, 1_000, 900]), 10);
     assert_eq!((verdict.members, verdict.excluded), (0b011, 0));
 
@@ -329,7 +330,8 @@ fn returns(step: u32, wrong_until: u32, third: impl Fn(u32) -> Report, start: u3
 
 #[test]
 fn an_excluded_receiver_returns_after_agreeing_for_1000_ms() {
-    // The receiver agrees from 10 ms on; at 1010 ms it has agreed for 1000 ms, so it takes part at the next tick.
+    // The excluded receiver agrees from 10 ms on. At 1010 ms it has agreed for 1000 ms, so it takes part at the next
+    // tick.
     assert_eq!(returns(10, 10, |_| GOOD, 0), Some(1_020));
     assert_eq!(returns(10, 10, |_| GOOD, u32::MAX - 700), Some(1_020), "over the clock's wrap");
     assert_eq!(returns(1, 1, |_| GOOD, 0), Some(1_002), "not at 1000 ms, when it has agreed for 999");
@@ -556,7 +558,7 @@ fn altitude(verdict: &Verdict) -> Option<f64> {
 #[test]
 fn an_altitude_needs_a_quorum_of_members_that_have_one() {
     let high = GOOD.raised(500.0);
-    // One receiver is a quorum of one receiver and of two.
+    // The quorum of one or two receivers is one receiver.
     assert_eq!(altitude(&once([FLAT])), None);
     assert_eq!(altitude(&once([FLAT, high])), Some(1_012.345));
     // Two receivers have a 2D fix, so they state no altitude; the third is 500 m off in height.
@@ -567,7 +569,7 @@ fn an_altitude_needs_a_quorum_of_members_that_have_one() {
     assert_eq!((verdict.agreeing(), altitude(&verdict), verdict.excluded), (2, None, 0));
     let verdict = once([GOOD.stating(1_400, 2_500), FLAT, high]);
     assert_eq!((verdict.members, altitude(&verdict)), (0b011, None), "whatever accuracies say");
-    // Two receivers agree in height, and the third contradicts them.
+    // Two receivers agree in height and the third contradicts them, so it is excluded.
     let verdict = once([GOOD, GOOD, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b011, Some(512.345), 0b100));
     assert_eq!(altitude(&once([GOOD, FLAT, GOOD])), Some(512.345));
@@ -583,7 +585,7 @@ fn who_contradicts_a_quorum_of_altitudes_is_excluded_beside_members_without_one(
     let high = GOOD.raised(500.0);
     let verdict = once([FLAT, GOOD, GOOD, GOOD, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b01111, Some(512.345), 0b10000));
-    // Two altitudes are no quorum of five, so nobody can tell which one is right.
+    // Only two of the five receivers' altitudes agree, which is no quorum. So nobody can tell which one is right.
     let verdict = once([FLAT, FLAT, GOOD, GOOD, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b01111, None, 0));
     // A receiver without an altitude contradicts no other. One that agrees with a member that has an altitude may still
@@ -661,7 +663,8 @@ fn a_step_beyond_speed_and_accuracies_is_a_jump() {
         assert!(between(one, other, allowed + 1.98), "{one} {other}");
         assert!(!between(one, other, allowed + 2.03), "{one} {other}");
     }
-    // The limit grows with the time: after 1000 ms without a position it is 200 m and 6.4 m.
+    // The greatest step that counts as no jump grows with the time: after 1000 ms without a position it is 200 m and
+    // 6.4 m.
     for (by, expected) in [(206.3, true), (206.5, false)] {
         let mut flight = Flight::begun(0);
         flight.now = 1_000;
@@ -684,10 +687,10 @@ fn the_least_accurate_member_counts_for_a_jump() {
 
 #[test]
 fn a_jump_is_shown_once_it_could_have_been_flown() {
-    // The jump is 100 m: 6.4 m are allowed, the other metres at 200 m/s take 468 ms, and the first tick comes 10 ms
-    // after the last one.
+    // A jump of 100 m is held back for 460 ms: 6.4 m are allowed at once, the rest takes 468 ms at 200 m/s, and the
+    // first tick comes 10 ms after the last one.
     assert_eq!(Flight::begun(0).withheld(GOOD.moved(100.0, 0.0)), 460);
-    // When hours have passed since the last position, hardly any step is a jump.
+    // After hours without a position almost any step is possible, so it is no jump.
     let mut flight = Flight::begun(0);
     flight.now = 7_200_000;
     assert!(flight.is_shown(GOOD.moved(1_000_000.0, 0.0)));
@@ -704,7 +707,7 @@ fn what_is_held_back_must_continue_at_every_tick() {
     let mut flight = Flight::begun(0);
     (0..50).for_each(|_| assert!(!flight.is_shown(far)));
     assert_eq!(flight.withheld(farther), 1_000, "anew from a place that does not follow");
-    // The place may move on while the jump is held back.
+    // While a jump is held back, the new place may move on without restarting the second.
     let mut flight = Flight::begun(0);
     let moving = |tick: i32| GOOD.moved(2_000.0 + 1.5 * f64::from(tick), 0.0);
     assert_eq!((0..).position(|tick| flight.is_shown(moving(tick))), Some(100));
@@ -764,7 +767,8 @@ fn a_place_and_an_altitude_that_jump_together_are_shown_together() {
     (0..100).for_each(|_| assert!(!flight.is_shown(far)));
     let position = flight.tick(far).position.expect("it has held");
     assert_eq!(position.altitude, Some(912.345));
-    // An altitude that appears a second after the place jumped has not lasted for a second.
+    // The new place has lasted for a second when an altitude first appears there. The altitude itself must still last
+    // for a second.
     let mut flight = Flight::begun(0);
     let (flat, high) = (FLAT.moved(3_000.0, 0.0), GOOD.moved(3_000.0, 0.0).raised(900.0));
     (0..100).for_each(|_| assert!(!flight.is_shown(flat)));
@@ -801,8 +805,8 @@ fn places_far_apart_never_agree_not_even_opposite_ones() {
 #[test]
 fn a_flight_across_the_pole_or_180_degrees_is_extrapolated_correctly() {
     let mut report = GOOD;
-    // The receiver is 11.2 m before the pole at 8.7° and flies north at 100 m/s for 0.55 s: it is then 43.8 m beyond
-    // the pole, at -171.3°.
+    // The position is 11.2 m before the pole at 8.7°, flying north at 100 m/s, and 0.55 s old. At the tick the receiver
+    // is 43.8 m beyond the pole, at -171.3°.
     (report.stated.latitude_e7, report.stated.altitude_mm) = (899_999_000, None);
     let report = Report { since_arrival_ms: 500, ..report }.flying([100_000, 0, 0]);
     let (latitude, longitude) = place(&once([report]));
@@ -884,7 +888,7 @@ proptest! {
             prop_assert!(off[0].min(off[1]) <= 30.01, "{:?} m off", off);
             let altitude = position.altitude.expect("two have one");
             prop_assert!((altitude - 512.345).abs() <= 50.01);
-            // While both right receivers are members, the result is between them.
+            // If both right receivers are members, the result lies between them.
             let others = 0b111 & !(1 << which);
             if verdict.members & others == others {
                 prop_assert!(off[0].max(off[1]) <= north + 0.02, "{:?} m off", off);

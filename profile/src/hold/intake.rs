@@ -112,7 +112,7 @@ mod tests {
         }
         assert!(!intake.is_shown(300_000));
         assert_eq!(bits(&intake, 300_000), (true, false, 1, 3));
-        // A hold that has restarted counts from 0 again, so an earlier timestamp is accepted.
+        // An earlier timestamp than the last one is accepted, because a hold that has restarted counts from 0 again.
         assert!(intake.receive(object(0).as_bytes(), 400_000).is_ok());
         assert!(intake.is_shown(400_000));
         assert_eq!(bits(&intake, 400_000), (true, true, 2, 3));

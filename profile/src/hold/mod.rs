@@ -71,6 +71,7 @@ pub const EXCHANGE_NS: u64 = FRAME_NS + 1_000 * ANSWER_WINDOW_US as u64 + ANSWER
 const _: () = {
     assert!(HoldObject::SIZE == 64 && Answer::SIZE == 128);
     assert!(Answer::SIZE <= air::MAX_PAYLOAD);
-    // The hold needs the remaining nine tenths of a period for its own work and for a deviating clock.
+    // An exchange takes at most a tenth of a period. The hold needs the rest for its own work, and for a deviating
+    // clock.
     assert!(EXCHANGE_NS <= 1_000_000 * PERIOD_MS as u64 / 10);
 };

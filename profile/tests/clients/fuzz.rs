@@ -336,7 +336,8 @@ fn two_hundred_thousand_random_transactions_are_the_same_to_both_clients() {
             invariants::report(&told);
             seen[usize::from(told.report.verdict as u8)] += 1;
         });
-        // Counts how often Hold-Status was absent, old or valid, and in which states the last command was.
+        // Lines of the output are counted: how often Hold-Status was absent, old or valid, and in which states the last
+        // command was.
         for line in said.lines().filter(|line| line.starts_with("hold ") && line.contains(" age=")) {
             let (shown, sent) = (&line[..6], line.split_once(" sent ").expect("a report").1);
             *holds.entry(shown.to_owned()).or_default() += 1;

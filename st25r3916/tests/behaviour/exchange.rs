@@ -219,14 +219,14 @@ fn a_second_answer_is_never_mixed_with_the_first() {
                 assert_eq!(rig.buffer[1..=128], [1; 128], "{gap}");
                 whole += 1;
             }
-            // If the second answer begins during the status read at the end of the first, the first is reported as too
+            // A second answer that begins during the status read at the first answer's end makes the first one seem too
             // short.
             event => {
                 assert!([OVERRUN, ExchangeEvent::NoAnswer(NoAnswer::Dropped(Dropped::Runt))].contains(&event), "{gap}");
                 overrun += u32::from(event == OVERRUN);
             }
         }
-        // A sync during the read may have emptied the FIFO, which the stand-in counts as misuse.
+        // A sync during the read of the answer empties the FIFO, which the stand-in counts as misuse by the driver.
         rig.chip.misuse.clear();
         works_again(&mut rig, &mut machine);
     }

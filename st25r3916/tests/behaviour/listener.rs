@@ -414,7 +414,7 @@ fn two_frames_300_microseconds_apart_are_both_received() {
         let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
         for _ in 0..5 {
             let end = rig.chip.frame(rig.chip.now + 4_000, &payload(184, 1));
-            // Preamble and sync of the second frame follow the gap: 64 bits, 151 µs.
+            // After the gap come preamble and sync of the second frame: 64 bits, 151 µs.
             rig.chip.frame(end + 300 + 151, &payload(180, 2));
             assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 184, flags: CLEAN });
             assert_eq!(rig.buffer[1..=184], payload(184, 1));
@@ -483,7 +483,7 @@ fn a_frame_without_end_is_dropped_6_ms_after_its_sync() {
             hears(&mut rig, &mut listener, 244);
             let log = rig.log();
             assert_eq!(log[0], "59 00 00 00 00 00 00 00");
-            // The FIFO is cleared only if it holds bytes.
+            // An empty FIFO needs no clear, so the transfers may lack it.
             assert!(log[1] == "D1" || log[1..3] == ["DB", "D1"], "{log:?}");
             assert_eq!(listener.counters().no_end, 1);
             rig.assert_no_misuse();
@@ -571,7 +571,7 @@ fn frames_too_short_or_too_long_are_dropped_and_forgotten() {
 
 #[test]
 fn a_fifo_overflow_and_a_partial_last_byte_are_flags() {
-    // A byte with fewer than eight received bits is not part of the frame, so LEN no longer agrees.
+    // A last byte of fewer than eight bits does not count, so the length no longer agrees with LEN.
     let partial = FrameFlags::PARTIAL.union(FrameFlags::LENGTH);
     for (bits, len, flags) in [(0x10, 50, FrameFlags::OVERFLOW), (0x20, 50, FrameFlags::UNDERFLOW), (0x06, 49, partial)]
     {
@@ -851,7 +851,7 @@ fn a_frame_that_begins_while_an_idle_chip_is_checked_is_received() {
                 let (mut rig, mut listener) = (rig.clone(), listener.clone());
                 let sent = payload(244, sync);
                 rig.chip.frame(rig.chip.now + sync as u64, &sent);
-                // The executor needs 4 µs from one step to the next.
+                // This executor needs 4 µs from one step to the next.
                 let event = loop {
                     if let Some(event) = rig.listener_within(&mut listener, 1) {
                         break event;
@@ -987,7 +987,7 @@ fn the_buffer_holds_the_longest_frame_and_no_byte_more() {
         rig.chip.raw_frame(rig.chip.now + 1_000, &frame[..257], Some(0));
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 254, flags: CLEAN });
         rig.chip.advance(rig.chip.now + 5);
-        // Bytes beyond a frame's CRC-16 make it too long, although the CRC-16 itself is not read into the buffer.
+        // A frame with bytes beyond its CRC-16 is too long, although the CRC-16 itself is not read into the buffer.
         for more in 1..=3 {
             frame.resize(257 + more, 0);
             rig.chip.raw_frame(rig.chip.now + 1_000, &frame, Some(0));

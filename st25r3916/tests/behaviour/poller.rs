@@ -226,7 +226,8 @@ fn measuring_and_reading_back_cost_less_than_a_millisecond() {
     let mut rig = Rig::new(Chip::new(Variant::A));
     let mut poller = Poller::new(PollerConfig::new());
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
-    // The oscillator takes 700 µs and the regulators 3 ms; the rest is 25 µs of measurement and transfers at 8 MHz.
+    // The bring-up takes 700 µs for the oscillator and 3 ms for the regulators. The rest is 25 µs of measurement and
+    // transfers at 8 MHz.
     assert!(rig.chip.now < 700 + 3_000 + 1_000, "{} µs", rig.chip.now);
 }
 
@@ -710,7 +711,7 @@ fn a_chip_that_never_raises_i_txe_sends_every_frame_unconfirmed() {
             assert_eq!(rig.send(&mut poller, &payload), PollerEvent::Sent { confirmed: false });
             let (began, sent) = rig.chip.sent.last().unwrap();
             assert_eq!(*sent, payload);
-            // The event comes neither before the frame's last bit nor too late to prepare the next frame.
+            // The event Sent must not come before the frame's last bit, nor too late to prepare the next frame.
             let air = (48 + 16 + 8 * (len as u64 + 3)) * 3_200 / 1_356;
             let late = rig.chip.now - began - air;
             assert!((50..170).contains(&late), "{len} bytes: {late} µs after the last bit");

@@ -305,8 +305,9 @@ impl At {
                 self.call(|called| called.ssi = false);
                 self.enter(Task::Ssi, Self::ssi_end);
             } else if pause_over && level < Task::Ssi as u8 {
-                // The task `ssi_pause` has the same priority as `ssi_end` and comes after it in the table of vectors.
-                // Its two accesses are one step, since an event between them has the same effect as before the first.
+                // The task `ssi_pause` has the priority of `ssi_end`, and comes after it in the table of vectors. Both
+                // accesses of `ssi_pause` make one step, because an event between them has the same effect as before
+                // the first.
                 self.0.explorer.note("ssi_pause: END and ACQUIRED are not masked");
                 let mut hw = self.0.hw.borrow_mut();
                 (hw.pause_over, hw.masked) = (false, false);

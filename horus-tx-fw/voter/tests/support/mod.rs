@@ -128,7 +128,7 @@ const B: f64 = 6_356_752.314_245_179;
 impl Place {
     pub(crate) fn new(latitude: f64, longitude: f64, height: f64) -> Self {
         let ((sp, cp), (sl, cl)) = (latitude.to_radians().sin_cos(), longitude.to_radians().sin_cos());
-        // The radii are computed from both axes of the ellipsoid, not from its eccentricity as in the voter.
+        // This model computes the radii from both axes of the ellipsoid, while the voter uses the eccentricity.
         let root = (A * A * cp * cp + B * B * sp * sp).sqrt();
         let (equator, axis) = (A * A / root + height, B * B / root + height);
         Self {

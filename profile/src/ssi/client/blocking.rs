@@ -32,7 +32,7 @@ impl<Spi: SpiDevice> Dpr<Spi> {
     /// displayed position is older.
     pub fn read(&mut self, now_us: u64, fresh_us: Option<u64>) -> Result<Report, Failed<Spi::Error>> {
         self.brought = 0;
-        // The buffer has room for the longest transaction, so `begin` cannot fail.
+        // `begin` cannot fail here, because the buffer has room for the longest transaction.
         let bytes = self.client.begin(&mut self.buffer).unwrap_or(0);
         let (buffer, _) = self.buffer.split_at_mut(bytes);
         let transferred = self.spi.transaction(&mut [

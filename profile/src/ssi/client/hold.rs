@@ -89,7 +89,7 @@ impl HoldTrack {
         let Some(last) = self.last else {
             return HoldReport { shown: HoldShown::Absent, values: None, age_us: AGE_UNKNOWN };
         };
-        // If the clock was set back, the age is unknown.
+        // The subtraction fails if the flight controller's clock was set back. The age is then unknown.
         let since_us = began_us.checked_sub(last.read_us);
         let is_valid = since_us.is_some_and(|since_us| since_us <= EXPIRY_US.into());
         HoldReport {

@@ -33,7 +33,7 @@ struct Sample {
 
 impl Sample {
     fn age_us(&self, now_us: u64) -> u32 {
-        // If the clock was set back, the age is unknown.
+        // The subtraction fails if the flight controller's clock was set back. The age is then unknown.
         now_us.checked_sub(self.read_us).map_or(AGE_UNKNOWN, |since| sum_us(self.age_us, since))
     }
 }
@@ -135,7 +135,8 @@ impl Track {
     /// The greatest possible age, µs, of the sample in an image that is read for the first time.
     fn age_us(&self, link: &LinkStatus, began_us: u64, fresh_us: Option<u64>) -> u32 {
         let units = link.values().age_100us;
-        // Link-Status rounds the age down, and its highest value stands for that age or more.
+        // The age in Link-Status is rounded down, so the true age is less than one unit above it. The highest value
+        // stands for that age or more.
         let published_us = if units == u16::MAX { AGE_UNKNOWN } else { 100 * (u32::from(units) + 1) };
         // If the previous reading showed another image, the present image was published after that reading.
         let before_us = self.image.filter(|(image, _)| *image != link.timestamp()).map(|(_, read_us)| read_us);
