@@ -109,13 +109,13 @@ impl Cycles {
     }
 
     /// Returns the times that the same work takes over several inputs, in cycles. Each input is run once before it is
-    /// timed, so that a board's flash cache holds the code for all inputs alike.
+    /// timed. So a board's flash cache holds the code for all inputs alike.
     pub fn over<I, T>(&self, inputs: impl IntoIterator<Item = I>, mut work: impl FnMut(&I) -> T) -> Taken {
         self.over_prepared(inputs, |_| (), |input, ()| work(input))
     }
 
-    /// Returns the times as [`Cycles::over`] does, for work that changes its state. `prepare` makes the state anew for
-    /// each input and is not timed.
+    /// Returns the times like [`Cycles::over`], for work that changes its state. Before each input, `prepare` makes a
+    /// new state, which is not timed.
     #[inline(always)]
     pub fn over_prepared<I, S, T>(
         &self,
@@ -175,7 +175,7 @@ impl Taken {
         defmt::assert!(self.spread() <= spread, "{=str} depends on its data: {}", what, self);
     }
 
-    /// Panics if the fastest call took less than `bound`, because then some of the work was not done.
+    /// Panics if the fastest call took less than `bound`, because some of the work was left out then.
     pub fn assert_at_least(self, what: &str, bound: u32) {
         defmt::info!("{=str}: {=u32}..{=u32} cycles of at least {=u32}", what, self.min, self.max, bound);
         defmt::assert!(self.min >= bound, "{=str} took {=u32} cycles, less than {=u32}", what, self.min, bound);

@@ -36,7 +36,7 @@ pub(crate) struct Figures {
     pub(crate) parts: usize,
     pub(crate) bytes: u64,
     pub(crate) read: u64,
-    /// The memory of the process at each tenth of the recording and then at each tenth of the reading, kB.
+    /// The memory of the process, kB, at each tenth of the recording and then at each tenth of the reading.
     pub(crate) memory_kb: Vec<u64>,
 }
 

@@ -7,8 +7,8 @@
 //!
 //! One sample must not define the shortest delay: an attacker who inserts one early sample could make all others look
 //! late, for hours. So the smallest difference only changes when [`AGREEING`] samples have smaller ones, over at least
-//! [`AGREE_US`] and at most [`WITHIN_US`]. It becomes the largest of these. The first [`AGREEING`] samples count at
-//! once.
+//! [`AGREE_US`] and at most [`WITHIN_US`]. The new value is the largest of these. The first [`AGREEING`] samples count
+//! at once.
 //!
 //! The shortest delay itself remains unknown. It consists of about 5 ms from sample to readable (docs/figures.md), up
 //! to a control cycle of the flight controller, and the delay of the carrier. True ages exceed the ages here by the

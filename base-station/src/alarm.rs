@@ -53,7 +53,7 @@ alarms! {
     SwitchedToRedundant, "switched-to-redundant", Critical, "HORUS has switched to the redundant flight controller";
     /// HORUS reports that the position is outside of the flight range.
     OutsideRange, "outside-range", Critical, "the drone is outside of its flight range";
-    /// The state inputs of HORUS contradict each other, and no more severe state is known.
+    /// HORUS's state inputs contradict each other, and no more severe state is known.
     InputsContradict, "inputs-contradict", Critical, "HORUS cannot tell its state: its inputs contradict";
     /// HORUS reports a state of a later version, which has no name here.
     UnknownState, "unknown-state", Critical, "HORUS is in a state that this station does not know";

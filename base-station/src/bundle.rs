@@ -1,6 +1,6 @@
 //! Finds the objects in a message that carries several.
 //!
-//! The message's length and, over MAVLink, its payload type determine which objects are in it. So a damaged identifier
+//! The message's length and, over MAVLink, its payload type determine which objects it carries. So a damaged identifier
 //! makes only its own object unreadable.
 
 use core::ops::Range;

@@ -48,7 +48,7 @@ impl Kind {
 /// Bytes that arrived together, with their origin.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Carried {
-    /// The instant at which the bytes arrived, µs since 1970; it does not go back.
+    /// The instant at which the bytes arrived, µs since 1970. It never goes back from one arrival to the next.
     pub at_us: u64,
     /// The form of the bytes.
     pub kind: Kind,

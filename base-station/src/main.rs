@@ -213,7 +213,7 @@ struct Output {
     record: Option<PathBuf>,
 }
 
-/// The interval at which the program checks for failures; the recorder tries again after twice that time.
+/// The interval at which the program checks for failures. The recorder tries again after twice that time.
 const COMPLAIN: Duration = Duration::from_millis(500);
 
 fn main() -> ExitCode {
@@ -447,7 +447,7 @@ fn verifier(listen: &Listen) -> Result<Option<Verifier>> {
     Ok(key(listen)?.map(Verifier::new))
 }
 
-/// The number of the link in this station's signatures. Each sender with the same key needs a different number.
+/// The number of the link in this station's signatures. Senders with the same key need different numbers.
 const SIGNING_LINK: u8 = 254;
 
 fn speak(listen: &Listen, allow: &Allow, station: &Station) -> Result<()> {

@@ -67,7 +67,7 @@ pub(crate) const FRESH_CHANNEL: usize = 1;
 pub(crate) const WAIT_COMPARE: usize = 0;
 /// The capture register of TIMER0 and TIMER4 for the time of the IRQ's edge.
 pub(crate) const EDGE_CAPTURE: usize = 1;
-/// The capture register of TIMER4 for the present time.
+/// The capture register of TIMER4 by which the present time is read.
 #[cfg(feature = "hold")]
 pub(crate) use firmware_common::nrf52840::NOW_CAPTURE;
 /// The GPIOTE channel of the second front end's chip select.

@@ -13,7 +13,7 @@
 //!   first frame are published without the second when the second frame's deadline has passed
 //!   ([`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US)), or when a frame arrives that does not belong to the
 //!   first. A second frame whose first was lost is published at once.
-//! - Silence: at each deadline an image without objects is published, so that the last objects do not stay readable.
+//! - Silence: each deadline publishes an image without objects, so that the last objects do not stay readable.
 //!
 //! The deadline is an instant on the DPR's µs counter, counted from the end of the last frame. The task that a frame
 //! starts and the task that the timer starts do the same: they take in the frames that wait, call
@@ -42,7 +42,7 @@ const DPR: Writer<Dpr> = Writer::claim();
 
 /// The destination of the images that the commit task makes.
 pub trait Images {
-    /// Returns the image being filled. It stays the same until it is published, and holds only zeros at first.
+    /// Returns the image being filled. It holds only zeros at first, and stays the same image until it is published.
     fn filling(&mut self) -> &mut ImageMemory;
     /// Copies Port-Status and the uplinks to their place in the image being filled, in a map for `N` receivers.
     fn place_port<const N: usize>(&mut self);
@@ -226,7 +226,7 @@ impl<const N: usize> Commit<N> {
         true
     }
 
-    /// Copies the accepted objects into the image, and zeros for the rejected ones in the same time.
+    /// Copies the accepted objects into the image. Rejected objects become zeros, which takes the same time.
     fn deposit(&mut self, payload: &[u8], verdict: &Verdict, images: &mut impl Images) {
         let image: &mut [u8] = bytemuck::cast_slice_mut(images.filling());
         let Ok(objects) = air::objects::<N>(payload) else { return };

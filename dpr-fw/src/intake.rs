@@ -1,4 +1,4 @@
-//! Turns the frames that wait into published images. Both tasks `commit` and `deadline` do this.
+//! Turns waiting frames into published images, for the tasks `commit` and `deadline`.
 //!
 //! # Design
 //!
@@ -33,8 +33,8 @@ pub trait Timer {
 /// The information from other tasks that the tasks `commit` and `deadline` need.
 #[derive(Clone, Copy, Debug)]
 pub struct Notices<'a, S> {
-    /// Whether a frame is arriving. Only then its image is prepared: an image that is prepared earlier would lack what
-    /// the flight controller still writes before the frame.
+    /// Whether a frame is arriving. Its image is prepared only then: an image that is prepared earlier would lack what
+    /// the flight controller writes before the frame.
     pub frame_arrives: bool,
     /// The state of the front end.
     pub front_end: FrontEnd,
@@ -53,7 +53,7 @@ pub struct Intake<const N: usize> {
 }
 
 impl<const N: usize> Intake<N> {
-    /// Returns the state after a start of the DPR for this reason.
+    /// Returns the state after a start of the DPR, whose reason was `reset_reason`.
     #[must_use]
     pub const fn new(reset_reason: ResetReason) -> Self {
         Self { commit: Commit::new(), started: false, reset_reason }

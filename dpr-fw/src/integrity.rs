@@ -31,7 +31,7 @@
 //!
 //! # Time to detect
 //!
-//! [`IMAGE_DETECT_US`], [`FLASH_DETECT_US`], [`CODE_DETECT_US`] and [`RAM_DETECT_US`] are the bounds. They hold while
+//! The bounds are [`IMAGE_DETECT_US`], [`FLASH_DETECT_US`], [`CODE_DETECT_US`] and [`RAM_DETECT_US`]. They hold while
 //! the idle loop runs; if it does not run for 100 ms, the watchdog resets the part.
 
 use core::{
@@ -137,7 +137,8 @@ impl<const N: usize> ImageCheck<N> {
         Self { next: 0 }
     }
 
-    /// Verifies the next [`OBJECTS_PER_SLICE`] objects. Returns the image's generation if one of them is damaged.
+    /// Verifies the next [`OBJECTS_PER_SLICE`] objects of the image. Returns the image's generation if one of these
+    /// objects is damaged.
     pub fn slice(&mut self, shown: &impl Shown) -> Option<u32> {
         (0..OBJECTS_PER_SLICE).fold(None, |damaged, _| damaged.or_else(|| self.step(shown)))
     }
@@ -236,7 +237,7 @@ impl Integrity {
         self.withdraw.swap(false, Ordering::Relaxed) || damaged != 0 && damaged == generation
     }
 
-    /// Asks for a self-test: a whole pass over flash and one over the RAM in use. A self-test under way begins anew.
+    /// Requests a self-test: a whole pass over flash and one over the RAM in use. A self-test in progress begins again.
     pub fn request_self_test(&self) {
         self.self_test.store(REQUESTED, Ordering::Relaxed);
     }
@@ -310,7 +311,8 @@ impl Judge {
         Self { self_test: SelfTest { flash: None, ram: None } }
     }
 
-    /// Starts a self-test that was asked for. Returns whether one starts, so that the patrol has to begin anew.
+    /// Starts a self-test that was requested. Returns whether one starts; the patrol then has to begin its passes
+    /// again.
     pub fn begin_self_test(&mut self, integrity: &Integrity) -> bool {
         let state = &integrity.self_test;
         let begins = state.compare_exchange(REQUESTED, RUNNING, Ordering::Relaxed, Ordering::Relaxed).is_ok();

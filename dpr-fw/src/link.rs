@@ -16,8 +16,9 @@ pub const FRAME_DEADLINE_US: u32 = 12_500;
 pub const FRAME_DUE_US: u32 = 200;
 /// The period after which another cycle's frames count as missed while HORUS is silent, µs: one cycle.
 pub const SILENCE_US: u32 = 1_000 * CYCLE_MS;
-/// The time from the end of a cycle's first frame to the latest end of its second, µs (five receivers). The second ends
-/// 3.935 ms after the first, give or take [`SAME_SAMPLE_US`], and the next cycle's first frame 10 ms after it.
+/// The time from the end of a cycle's first frame to the latest end of its second frame, µs (five receivers). The
+/// second frame ends 3.935 ms after the first, give or take [`SAME_SAMPLE_US`]. The next cycle's first frame ends 10 ms
+/// after the first.
 pub const SECOND_FRAME_US: u32 = 7_000;
 /// How long Link-Status shows that HORUS has restarted, µs: long enough for every control cycle to see it.
 pub const RESTART_SHOWN_US: u32 = 1_000_000;
@@ -228,7 +229,7 @@ pub struct Health {
     pub no_field: bool,
     /// Whether flash differs from the program that was built.
     pub flash_fault: bool,
-    /// The reason for which the DPR last started.
+    /// The reason why the DPR last started.
     pub reset_reason: ResetReason,
     /// The number of accesses over SSI that were refused since start.
     pub access_violations: u32,

@@ -309,7 +309,8 @@ mod app {
         TELEMETRY.ssi_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 
-    /// Runs when the pause after a transaction is over. From then on the end of a transaction calls `ssi_end` again.
+    /// Runs when the pause after a transaction is over. After this task has run, the end of a transaction calls
+    /// `ssi_end` again.
     #[task(binds = TIMER3, priority = 6)]
     fn ssi_pause(_: ssi_pause::Context) {
         SsiDoorbell::end_pause();
@@ -392,7 +393,7 @@ mod app {
         }
     }
 
-    /// Scrubs the buffers that wait for it. Once a cycle it also calls the other tasks, so that they check in.
+    /// Scrubs the buffers that wait for a scrub. Once a cycle it also calls the other tasks, so that they check in.
     #[task(binds = SWI1_EGU1, priority = 3, local = [sign_of_life, asked_us: u32 = 0], shared = [rotation, mailbox])]
     fn scrub(cx: scrub::Context) {
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.rotation));

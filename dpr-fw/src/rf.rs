@@ -13,8 +13,8 @@
 //!
 //! # Buffers
 //!
-//! [`Reception::serve`] hands a buffer that holds a frame to the commit task and goes on with a clean one. The buffer
-//! of a frame that is not delivered is replaced by a clean one as well, so that it never mixes with another frame.
+//! [`Reception::serve`] hands a buffer that holds a frame to the commit task and goes on with a clean buffer. If a
+//! frame is not delivered, its buffer is replaced by a clean one as well, so that it never mixes with another frame.
 //!
 //! # The end of a frame
 //!
@@ -34,7 +34,7 @@ use crate::{
     triple::{Filling, Memory, Rotated, Rotation},
 };
 
-/// The number of bytes before LEN in a receive buffer, for the first byte of a read, and to align the payload.
+/// The number of bytes before LEN in a receive buffer. They take the first byte of a read, and align the payload.
 pub const LEAD: usize = 3;
 const _: () = assert!((LEAD + PAYLOAD_OFFSET).is_multiple_of(4));
 

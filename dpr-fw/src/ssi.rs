@@ -6,8 +6,8 @@
 //! one made no valid request, it shows the map from its start. A request is eight bytes with a CRC; eight bytes 0x00 or
 //! 0xFF (an undriven line) are no request.
 //!
-//! Only the request is judged here, because the next transaction waits for it. The port task, of low priority, judges
-//! the other bytes ([`port`](crate::port)).
+//! Only the request is judged here, because the next transaction waits for the result. The port task, of low priority,
+//! judges the other bytes ([`port`](crate::port)).
 //!
 //! The SSI interrupt has the highest priority, so a flight controller that selects and deselects the DPR in a loop
 //! could keep the RFID side from running. The peripheral reports the end of every granted transaction, even of one
@@ -86,10 +86,10 @@ impl<const LEN: usize> Windows<LEN> {
     }
 }
 
-/// How long, µs, the end of a transaction does not call the SSI task after that task has served the end of another. It
-/// is longer than the time from a frame's last bit to its image with one run of the SSI task in it
-/// (docs/timing.md#sums). It is shorter than the least time between the ends of two transactions of 96 bytes
-/// ([`ssi::timing::SPACING_NS`]) less the time in which the first of them is served.
+/// The pause after the end of a transaction, µs, in which the end of another does not call the SSI task. It is longer
+/// than the time from a frame's last bit to its image with one run of the SSI task in it (docs/timing.md#sums). It is
+/// shorter than the least time between the ends of two transactions of 96 bytes ([`ssi::timing::SPACING_NS`]) less the
+/// time in which the first of them is served.
 pub const PAUSE_US: u32 = 95;
 
 // Shows WAY-4.

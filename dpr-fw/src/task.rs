@@ -7,7 +7,7 @@ include!(concat!(env!("OUT_DIR"), "/each_task.rs"));
 
 each_task!(firmware_common::task_table);
 
-/// The tasks of the second port (feature `hold`). With that feature they are also the last ones of [`TASKS`].
+/// The tasks of the second port (feature `hold`). With that feature, [`TASKS`] ends with them.
 pub mod hold {
     include!(concat!(env!("OUT_DIR"), "/each_hold_task.rs"));
 

@@ -5,7 +5,7 @@ use crate::triple::Scrubbed;
 firmware_common::counters! {
     /// The static `DPR_TELEMETRY`: 32-bit counters in this order, all zero at start. Totals wrap.
     pub struct Telemetry {
-        /// Received frames whose length is that of a frame of this profile.
+        /// Received frames with the length of one of this profile's frames.
         frames_received,
         /// Frames whose deadline passed.
         frames_missed,
@@ -61,7 +61,8 @@ firmware_common::counters! {
         image_faults,
         /// Complete passes of the patrol over the RAM in use.
         ram_passes,
-        /// How often a word of RAM in use did not hold what was written to it, also in the test at the start.
+        /// How often a word of RAM in use did not hold the value that was written to it. The test at the start counts
+        /// as well.
         ram_errors,
         /// How often the budget of transactions between two images was used up.
         ssi_budgets_spent,
@@ -75,7 +76,7 @@ firmware_common::counters! {
         port_worst_cycles,
         /// How often the front end lost the sender's field.
         field_losses,
-        /// How often the front end was brought up anew because it had received nothing for long.
+        /// How often the front end was brought up again because it had received nothing for long.
         rf_silences,
         /// The last front end register whose value differed from the one that was set, or 0 if none. Bits 23 to 16 hold
         /// its address (plus 0x40 in space B), bits 15 to 8 the value that was set, bits 7 to 0 the value that was

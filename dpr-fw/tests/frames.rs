@@ -1,5 +1,5 @@
-//! Tests the way from the air to the image: the functions that the firmware's tasks call, on a model of the chip.
-//! Time is virtual. SPI takes its time byte by byte at 8 MHz; the work of the firmware's tasks takes none.
+//! Tests the way from the air to the image: the functions that the firmware's tasks call, on a model of the chip. Time
+//! is virtual. SPI takes its time byte by byte at 8 MHz. The firmware's tasks take no time.
 
 use std::{cell::RefCell, collections::VecDeque, rc::Rc};
 
@@ -31,7 +31,8 @@ const BIT_AS: u64 = 2_359_882_005_899;
 const CYCLE_NS: u64 = 10_000_000;
 /// The first byte of a status read, which reads registers from 0x19 on.
 const STATUS_READ: u8 = 0x59;
-/// The instant of the first cycle's sample, ns. The bring-up is over by then, and the field has been on for a while.
+/// The instant of the first cycle's sample, ns. Before it the bring-up has ended, and the field has been on for a
+/// while.
 const FIRST_TICK_NS: u64 = 33_000_000;
 
 fn timestamp(cycle: u64) -> u32 {

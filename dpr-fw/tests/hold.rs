@@ -95,7 +95,7 @@ impl World {
         }
     }
 
-    /// Sends a frame whose first bit is on the air at time `at`. Returns the time of its last bit.
+    /// Sends a frame whose first bit is on the air at time `at`. Returns the time of the frame's last bit.
     fn send(&mut self, at: u64, payload: &[u8]) -> u64 {
         let mut data = vec![payload.len() as u8 + 1];
         data.extend(payload);

@@ -112,7 +112,7 @@ impl Region {
         address.wrapping_sub(self.base) < self.size
     }
 
-    /// Whether `address` is in an open eighth of the region, so that the region decides about it.
+    /// Whether `address` is in an open eighth of the region, so that this region decides about the address.
     const fn has(&self, address: u32) -> bool {
         // A region below 256 bytes has no eighths, so its `shut` is zero.
         self.spans(address) && (self.size < 8 || self.shut >> ((address - self.base) / (self.size / 8)) & 1 == 0)

@@ -13,7 +13,7 @@
 #[cfg(target_os = "none")]
 use crate::memory;
 
-/// The word for the program's CRC. It is defined here, so that every firmware that links this crate has it once.
+/// The word for the program's CRC. This crate defines it, so every firmware that links the crate has it once.
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)] // The attribute names a section, which the compiler cannot check: it is that of `program_crc.x`.
 #[used]

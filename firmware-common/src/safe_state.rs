@@ -112,7 +112,7 @@ macro_rules! install_safe_state {
             $crate::safe_state::enter($enter, stop, |_| defmt::error!("{}", defmt::Display2Format(info)))
         }
 
-        /// The macros of `defmt` that call this, such as `defmt::panic!`, have already logged the reason.
+        /// The macros of `defmt` that call this function, such as `defmt::panic!`, have already logged the reason.
         #[defmt::panic_handler]
         fn defmt_panic() -> ! {
             let stop = || $crate::last_stop::Stop::of_panic("", 0, $crate::safe_state::active_exception());

@@ -48,9 +48,9 @@ static MEMORY_TEST: AtomicU32 = AtomicU32::new(0);
 /// The result of the memory test at this start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// Every word holds what is written to it.
+    /// Every word of the memory holds what is written to it.
     Sound,
-    /// A word in the 32 bytes from this address on does not hold what is written to it.
+    /// A word among the 32 bytes from this address on does not hold what is written to it.
     Faulty(u32),
     /// The test has left no result.
     NotTested,

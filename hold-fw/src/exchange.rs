@@ -1,4 +1,4 @@
-//! Drives the front end: sends one frame in each cycle and takes the DPR's answer to it.
+//! Drives the front end: in each cycle sends one frame and takes the DPR's answer.
 //!
 //! # Design
 //!

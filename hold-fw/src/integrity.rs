@@ -39,7 +39,7 @@ pub enum Consequence {
     None,
     /// The hold goes on, but with its output off.
     MemoryFault,
-    /// The hold stops for this cause; the second value is the detail that is logged with it.
+    /// The hold stops for this cause. The second value is the detail that is logged with the cause.
     Stop(Cause, u32),
 }
 

@@ -59,7 +59,7 @@ impl Hold {
         }
     }
 
-    /// Records a fault of the memory. From then on the output is 0.
+    /// Records a fault of the memory. After that the output stays 0.
     pub fn found_memory_fault(&mut self) {
         self.memory_fault = true;
     }

@@ -5,7 +5,7 @@
 
 use core::ops::Range;
 
-/// The full scale, V, and the number of steps in it.
+/// The full scale of the SAADC, V, and the number of steps in it.
 const FULL_SCALE: f32 = 3.6;
 const STEPS: i16 = 4_096;
 

@@ -23,7 +23,7 @@ const PER_BEAT: usize = 10;
 struct Board {
     registers: Vec<u8>,
     fifo: Vec<[u8; 6]>,
-    /// The sample that the accelerometer takes at present, left-aligned.
+    /// The sample that the model of the accelerometer takes at present, left-aligned.
     sample: [i16; 3],
     measured: [u16; 2],
     /// Whether the climate sensor has a measurement ready.

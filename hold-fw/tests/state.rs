@@ -117,7 +117,7 @@ fn a_memory_fault_switches_the_output_off_for_good() {
     }
 }
 
-/// A base station whose uplinks reach the hold in each cycle.
+/// A hold, and a base station whose uplinks reach it in each cycle.
 struct Link {
     hold: Hold,
     memory: &'static Memory,

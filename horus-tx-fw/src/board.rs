@@ -129,7 +129,7 @@ pub(crate) struct Timer {
 }
 
 pub(crate) struct UartPort {
-    /// The UART's registers. A USART begins with the same registers.
+    /// The registers of a UART. Those of a USART begin in the same way.
     pub(crate) registers: fn() -> *const uart4::RegisterBlock,
     pub(crate) enable: fn(&mut pac::RCC),
     /// The frequency of the bus that the UART is on, Hz, from which its baud rate is derived.
@@ -301,7 +301,7 @@ impl Hardware {
         }
     }
 
-    /// Returns the two DMA streams of this receiver; if it has only one, that stream twice.
+    /// Returns the two DMA streams of this receiver. A receiver with a single stream has it twice in the result.
     const fn streams(&self) -> [Stream; 2] {
         match self {
             Self::Uart(port) => [port.stream, port.stream],

@@ -99,7 +99,7 @@ pub enum Standing {
     Refused = 2,
     /// The receiver talks but did not answer, and is used as it is.
     Unanswered = 3,
-    /// The receiver has acknowledged the basic message, but keeps its own dynamic model.
+    /// The receiver has acknowledged the basic message, but has refused the dynamic model and keeps its former one.
     OtherModel = 4,
 }
 

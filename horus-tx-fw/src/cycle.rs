@@ -39,7 +39,7 @@ use crate::{
 pub struct Start {
     /// The clock that HORUS runs on.
     pub clock: Source,
-    /// The reason for which the processor started.
+    /// The reason why the processor started.
     pub reason: ResetReason,
     /// The receivers that were excluded before the start, in the form of [`Verdict::excluded`]
     /// ([`exclusions`](crate::exclusions) keeps them over a reset).

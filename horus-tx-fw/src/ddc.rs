@@ -42,7 +42,7 @@ use crate::source::{Backlog, Busy, Message, RING};
 pub const ADDRESS: u8 = 0x42;
 const WRITE: u8 = ADDRESS << 1;
 const READ: u8 = ADDRESS << 1 | 1;
-/// The first of the two registers with the number of waiting bytes.
+/// The number of waiting bytes is in two registers, of which this is the first.
 const WAITING: u8 = 0xFD;
 
 /// The most bytes of the stream that are read in one cycle: at 27 µs each they take 6.9 ms, which leaves 2.7 ms for a
@@ -51,7 +51,7 @@ pub const MOST: usize = 256;
 
 const _: () = assert!(RING >= 2 * MOST);
 
-/// How long each level of a recovery lasts, µs. The clock then has 50 kHz, which no I2C device is too slow for.
+/// How long a recovery of the bus keeps each level, µs. The clock then has 50 kHz, which no I2C device is too slow for.
 pub const STEP_US: u16 = 10;
 
 /// The number of clocks in a recovery: a receiver that sends a byte releases SDA after eight bits and the acknowledge.
@@ -316,7 +316,7 @@ impl Ddc {
         order
     }
 
-    /// Serves the end of a read. `first` holds the first three of the received bytes.
+    /// Serves the end of a read. `first` holds the first three bytes that were received.
     pub fn received(&mut self, first: [u8; 3]) -> Received {
         let waiting = match u16::from_be_bytes([first[0], first[1]]) {
             u16::MAX => 0,

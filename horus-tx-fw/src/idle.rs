@@ -2,8 +2,8 @@
 //!
 //! # Design
 //!
-//! A slice of memory checks and a log message could each delay a slot or a tick, so each begins only in the quiet part
-//! of a cycle ([`timing::quiet`](crate::timing::quiet)). Work that finds no quiet part waits for the next one.
+//! A slice of memory checks or a log message could delay a slot or a tick. So each begins only in the quiet part of a
+//! cycle ([`timing::quiet`](crate::timing::quiet)). Work that finds no quiet part waits for that of the next cycle.
 
 use firmware_common::patrol::{Pace, MOST_SLICES};
 use st25r3916::Fault;

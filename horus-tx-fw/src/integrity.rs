@@ -16,7 +16,7 @@
 //!
 //! # Time to detect
 //!
-//! [`FLASH_DETECT_US`], [`GUARD_DETECT_US`] and [`RAM_DETECT_US`] are the bounds. They hold while the idle loop runs;
+//! The bounds are [`FLASH_DETECT_US`], [`GUARD_DETECT_US`] and [`RAM_DETECT_US`]. They hold while the idle loop runs;
 //! if it does not run for 100 ms, the watchdog resets the part.
 
 use firmware_common::{

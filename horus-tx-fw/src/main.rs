@@ -26,7 +26,7 @@
 //!   peak to peak. The task shares nothing with other tasks, so no lock ever masks it.
 //! - `rf_spi` starts the next SPI transfer; the load of a frame's head ends before the slot.
 //! - `rf_irq` notes the end of a frame before the next tick.
-//! - `rf_timer` has no deadline: it does no harm if it is late.
+//! - `rf_timer` has no deadline, because a late run does no harm.
 //! - `rf_slot` runs before the frame's end, 1.9 ms after the slot at the earliest.
 //! - `cycle` fills, seals and offers the profile early enough that the load ends before the slot (see `timing`).
 //! - `vote` votes for the next tick and ends within the cycle. It begins after the slot, which it would delay.

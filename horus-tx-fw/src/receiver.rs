@@ -209,7 +209,7 @@ impl Pace {
 pub struct Position {
     /// The arrival of the last NAV-PVT message, and the period of these messages.
     pub pace: Pace,
-    /// The kind of fix; `None` for a code that UBX reserves, or before the first message.
+    /// The kind of the fix; `None` before the first message, and for a code that UBX reserves.
     pub fix: Option<FixType>,
     /// Whether the receiver states that latitude and longitude can be used (`gnssFixOK`, not `invalidLlh`, and a 2D, 3D
     /// or combined fix), and states plausible values. Dead reckoning without satellites does not count, since its error
@@ -219,7 +219,8 @@ pub struct Position {
     pub latitude: f64,
     /// The longitude, degrees, WGS-84.
     pub longitude: f64,
-    /// The altitude, m above the WGS-84 ellipsoid; NaN for a 2D fix, whose altitude is assumed.
+    /// The altitude, m above the WGS-84 ellipsoid. It is NaN for a 2D fix, because the receiver has then assumed the
+    /// altitude.
     pub altitude: f64,
     /// The velocity, m/s north, east, down.
     pub velocity: [f64; 3],

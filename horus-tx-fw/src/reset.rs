@@ -1,4 +1,4 @@
-//! The reason for which the processor started, from its reset flags.
+//! The reason why the processor started, from its reset flags.
 
 use profile::ResetReason;
 
@@ -13,7 +13,7 @@ mod flag {
     pub(super) const LOW_POWER: u32 = 1 << 31;
 }
 
-/// Returns the reason for `csr`, the value of RCC_CSR at the start.
+/// Returns the reason of the reset for `csr`, the value of RCC_CSR at the start.
 ///
 /// Several flags are set at once: every internal reset also sets the pin's flag, and power-on also sets the flag of the
 /// brown-out. So the first set flag in this order tells the reason: power-on, brown-out, watchdog, software, low-power

@@ -38,7 +38,7 @@ impl Writer {
 /// A contiguous range of a ring that may be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Span {
-    /// The index of the first byte in the ring.
+    /// The index of the range's first byte in the ring.
     pub start: usize,
     /// The number of bytes.
     pub len: usize,

@@ -11,9 +11,9 @@ use core::sync::atomic::{AtomicU32, AtomicU8, Ordering};
 
 use crate::ring::Span;
 
-/// The size of each receiver's ring, bytes. It holds 11 ms of a UART at 460 800 baud, so half of it lasts for more than
-/// the 5 ms that the slowest task between source and parser takes. It is also twice what I2C and SPI bring in a cycle
-/// ([`crate::ddc::MOST`], [`crate::spi::TRANSFER`]).
+/// The size of each receiver's ring, bytes. The ring holds 11 ms of a UART at 460 800 baud, so half of it lasts for
+/// more than the 5 ms that the slowest task between source and parser takes. It also holds twice what I2C and SPI bring
+/// in a cycle ([`crate::ddc::MOST`], [`crate::spi::TRANSFER`]).
 pub const RING: usize = 512;
 
 const _: () = assert!(RING.is_power_of_two());
@@ -181,7 +181,7 @@ impl Message {
     }
 }
 
-/// One message on its way from the parser's task to the task of the sources.
+/// A place for one message on its way from the parser's task to the task of the sources.
 #[derive(Debug)]
 pub struct Outbox {
     bytes: [AtomicU8; MESSAGE],

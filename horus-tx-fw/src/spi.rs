@@ -61,7 +61,7 @@ pub enum Order {
     Hold,
     /// Raise chip select, and take the bytes of the transfer.
     Finish,
-    /// Stop both DMA streams, raise chip select, and set the peripheral up anew. The transfer brought no bytes.
+    /// Stop both DMA streams, raise chip select, and reset the peripheral. The transfer has brought no bytes.
     Abort,
 }
 
@@ -103,7 +103,7 @@ impl Polling {
         self.timed_out
     }
 
-    /// Returns how often the peripheral was set up anew (wraps).
+    /// Returns how often the SPI peripheral was set up again after a failed transfer (wraps).
     #[must_use]
     pub const fn recoveries(&self) -> u32 {
         self.recoveries
@@ -194,7 +194,8 @@ enum Place {
     Filler(u8),
     /// The filter has taken the first of a message's two sync bytes.
     Sync,
-    /// The filter has taken this many bytes of class, identifier and length; the second value is the length so far.
+    /// The filter has taken this many bytes of class, identifier and length. The second value is the message's length
+    /// as far as it is known.
     Header(u8, u16),
     /// The filter is inside a message, of which this number of bytes of payload and checksum are left.
     Body(u16),

@@ -50,13 +50,13 @@ impl From<Levels> for Says {
     }
 }
 
-/// One input, with the rules that suppress short changes of its levels.
+/// One input with its pair of pins, and the rules that suppress short changes of its levels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Pair {
     /// The value of the pair that was accepted last; `None` until the pair has settled for the first time.
     taken: Option<Says>,
     last: Option<Says>,
-    /// The number of samples in a row with the same value, at most [`SAMPLES_TO_TAKE`].
+    /// The number of samples in a row that have had the same value, at most [`SAMPLES_TO_TAKE`].
     same: u8,
     /// The number of samples since a value was last accepted, at most [`SAMPLES_UNSETTLED`].
     unsettled: u8,
@@ -103,9 +103,10 @@ impl StateInputs {
         }
     }
 
-    /// Returns HORUS's state: that of the most severe input that is active or a contradiction. If there is none, the
-    /// voted position decides: monitoring if there is one (`is_located`), position lost if there was one before
-    /// (`was_located`), otherwise starting. Until each input has settled for the first time the state is starting too.
+    /// Returns HORUS's state: that of the most severe input that is active or a contradiction. If all inputs are
+    /// inactive, the voted position decides: monitoring if there is one (`is_located`), position lost if there was one
+    /// before (`was_located`), otherwise starting. The state is also starting until each input has settled for the
+    /// first time.
     #[must_use]
     pub fn state(&self, was_located: bool, is_located: bool) -> HorusState {
         let is_known = self.pairs.iter().all(|pair| pair.taken.is_some());
@@ -248,7 +249,8 @@ mod tests {
     }
 
     proptest! {
-        /// Three equal samples in a row decide, and ten samples without three such are a contradiction.
+        /// Three equal samples in a row set the value. Ten samples without three equal ones in a row are a
+        /// contradiction.
         #[test]
         fn a_pair_follows_the_rule(samples in proptest::collection::vec(says(), 1..60)) {
             let mut pair = Pair::default();

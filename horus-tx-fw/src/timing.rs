@@ -68,14 +68,14 @@ const LOAD_START_US: u32 = 10;
 /// chip, clear, length, status (27 bytes in six transfers, 27 µs at 9 MHz), and seven interrupts.
 const BETWEEN_FRAMES_US: u32 = 120;
 
-/// The longest time from a frame's slot until the load of the frame's rest begins, µs: one interrupt. No other
-/// interrupt of the same priority or above takes longer than a few µs.
+/// The longest time from a frame's slot until the load of the frame's rest begins, µs: the time of one interrupt. All
+/// interrupts of the same or a higher priority take a few µs at most.
 const REST_STARTS_US: u32 = 40;
 
 /// Returns the length of frame `frame`'s payload, bytes.
 ///
 /// # Panics
-/// Panics if there is no such frame; at compile time with a constant argument.
+/// Panics if the frame does not exist; for a constant argument, the build fails.
 #[must_use]
 pub const fn payload(frame: usize) -> usize {
     match Place::of_frame::<RECEIVERS>(frame) {
@@ -148,7 +148,8 @@ pub const SLOT_TICKS: [u32; FRAMES] = {
 /// The time after the tick, µs, from which only the end of the cycle's last frame is due, which is whole in the FIFO. A
 /// log message may then mask interrupts for a few µs without moving a slot.
 pub const QUIET_FROM_US: u32 = SLOT_US[FRAMES - 1] + REST_STARTS_US + load_us(payload(FRAMES - 1) - HEAD) + 20;
-/// The time after the tick until which a log message may begin, µs: it then ends long before the next tick.
+/// The time after the tick until which a log message may begin, µs. A message that begins by then ends long before the
+/// next tick.
 pub const QUIET_UNTIL_US: u32 = 1_000 * profile::CYCLE_MS - 200;
 
 /// The watchdog's time, ms at the nominal 32 kHz of its oscillator (LSI).
@@ -160,8 +161,8 @@ const WATCHDOG_COUNTS: u32 = WATCHDOG_MS * 32 / 4;
 /// The value of the watchdog's reload register. The watchdog resets one count after it has reached 0 (RM0090 21.3).
 pub const WATCHDOG_RELOAD: u32 = WATCHDOG_COUNTS - 1;
 
-/// The watchdog's time from the reset until it is first fed, ms at the nominal 32 kHz: it starts from the reset value
-/// of its reload register (RM0090 21.3.1). With LSI at 17 to 47 kHz this time is 348 to 964 ms.
+/// The watchdog's time from the reset until it is first fed, ms at the nominal 32 kHz. The watchdog counts from the
+/// reset value of its reload register then (RM0090 21.3.1). With LSI at 17 to 47 kHz this time is 348 to 964 ms.
 pub const FIRST_WATCHDOG_MS: u32 = 4_096 * 4 / 32;
 
 /// The watchdog's shortest time, ms: it is 68 to 190 ms, since LSI runs at 17 to 47 kHz (DS9405).

@@ -102,10 +102,10 @@ pub struct Transmitter<'a, P> {
     telemetry: &'a Telemetry,
     turn: Turn,
     tick: u32,
-    /// The index of the frame to load next; [`FRAMES`] if there is none.
+    /// The index of the next frame to load; [`FRAMES`] if all frames of the cycle were loaded.
     next: usize,
     prepared: usize,
-    /// The tick and frame whose head was loaded last.
+    /// The tick and the index of the frame whose head was loaded last.
     sending: (u32, usize),
     faulty: bool,
     fault: Option<Fault>,
@@ -203,7 +203,8 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         self.executor.go_on(|poller| poller.prepare(length).unwrap_or_else(|_| poller.step(Input::Failed)))
     }
 
-    /// Starts the load of the next frame when the chip is prepared for a frame and there is one to send.
+    /// Starts the load of the next frame. To be called when the chip is prepared for a frame; does nothing if there is
+    /// none to send.
     fn prepared(&mut self) -> Option<PollerEvent> {
         if self.prepared != self.next {
             return self.prepare();

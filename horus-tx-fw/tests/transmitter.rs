@@ -238,13 +238,14 @@ fn run_on(
     (sent, bench)
 }
 
-/// Whether `frame` has the length of a frame and every object in it is intact.
+/// Whether `frame` has a frame's length, and every object in it is intact.
 fn is_whole(frame: &Sent) -> bool {
     let objects = air::objects::<RECEIVERS>(&frame.payload);
     objects.is_ok_and(|mut objects| objects.all(|(index, bytes)| Object::verify(index, bytes).is_ok()))
 }
 
-/// Asserts that every object of `frame` is intact and of its cycle. Returns the cycle and the frame's number in it.
+/// Asserts that every object of `frame` is intact and belongs to the frame's cycle. Returns the cycle, and the frame's
+/// number in it.
 fn check(frame: &Sent) -> (u32, usize) {
     let tick = (frame.at / CYCLE_NS) as u32;
     let place = air::place::<RECEIVERS>(&frame.payload).expect("a length that a frame has");

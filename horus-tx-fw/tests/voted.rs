@@ -10,8 +10,8 @@
 //! bounds away from the truth, whatever the wrong receiver does. If all three receivers are members, the median lies
 //! between the two right ones or on one of them.
 //!
-//! There is a result at every tick as long as the two right receivers agree with each other. If they rarely disagree,
-//! nobody can tell which is right, and the run is only compared with the bound.
+//! While the two right receivers agree with each other, there is a result at every tick. If they disagree, which is
+//! rare, nobody can tell which of them is right, and the run is only compared with the bound.
 
 use std::sync::Arc;
 
@@ -95,7 +95,7 @@ impl Draw {
     }
 }
 
-/// One failure of a receiver, with all values that were drawn for it.
+/// The failure of one receiver, with all values that were drawn for it.
 struct Failure {
     kind: Kind,
     from_ns: u64,
@@ -268,7 +268,7 @@ struct Outcome {
     left_after_ms: Option<u32>,
     /// The number of ticks without a result after [`SETTLED_MS`].
     without: u32,
-    /// The number of ticks after [`SETTLED_MS`] at which the two right receivers did not agree in a vote of their own.
+    /// The number of ticks after [`SETTLED_MS`] at which the two right receivers would not agree if they voted alone.
     apart: u32,
     /// The number of ticks at which a right receiver was excluded.
     wronged: u32,

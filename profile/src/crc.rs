@@ -1,4 +1,4 @@
-//! The two CRC-32 of the profile, and the reasons for their byte order.
+//! The profile's two CRC-32, and the reasons for their byte order.
 //!
 //! **Polynomials** are the paper's (section 2.3), in Koopman's notation: the frame CRC 0xF8C9140A with Hamming distance
 //! 8, the position CRC 0x9D7F97D6 with Hamming distance 9. The paper states the first distance for 56 bytes of payload;
@@ -8,8 +8,8 @@
 //! would compute other, untested polynomials. Round-trip tests would still pass; only the check values reveal the
 //! mistake.
 //!
-//! **Start value and final XOR 0xFFFFFFFF.** With 0 for both, a buffer scrubbed to 0x00 would be a codeword wherever an
-//! object lies in it. As they are, neither 0x00 nor 0xFF throughout is a codeword at the length of any object.
+//! **Start value and final XOR 0xFFFFFFFF.** If both were 0, a buffer scrubbed to 0x00 would be a codeword wherever an
+//! object lies in it. With 0xFFFFFFFF, neither 0x00 nor 0xFF throughout is a codeword at the length of any object.
 //! (Eight bytes of 0xFF are a codeword, the only length at which this happens; see [`ssi`](crate::ssi).)
 //!
 //! **Most significant byte first.** NFC-F sends each byte's most significant bit first, and these CRCs are not
@@ -151,7 +151,7 @@ pub fn position(bytes: &[u8]) -> u32 {
     POSITION_TABLE.checksum(bytes)
 }
 
-/// The state of a frame CRC over an object whose bytes arrive in pieces.
+/// The state of a frame CRC over an object of which the bytes arrive in pieces.
 ///
 /// ```
 /// use profile::crc::Begun;

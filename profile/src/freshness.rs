@@ -7,7 +7,7 @@ use crate::CYCLE_MS;
 /// The relation of a timestamp to the one before it (paper, section 2.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Freshness {
-    /// The timestamp is the first; there is none before it.
+    /// The timestamp is the first one; there is none to compare it with.
     First,
     /// The timestamp is ahead by a whole number of cycles: the data are new.
     Fresh {

@@ -54,7 +54,7 @@ impl GpsValues {
     }
 }
 
-/// A GPS object: 60 bytes. The last four are the frame CRC of the other 56.
+/// A GPS object of 60 bytes. The last four bytes are the frame CRC of the other 56.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct GpsObject {

@@ -71,7 +71,7 @@ impl<const N: usize> Image<N> {
     ///
     /// # Errors
     ///
-    /// [`Rejection::Identifier`] if this image has no room for the object, which is then not copied.
+    /// [`Rejection::Identifier`] if this image has no room for the object. Then nothing is copied.
     pub fn deposit(&mut self, object: Object<'_>) -> Result<(), Rejection> {
         let index = object.index().ok_or(Rejection::Identifier)?;
         let slot = self.object_mut(index).ok_or(Rejection::Identifier)?;

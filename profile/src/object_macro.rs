@@ -20,7 +20,7 @@ macro_rules! object {
             /// The size of the object in bytes.
             pub const SIZE: usize = $size;
 
-            /// Zeros, the contents of memory before the first write. They do not verify.
+            /// The object as zeros, the contents of memory before the first write. Zeros do not verify.
             pub const EMPTY: Self = bytemuck::zeroed();
 
             #[doc = $timestamp]

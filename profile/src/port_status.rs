@@ -193,7 +193,7 @@ pub struct PortValues {
     pub last_stop: u32,
 }
 
-/// A Port-Status object: 64 bytes. The last four are the frame CRC of the other 60.
+/// A Port-Status object of 64 bytes. The last four bytes are the frame CRC of the other 60.
 ///
 /// | bytes | | bytes | |
 /// |---|---|---|---|

@@ -50,7 +50,7 @@ impl<const N: usize> Profile<N> {
         1 + N
     };
 
-    /// Zeros, the contents of a buffer before the first write. No object in it verifies.
+    /// The profile as zeros, the contents of a buffer before the first write. No object in it verifies.
     pub const EMPTY: Self = {
         let () = Self::SUPPORTED;
         bytemuck::zeroed()

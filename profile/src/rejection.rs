@@ -3,7 +3,7 @@ use core::{error::Error, fmt, hint::black_box};
 
 /// The reason why received bytes are not accepted.
 ///
-/// If several reasons hold, the first in the order below is given. Later versions may add reasons.
+/// If several reasons hold, the result is the one that comes first in the order below. Later versions may add reasons.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Rejection {
@@ -42,7 +42,7 @@ impl Error for Rejection {}
 
 /// The findings of all checks of one object or request.
 ///
-/// Every check is made, whatever the other checks found, so the time for them does not depend on the bytes.
+/// Every check is made, whatever the other checks found. So the time for the checks does not depend on the bytes.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Findings {
     faults: u8,

@@ -7,9 +7,9 @@
 //! nothing, and its work per cycle is bounded.
 //!
 //! A cycle is **in sequence** under two conditions. Its timestamp is that of the last cycle + 10 ms · (1 + missed),
-//! with at most [`MAX_MISSED`] missed cycles. The time between the samples of both cycles, on the receiver's clock, is
-//! the same, within [`TOLERANCE_US`] plus [2 %](TOLERANCE_SHARE) of the step. The last cycle is the last one that
-//! arrived, whether it was in sequence or not.
+//! with at most [`MAX_MISSED`] missed cycles. On the receiver's clock, the time between the two samples is the same
+//! step, within [`TOLERANCE_US`] plus [2 %](TOLERANCE_SHARE) of the step. The last cycle is the last one that arrived,
+//! whether it was in sequence or not.
 //!
 //! **Search.** A search begins at the start, and after any cycle that is not in sequence. No cycle is shown until it
 //! ends, with the last of [`SEARCH_CYCLES`] cycles in a row whose timestamps each advance by exactly 10 ms and whose
@@ -32,8 +32,8 @@
 //! 1 s after its start. A clock that becomes wrong, or right again, is detected within two windows: 2.1 s, or 2.6 s if
 //! as many cycles as possible are missed. A window that ends because the sequence is lost has no result.
 //!
-//! Instants are u64 µs, which never wrap (584 000 years). With a u32 counter, two cycles 71.6 minutes apart would look
-//! like neighbours.
+//! Instants are u64 µs, which never wrap (584 000 years). A u32 counter wraps, so two cycles 71.6 minutes apart would
+//! look like neighbours.
 //!
 //! # Example
 //!
@@ -145,7 +145,8 @@ pub struct Sequence {
     /// The number of cycles in a row that have advanced as the search requires; [`SEARCH_CYCLES`] while cycles are in
     /// sequence.
     found: u8,
-    /// The first sample of the window over which the clocks are compared; meaningful only while cycles are in sequence.
+    /// The first sample of the window over which the clocks are compared. It has no meaning while cycles are not in
+    /// sequence.
     window: Sample,
     /// Whether the clocks differed over the last complete window; false unless cycles are in sequence.
     clock_implausible: bool,

@@ -53,8 +53,8 @@ fn every_double_bit_error_is_rejected() {
     }
 }
 
-/// A burst of errors on the air of `length` bits. The first and the last bit are wrong, and `pattern` says which
-/// between them are.
+/// A burst of errors on the air, `length` bits long. Its first and its last bit are wrong, and `pattern` says which of
+/// the bits between them are.
 fn burst(start: usize, length: usize, pattern: u32) -> impl Iterator<Item = usize> {
     (0..length).filter(move |at| *at == 0 || *at == length - 1 || pattern >> at & 1 == 1).map(move |at| start + at)
 }

@@ -94,7 +94,7 @@ impl Code {
     ///
     /// # Errors
     ///
-    /// [`NotADual`] if the committed weights are not those of any dual.
+    /// [`NotADual`] if the committed weights cannot be those of a dual code.
     ///
     /// # Panics
     ///

@@ -5,8 +5,8 @@
 //! converts the weights of the dual into those of the code ([`crate::weights`]).
 //!
 //! **Gray code.** Each word differs from the one before by one parity check, an exclusive or of n bits. A table has all
-//! 64 sums of the last six checks, so that the inner loop has no dependency from word to word: load, exclusive or,
-//! count, n / 64 times, then one histogram entry.
+//! 64 sums of the last six checks. So no word in the inner loop depends on the word before: load, exclusive or, count,
+//! n / 64 times, then one histogram entry.
 //!
 //! **Even codes need half the work.** If x + 1 divides the polynomial, the all-ones word is in the dual, as the sum of
 //! all checks. So each word of weight w has a partner of weight n - w: one check is left out and the histogram

@@ -65,10 +65,10 @@ pub struct Examined {
     pub words: u64,
 }
 
-/// The least number of errors that damage the inner codeword and that both CRCs fail to detect.
+/// The least number of errors that both CRCs fail to detect and that damage the inner codeword.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Joint {
-    /// The least weight of a joint codeword whose inner part is not 0; `None` if the search did not reach it.
+    /// The least weight of a joint codeword with an inner part other than 0; `None` if the search ended before.
     pub distance: Option<usize>,
     /// The weight below which all weights are proved to have no words: the distance, if it is known.
     pub at_least: usize,

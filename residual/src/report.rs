@@ -17,7 +17,7 @@ pub const PLOT_PATH: &str = "docs/safety/residual-error.svg";
 
 const HOURS_PER_YEAR: f64 = 8766.0;
 
-/// One code with all results that follow from its weights.
+/// A code, with all results that follow from its weights.
 #[derive(Clone, Debug)]
 pub struct Judged {
     /// The code.
@@ -137,7 +137,7 @@ impl Report {
         Self { analysis, joint, checks }
     }
 
-    /// The injections whose outcome contradicts the theory. There must be none.
+    /// The injections with another outcome than the theory's. There must be none.
     pub fn unexplained(&self) -> impl Iterator<Item = &Check> {
         self.checks.iter().filter(|check| !check.holds())
     }

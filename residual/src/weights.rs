@@ -13,7 +13,7 @@ use num_bigint::{BigInt, BigUint, Sign};
 
 use crate::DualWeights;
 
-/// The reason why a weight distribution is not that of any code's dual.
+/// The reason why a weight distribution cannot be that of a code's dual.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotADual {
     /// The number of words that were counted is not 2^r.

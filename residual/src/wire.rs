@@ -92,7 +92,7 @@ impl Object {
         }
     }
 
-    /// The reason for which `profile` rejects `bytes` as an object of this kind; `None` if `profile` accepts them.
+    /// Returns the reason why `profile` rejects `bytes` as an object of this kind; `None` if `profile` accepts them.
     #[must_use]
     pub fn rejection(self, bytes: &[u8]) -> Option<Rejection> {
         match self {

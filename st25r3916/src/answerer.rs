@@ -1,7 +1,7 @@
 //! The answerer: a listener that answers a frame from a buffer, at an instant of its owner's choice.
 //!
-//! A [`Listener`], which is a part of this machine, receives the frames. An answer is sent like a poller's frame, but
-//! by load modulation of the poller's field.
+//! A [`Listener`] within this machine receives the frames. An answer is sent like a poller's frame, but by load
+//! modulation of the poller's field.
 //!
 //! # States
 //!
@@ -133,7 +133,7 @@ pub enum Unanswered {
 pub enum AnswererState {
     /// The listener within the answerer is at work; [`Answerer::listener_state`] returns its state.
     Listening,
-    /// A frame was delivered, so that [`Answerer::answer`] is possible.
+    /// A frame was delivered, so that [`Answerer::answer`] may be called.
     Delivered,
     /// An answer is being prepared or loaded, or is on air.
     Sending(SendState),
@@ -153,9 +153,9 @@ pub struct AnswererCounters {
     pub listener: ListenerCounters,
     /// Answers sent.
     pub answered: u32,
-    /// Answers whose end I_txe did not confirm.
+    /// Answers of which the interrupt I_txe did not confirm the end.
     pub unconfirmed: u32,
-    /// Frames whose answer was given up or lost.
+    /// Frames without an answer, because the answer was given up or lost.
     pub unanswered: u32,
 }
 

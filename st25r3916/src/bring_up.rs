@@ -33,7 +33,7 @@ use crate::{
     CALIBRATION_US, MEASUREMENT_US, OSCILLATOR_US, REGULATOR_US, SUPPLY_5V_MV, SUPPLY_MAX_MV, SUPPLY_MIN_MV, Variant,
 };
 
-/// How long after the end of a frame the first bit of an answer may come, µs.
+/// The time after the end of a frame within which an answer's first bit may come, µs.
 pub const WINDOW_US: u32 = 3_000;
 /// The number of steps of 64/fc in the no-response timer: the window for an answer, preamble and sync (64 bits of
 /// 32/fc), and one step of jitter (RFAL, `RFAL_FWT_ADJUSTMENT`).
@@ -157,7 +157,7 @@ impl Setting {
     /// Checks the response to [`Setting::read`].
     ///
     /// # Errors
-    /// [`Fault::Register`] for the first register that differs.
+    /// [`Fault::Register`] names the first register that differs.
     fn check(self, response: &[u8]) -> Result<(), Fault> {
         let (head, space) = if self.in_space_b { (2, reg::SPACE_B) } else { (1, 0) };
         check(space | self.address, self.values, response.get(head..).unwrap_or(&[]))

@@ -34,8 +34,8 @@
 //! no-response timer starts at the end of the frame. It raises I_nre if no sync has come within [`WINDOW_US`] and the
 //! time of preamble and sync. The driver does not depend on I_nre: its own wait ends a little later.
 //!
-//! An answer is read when it has ended: LEN and the payload, at most 255 bytes. Then the receiver is masked again. If a
-//! second answer has begun meanwhile, it may have emptied the FIFO during the read, and neither answer is delivered.
+//! An answer is read once it has ended: LEN and the payload, at most 255 bytes. Then the receiver is masked again. A
+//! second answer that begins before that may have emptied the FIFO during the read. Neither answer is delivered then.
 //!
 //! # Bounds
 //!

@@ -13,7 +13,7 @@ use core::num::NonZeroUsize;
 use crate::machine::{Input, Short, Step, Transfer};
 use crate::{Answerer, AnswererEvent, Exchange, ExchangeEvent, Listener, ListenerEvent, Poller, PollerEvent};
 
-/// The longest duration of a transfer, µs. 258 bytes at 8 MHz take 258 µs; the rest is margin.
+/// The longest duration of a transfer, µs. A transfer of 258 bytes takes 258 µs at 8 MHz; the rest is margin.
 pub const TRANSFER_US: u32 = 1_000;
 
 /// The number of steps in one call, none of them a transfer or a wait, after which the call returns. The machines need
@@ -72,13 +72,13 @@ pub trait Port {
     /// Starts this full-duplex transfer, with chip select low from its first to its last bit.
     fn start_short(&mut self, short: &Short);
 
-    /// Starts a [`Transfer::Load`]. Returns false if the payload has no such bytes. A listener needs no loads.
+    /// Starts a [`Transfer::Load`]. Returns false if the payload does not have these bytes. A listener needs no loads.
     fn start_load(&mut self, offset: usize, len: usize) -> bool {
         let _ = (offset, len);
         false
     }
 
-    /// Starts a [`Transfer::Read`]. Returns false if the buffer has no such bytes. A poller needs no reads.
+    /// Starts a [`Transfer::Read`]. Returns false if the buffer does not have these bytes. A poller needs no reads.
     fn start_read(&mut self, offset: usize, len: usize) -> bool {
         let _ = (offset, len);
         false
@@ -128,7 +128,8 @@ pub struct Executor<M, P> {
     port: P,
     waiting: Waiting,
     loading: bool,
-    /// The number of bytes of the frame in the buffer once the present read has ended; `None` if no read is running.
+    /// The number of bytes of the frame that the buffer will hold when the present read has ended; `None` between
+    /// reads.
     reading_to: Option<NonZeroUsize>,
     /// The number of bytes of the frame that are in the buffer after the read that has just ended; `None` if no read
     /// has.
@@ -161,8 +162,8 @@ impl<M: Machine, P: Port> Executor<M, P> {
         matches!(self.waiting, Waiting::IrqOrTime | Waiting::Time | Waiting::Later)
     }
 
-    /// The number of bytes of the present frame that are in the buffer, LEN included. It is returned once for each read
-    /// that has ended. `None` while a further read runs, because the buffer must not be read then.
+    /// The number of bytes of the present frame in the buffer, LEN included, returned once for each read that has
+    /// ended. `None` while a further read runs, because the buffer must not be read then.
     pub fn take_arrived(&mut self) -> Option<usize> {
         self.arrived.take().filter(|_| self.reading_to.is_none()).map(NonZeroUsize::get)
     }
@@ -196,7 +197,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         self.go_on(|machine| machine.step(Input::Start))
     }
 
-    /// Makes the machine continue after an event by `take`. During a transfer or a wait this has no effect.
+    /// Makes the machine continue after an event by calling `take`. Has no effect during a transfer or a wait.
     pub fn go_on(&mut self, take: impl FnOnce(&mut M) -> Step<M::Event>) -> Option<M::Event> {
         if self.waiting != Waiting::Owner {
             return None;

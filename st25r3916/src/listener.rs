@@ -102,7 +102,7 @@ pub const BODY: usize = 30;
 /// byte gives its end only to a whole byte. If the third read is still under way at the frame's end, the delivery is
 /// late.
 pub const TAIL: usize = 6;
-/// The number of bytes that must have arrived before the first read of [`ReadMode::WhileFilling`] begins.
+/// How many bytes must have arrived before the first read of [`ReadMode::WhileFilling`] begins.
 const HEAD: u16 = 16;
 /// The number of bytes that an early read leaves in the FIFO. The chip still fills the FIFO then, and it must not run
 /// dry.
@@ -146,8 +146,8 @@ pub const PAYLOAD_OFFSET: usize = 1;
 pub enum ReadMode {
     /// The listener reads the whole frame at once after its end (I_rxe).
     StoreAndForward,
-    /// The listener reads while the frame arrives, at instants computed from the bit rate and LEN, so that few bytes
-    /// are left to read when the frame ends.
+    /// The listener reads while the frame arrives, so that few bytes are left to read when the frame ends. The instants
+    /// of reading are computed from the bit rate and LEN.
     #[default]
     WhileFilling,
 }
@@ -351,7 +351,7 @@ pub enum ListenerState {
     ReadingFifo {
         /// The number of bytes that are read.
         count: u16,
-        /// Whether the frame has ended, so that these bytes are its last.
+        /// Whether the frame has ended, so that this read takes its last bytes.
         end: bool,
     },
 }

@@ -43,8 +43,8 @@ impl Short {
     }
 }
 
-/// One SPI transfer with chip select low from its first bit to its last: SPI mode 1 (CPOL 0, CPHA 1), most significant
-/// bit first, at most 10 MHz (DS13541, SPI interface).
+/// One SPI transfer, with chip select low throughout: SPI mode 1 (CPOL 0, CPHA 1), most significant bit first, at most
+/// 10 MHz (DS13541, SPI interface).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Transfer {
@@ -152,8 +152,8 @@ pub enum Fault {
     },
     /// The chip was reset since bring-up, by a power-up or a brown-out, and has lost its configuration.
     Reset,
-    /// Listener, answerer: no frame was delivered for [`crate::listener::SILENCE_US`], or, after the first silence in a
-    /// row, for twice as long each time. A silent poller and a deaf listener look the same.
+    /// Of a listener or answerer: no frame was delivered for [`crate::listener::SILENCE_US`] or, after the first
+    /// silence in a row, for twice as long each time. A silent poller and a deaf listener look the same.
     Silence {
         /// Whether the chip detects the poller's field.
         field: bool,

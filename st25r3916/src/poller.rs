@@ -190,7 +190,7 @@ pub enum PollerState {
 pub struct PollerCounters {
     /// Frames sent.
     pub sent: u32,
-    /// Frames whose end I_txe did not confirm.
+    /// Frames of which the interrupt I_txe did not confirm the end.
     pub unconfirmed: u32,
     /// Faults reported.
     pub faults: u32,

@@ -9,9 +9,8 @@ use crate::register as reg;
 use crate::status::{STATUS_READ, Status};
 use crate::{air_time_us, command};
 
-/// The time, µs, after a frame's air time at which its end counts as missing. Recordings show the first bit 3 to 5 µs
-/// after the command. If I_txe never comes, this margin and the preparation of the next frame must fit between two
-/// frames.
+/// How long after a frame's air time its end counts as missing, µs. Recordings show the first bit 3 to 5 µs after the
+/// command. If I_txe never comes, this margin and the preparation of the next frame must fit between two frames.
 pub const TRANSMIT_MARGIN_US: u32 = 100;
 /// The number of payload bytes that are loaded into the FIFO before the transmit command. The rest is loaded after the
 /// command.
@@ -39,12 +38,12 @@ pub enum SendState {
     OnAir,
     /// The interrupt registers are being read while the frame is on air.
     ReadingIrqs {
-        /// Whether the frame's time is over, so that this read decides whether the frame was sent.
+        /// Whether the frame's time is over. If so, this read decides whether the frame was sent.
         last: bool,
     },
 }
 
-/// The reason why a frame cannot be prepared now. The machine is unchanged.
+/// The reason why a frame cannot be prepared now. The machine stays unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SendError {
@@ -81,7 +80,7 @@ impl Sender {
         Self { check_left_over, len: 0, idle_irqs: 0 }
     }
 
-    /// Begins a frame of `len` payload bytes if `ready`, that is if the machine's state permits a new frame.
+    /// Begins a frame of `len` payload bytes. `ready` says whether the machine's state permits a new frame.
     ///
     /// # Errors
     /// [`SendError`] if no frame can begin. Then nothing is changed.

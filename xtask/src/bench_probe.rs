@@ -2,7 +2,7 @@
 //!
 //! The board, its debug port and its time are those of the bench ([`emulator_debug_port`]). Like a CMSIS-DAP probe,
 //! this module converts the library's requests to transfers on the wires, each of which takes time. A file keeps the
-//! board's non-volatile memory. Each command of xtask switches the board on.
+//! board's non-volatile memory. Each command of xtask begins by switching the board on.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};

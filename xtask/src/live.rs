@@ -151,7 +151,8 @@ struct Page {
     pace: f64,
     /// The elapsed virtual time, µs. A station that does not read the system's clock uses it.
     passed_us: Arc<AtomicU64>,
-    /// The real time at which the run's second step began. The first step loads the programs.
+    /// The real time at which the second step of the run began. The first step is left out, because it loads the
+    /// programs.
     began: Option<Instant>,
     behind: Duration,
     sent: u64,

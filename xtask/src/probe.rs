@@ -323,7 +323,7 @@ fn keep_debug_port_open(session: &mut Session) -> Result<()> {
     Ok(())
 }
 
-/// Programs brown-out level 3 into the option bytes of HORUS's STM32F429, without which the firmware stops at its
+/// Programs brown-out level 3 into the option bytes of HORUS's STM32F429. Without that level the firmware stops at its
 /// start. The other option bytes keep their values (RM0090, "Option bytes"). The level takes effect at the next reset.
 fn set_brown_out_level(session: &mut Session) -> Result<()> {
     const OPTKEYR: u64 = 0x4002_3C08;

@@ -190,8 +190,8 @@ pub(crate) fn report(args: &SimArgs) -> Result<Report> {
     Ok(bench::sim::run(&setup(args, vec![], Images { horus, dpr }), &mut ())?.report)
 }
 
-/// Builds both firmwares, calls `go` to run the link with them, and shows the result. The command fails if `go` returns
-/// `None`, which means that the run was ended early.
+/// Builds both firmwares, calls `go` to run the link with them, and shows the result. If `go` returns `None`, the run
+/// was ended early, and the command fails.
 pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result<Option<Outcome>>) -> Result<ExitCode> {
     let recordings = vec![args.ubx1.clone(), args.ubx2.clone(), args.ubx3.clone()];
     if let Some(beyond) = recordings.iter().skip(args.gps.0).position(Option::is_some) {

@@ -62,8 +62,8 @@ fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<(Vec<String>
     Ok(found)
 }
 
-/// Runs the tests that [`selected`] selects, with both images. With `test`, runs only those that have this text in
-/// their names.
+/// Runs the tests that [`selected`] selects, with both images. If `test` is given, only those run that have this text
+/// in their names.
 fn only(name: &str, test: Option<&String>) -> Result<ExitCode> {
     let selected = selected(&metadata()?, name)?;
     for gps in Receivers::ALL {

@@ -1,7 +1,7 @@
 //! Judges and keeps Hold-Status, the object of the [active hold](profile::hold), beside HORUS's objects.
 //!
-//! Whether there is a Hold-Status at all is decided by the client of the flight controller ([`HoldTrack`]), with the
-//! same limit as there. Before that, [`order`](super::order) leaves out what a radio delayed, repeated or reordered.
+//! The flight controller's client ([`HoldTrack`]) decides whether there is a Hold-Status at all, with the same limit as
+//! on the drone. Before that, [`order`](super::order) leaves out what a radio delayed, repeated or reordered.
 //!
 //! **Nothing of HORUS depends on it.** A Hold-Status is no sign of life of the drone and changes no alarm, whether it
 //! is intact or damaged. What the hold reports is a [notice](HoldState::notices).
@@ -15,13 +15,13 @@ use super::{Held, OLD_US, Verdict};
 use crate::age::Ages;
 use crate::{Intact, Place};
 
-/// Whether a drone's Hold-Status can be shown as the present one.
+/// Whether the last Hold-Status of a drone counts as its present one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Presence {
     /// No intact Hold-Status has ever arrived.
     Never,
     /// The last Hold-Status has stayed the same for more than [300 ms](profile::hold::EXPIRY_MS), came more than
-    /// [`OLD_US`] late, or the DPR says that it has none any more.
+    /// [`OLD_US`] late, or the DPR says that there is none any more.
     Expired,
     /// The last Hold-Status is the present one.
     Valid,
@@ -133,7 +133,8 @@ impl HoldState {
         self.damaged
     }
 
-    /// Returns what the newest Hold-Status reports that a user should know, as text. None of it is an alarm.
+    /// Returns, as text, what the newest Hold-Status reports that a user should know. None of these notices is an
+    /// alarm.
     pub fn notices(&self) -> impl Iterator<Item = &'static str> {
         let status = self.held().map(|held| held.values.status);
         let notices = status.map(|status| {

@@ -407,8 +407,8 @@ impl Drone {
         self.reported.as_ref().is_none_or(|held| !held.values.status.without_crystal())
     }
 
-    /// Returns whether a message's objects, which arrived at `at_us`, may belong to this drone: they continue its data,
-    /// or are late. Only the profile's first object is examined, or the DPR's objects if there is no profile.
+    /// Returns whether a message's objects, which arrived at `at_us`, may belong to this drone. They must continue its
+    /// data, or be late. Only the profile's first object is examined, or the DPR's objects if there is no profile.
     #[must_use]
     pub fn fits(&self, at_us: u64, bundle: &Bundle<'_>) -> bool {
         let mut fits = true;
@@ -538,8 +538,8 @@ impl Drone {
         self.port_status.as_ref()
     }
 
-    /// Returns the last uplink of the base station that the DPR showed. If it equals the uplink that was sent, the DPR
-    /// has stored that one at some time.
+    /// Returns the last uplink of the base station that the DPR showed. If it equals an uplink that was sent, the DPR
+    /// has stored that uplink at some time.
     #[must_use]
     pub const fn uplink(&self) -> Option<&Uplink> {
         self.uplink.as_ref()

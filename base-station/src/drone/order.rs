@@ -16,7 +16,7 @@
 //! | is quiet for [`QUIET_US`] | back by more than [`LATE_US`] | a stranger: perhaps a replayed recording |
 //! | has sent less than [`QUIET_US`] ago, but does not continue | any | not known yet |
 //!
-//! So messages that come between two messages of the true sender cannot replace that sender.
+//! So messages that arrive among those of the true sender cannot replace that sender.
 
 use profile::{Freshness, freshness};
 
@@ -37,8 +37,8 @@ pub const RESTART_SLACK_US: u64 = 500_000;
 /// The number of timestamps in a row, each newer than the last, after which a restart or another sender is accepted.
 pub const SEARCH_CYCLES: u8 = 3;
 
-/// After a sender's last message no other sender replaces it for this time, µs. A sender slower than 4 Hz is
-/// [stale](super::STALE_US) between two messages.
+/// The time, µs, after a sender's last message before which no other sender can replace it. A sender slower than 4 Hz
+/// is [stale](super::STALE_US) between two messages.
 pub const QUIET_US: u64 = 250_000;
 
 /// The number of simultaneous searches. With more than one, unrelated messages cannot keep a sender from being found.

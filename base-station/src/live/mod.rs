@@ -78,7 +78,7 @@ impl Clock {
         Self { unix_us: unix_us(), passed: Passed::Since(Instant::now()) }
     }
 
-    /// Returns a clock whose elapsed time, µs, the caller sets. The caller must not set it back.
+    /// Returns a clock for a caller that sets the elapsed time, µs. The caller must not set it back.
     #[must_use]
     pub fn told(passed_us: Arc<AtomicU64>) -> Self {
         Self { unix_us: unix_us(), passed: Passed::Told(passed_us) }
@@ -170,7 +170,7 @@ pub struct StationData {
     pub lines: Vec<(String, String)>,
     /// The files of the recording, if there is one.
     pub recording: Option<Made>,
-    /// The reason why nothing is recorded although it should be.
+    /// The reason why nothing is recorded, although a recording was requested.
     pub recorder: Option<Trouble>,
     /// The station's own messages, if enabled.
     pub voice: Option<Voice>,

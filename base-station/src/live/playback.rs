@@ -122,7 +122,7 @@ impl Player {
         Self { first_us, last_us, pace: Mutex::new(pace), changed: Condvar::new() }
     }
 
-    /// Returns the present instant in the recording, µs since 1970, at most its end.
+    /// Returns the present instant of the playback in the recording, µs since 1970, at most the recording's end.
     #[must_use]
     pub fn now_us(&self) -> u64 {
         self.at(&self.pace())

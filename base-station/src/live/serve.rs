@@ -47,7 +47,7 @@ impl Default for Limits {
 /// The number of bytes that a connection reads ahead, and the greatest length of a request's head.
 const BUFFER: usize = 16 << 10;
 
-/// The number of bytes that the system may hold for a slow reader: those of a few states.
+/// How many bytes the system may hold for a slow reader: those of a few states.
 const SEND_BUFFER: usize = 64 << 10;
 
 /// The pause in accepting connections after an error that concerns all of them (too many open files).
@@ -57,7 +57,7 @@ const REST: Duration = Duration::from_millis(50);
 ///
 /// # Errors
 ///
-/// Returns no error at present. An error of a connection ends only that connection.
+/// At present this returns no error. An error of a connection ends only that connection.
 pub async fn serve(listener: TcpListener, router: Router, limits: Limits) -> io::Result<()> {
     let places = Arc::new(Semaphore::new(limits.connections));
     let mut http = http1::Builder::new();

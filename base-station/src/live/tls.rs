@@ -66,9 +66,9 @@ mod with {
     pub struct Tls(Arc<ClientConfig>);
 
     impl Tls {
-        /// Returns settings that trust a broker whose certificate one of the `authorities` signed. `client` is this
-        /// station's certificate with the intermediate ones, and its private key, for a broker that requires them. All
-        /// are PEM.
+        /// Returns settings that trust a broker whose certificate one of the `authorities` signed. For a broker that
+        /// requires them, `client` has this station's certificate with the intermediate ones, and its private key. All
+        /// of these are PEM.
         ///
         /// # Errors
         ///

@@ -210,7 +210,7 @@ pub struct Recorder<P: Parts> {
 }
 
 impl<P: Parts> Recorder<P> {
-    /// Returns a recorder, which makes no file before the first record.
+    /// Returns a recorder. It makes no file before the first record.
     #[must_use]
     pub const fn new(parts: P) -> Self {
         Self { parts, open: None, next_part: 0, trouble: None, tried_us: None, lost: 0, part_bytes: PART_BYTES }

@@ -1,4 +1,4 @@
-//! The active hold on the page. A command's whole way, with both firmwares and the hold's, is tested with
+//! Tests the active hold on the page. The whole way of a command, with both firmwares and the hold's, is tested by
 //! `cargo xtask live` (xtask/src/live/tests/hold.rs).
 
 use profile::criticality::ActiveLoad;

@@ -517,7 +517,7 @@ fn five_receivers_a_damaged_first_frame_is_not_repeated_either() {
     assert_eq!(bench.album.shown::<5>(), []);
 }
 
-/// A frame that was sent, and the instant of its end. The images that must be shown follow from all such frames.
+/// A frame that was sent, and the instant of its end. The test derives from all such frames which images must be shown.
 struct Sent {
     second: bool,
     /// The timestamps of the frame's intact objects, with the number of each object in the profile.
@@ -604,8 +604,8 @@ fn newest(sent: &[Sent], receivers: usize, now: i128) -> Vec<(usize, u32)> {
     with_it.into_iter().chain(alone).collect()
 }
 
-/// Returns what the image shows that is newest when the first frame `number` ends. If the frame before it was a first
-/// frame too, that frame's image is published now.
+/// Returns what the newest image shows when the first frame `number` ends. If the frame before it was a first frame
+/// too, the image of that frame is published now.
 fn before(sent: &[Sent], receivers: usize, number: usize) -> Vec<(usize, u32)> {
     let Some(previous) = number.checked_sub(1) else { return Vec::new() };
     let passed = sent[number].ended_us - sent[previous].ended_us;

@@ -1,9 +1,9 @@
 //! Limits how much processor time the second port may use.
 
-/// The calls and SPI bytes that the second port may still use in the present window of [`Budget::WINDOW_US`].
+/// The calls and SPI bytes that the second port has used in the present window of [`Budget::WINDOW_US`].
 ///
-/// On the bench a window takes 60 calls and 500 bytes while the hold keeps to its period, and 101 calls if the chip is
-/// brought up in it.
+/// On the bench, a window takes 60 calls and 500 bytes while the hold keeps to its period. A window in which the chip
+/// is brought up takes 101 calls.
 #[derive(Clone, Copy, Debug)]
 pub struct Budget {
     window_us: u32,
@@ -12,7 +12,7 @@ pub struct Budget {
     resting: bool,
 }
 
-/// What a call of one of the second port's tasks may do.
+/// What a task of the second port may do when it is called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Turn {
     /// The second port may work as usual.

@@ -48,8 +48,8 @@ use crate::rf::LEAD;
 
 /// The time from the end of the hold's frame, as the chip reports it, to the transmit command of the answer, µs.
 ///
-/// In this time the DPR reads and checks the frame and loads the answer's first bytes, which takes 0.3 ms. HORUS's
-/// tasks have higher priorities and take 0.6 ms in each cycle.
+/// In this time the DPR reads and checks the hold's frame, and loads the answer's first bytes. That takes 0.3 ms.
+/// HORUS's tasks have higher priorities and take 0.6 ms in each cycle.
 pub const ANSWER_US: u32 = 2_000;
 const _: () = assert!(ANSWER_US >= EARLIEST_US && ANSWER_US + 100 <= ANSWER_WINDOW_US);
 

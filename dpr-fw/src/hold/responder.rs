@@ -1,4 +1,4 @@
-//! Receives the hold's frames and answers them: the common code of the second port's three tasks.
+//! Receives the hold's frames and answers them. All three tasks of the second port run this code.
 
 use core::borrow::{Borrow, BorrowMut};
 
@@ -16,7 +16,7 @@ use crate::{
     ReceiveMemory,
 };
 
-/// The hardware that the second port needs in addition to that of a port that only receives.
+/// The hardware of the second port, which does more than a port that only receives.
 pub trait AnswerPort: FrontEndPort {
     /// Returns the present value, µs, of the timer that also captures [`FrontEndPort::irq_edge_us`].
     fn now_us(&mut self) -> u32;
@@ -33,7 +33,7 @@ pub trait AnswerPort: FrontEndPort {
     fn wake(&mut self);
     /// Returns the number of SPI bytes of the transfers that were started since the last call.
     fn take_carried(&mut self) -> u32;
-    /// Whether a transfer could not be stopped, so that the SPI may still access its buffers.
+    /// Whether a transfer could not be stopped. If so, the SPI may still access its buffers.
     fn is_broken(&self) -> bool;
 }
 
@@ -190,8 +190,7 @@ where
         })
     }
 
-    /// Makes the timer start the answer whose first bytes are loaded. If it is too late for that, the answer is
-    /// dropped.
+    /// Makes the timer start the answer whose first bytes are loaded. If the instant has passed, the answer is dropped.
     fn loaded(&mut self, telemetry: &HoldTelemetry) -> Option<AnswererEvent> {
         let port = self.executor.port();
         if !port.arm(self.ended_us.wrapping_add(ANSWER_US)) {

@@ -46,7 +46,7 @@ firmware_common::counters! {
 }
 
 impl HoldTelemetry {
-    /// Counts the result of scrubs.
+    /// Counts what scrubs have found.
     pub fn scrubbed(&self, found: Scrubbed) {
         self.scrubs.add(found.buffers);
         self.scrub_faults.add(found.stuck_bits);

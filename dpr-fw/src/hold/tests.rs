@@ -67,7 +67,7 @@ fn bytes_without_end_make_the_port_rest() {
     assert_eq!(budget.spent(), (1, Budget::BYTES));
 }
 
-/// Returns the hold's bits of Port-Status at `now_us`: heard, accepted, and both counts.
+/// Returns the hold's bits of Port-Status at `now_us`: whether a frame was heard and accepted, and both counts.
 fn bits(shared: &mut Shared, now_us: u32) -> (bool, bool, u8, u8) {
     let status = shared.show(now_us, &mut [0; SHOWN]);
     (status.hold_heard(), status.hold_accepted(), status.hold_objects_accepted(), status.hold_objects_rejected())

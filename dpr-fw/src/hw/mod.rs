@@ -108,7 +108,7 @@ pub(crate) struct Board {
     /// The port and the IRQ edge of the hold's front end.
     #[cfg(feature = "hold")]
     pub(crate) hold: (hold::HoldPort, HoldEdge),
-    /// The watchdog; `None` if something else has configured the watchdog, which then has to feed it.
+    /// The watchdog. `None` if other code has configured the watchdog, and so has to feed it.
     pub(crate) watchdog: Option<WatchdogHandle<Hdl0>>,
     pub(crate) reset_reason: ResetReason,
     pub(crate) debug_port: DebugPort,
@@ -220,8 +220,8 @@ fn POWER_CLOCK() -> ! {
     stop_for_supply()
 }
 
-/// Takes the SSI's buffers back, so that the flight controller reads 0xFF. A transaction under way still ends with its
-/// image. Before the SSI is set up, every transaction reads 0xFF anyway.
+/// Takes the SSI's buffers back, so that the flight controller reads 0xFF. A transaction in progress still ends with
+/// its image. Before the SSI is set up, every transaction reads 0xFF anyway.
 pub(crate) fn safe_state() {
     // Stopping the timer comes first, so that no further answer to the hold starts.
     #[cfg(feature = "hold")]

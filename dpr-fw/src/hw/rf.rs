@@ -1,6 +1,6 @@
 //! Drives a front end's SPI (a SPIM), chip select, IRQ pin and timer.
 //!
-//! HORUS's front end and the hold's front end have one [`Port`] each; [`Wiring`] says in what the two differ.
+//! HORUS's front end and the hold's front end have one [`Port`] each. [`Wiring`] covers the differences.
 
 use core::{
     convert::Infallible,

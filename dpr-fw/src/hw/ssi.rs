@@ -62,7 +62,7 @@ impl SsiDoorbell {
         }
     }
 
-    /// Calls both tasks of the SSI so that they check in, unless the end of a transaction calls them anyway.
+    /// Calls both tasks of the SSI so that they check in, unless transactions call them anyway.
     pub(crate) fn ask_for_sign_of_life(sign: &mut SignOfLife) {
         // SAFETY: the pointer to the port is valid for ever, and reading its input register races with nothing.
         let levels = unsafe { &*pac::P1::ptr() }.in_.read().bits();
@@ -110,7 +110,7 @@ pub(crate) struct SsiPort {
     spis: pac::SPIS1,
     timer: pac::TIMER2,
     pause: pac::TIMER3,
-    /// The pins are held so that no other code configures them.
+    /// The pins belong to this type, so that no other code configures them.
     _pins: SsiPins,
     /// The receive area; `None` only within `hand_over`.
     area: Option<Filling<AreaBuffer>>,

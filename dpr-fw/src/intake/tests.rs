@@ -1,4 +1,5 @@
-//! Tests what a call of `commit` or `deadline` publishes, what Link-Status then says, and when the next call is due.
+//! Tests calls of `commit` and `deadline`: what they publish, what Link-Status then says, and when the next call is
+//! due.
 
 use std::cell::Cell;
 

@@ -22,7 +22,8 @@ use crate::{
 
 /// The number of receive areas: one is lent to the peripheral, one is judged, one is clean.
 pub const AREAS: usize = 3;
-/// The number of areas that stay in use, however faulty they are: one is lent while the other is judged.
+/// The number of areas that stay in use, however faulty they are: one is lent to the peripheral while the other is
+/// judged.
 pub const AREAS_LEAST: usize = 2;
 
 /// What is known of a transaction besides the bytes that it brought.

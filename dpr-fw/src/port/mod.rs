@@ -70,7 +70,7 @@ pub struct Diagnostics {
     pub stuck_bits: u32,
     /// The number of receive buffers and images that were taken out of use.
     pub buffers_out_of_use: u32,
-    /// The code of the reason for which the DPR was last in its safe state; 0 if it was not.
+    /// The code of the reason for the DPR's last safe state; 0 if there was none.
     pub last_stop: u32,
     /// The hold's bits of Port-Status.
     #[cfg(feature = "hold")]
@@ -166,9 +166,9 @@ impl WritePort {
         }
     }
 
-    /// Judges the bytes that a transaction brought, which are the first bytes of `area`. `now_us` is the µs counter's
-    /// value. It must not go back from one call of this or of [`WritePort::prepare`] to the next, and one of the two
-    /// must be called every 71 minutes. Returns whether this changed the contents of Port-Status.
+    /// Judges the bytes that a transaction brought, which are the first bytes of `area`. `now_us` is the value of the
+    /// µs counter. It must not go back between calls of this and of [`WritePort::prepare`], one of which must be called
+    /// every 71 minutes. Returns whether the contents of Port-Status have changed.
     pub fn transaction(&mut self, transaction: Transaction, area: &ReceiveArea, now_us: u32) -> bool {
         self.clock.advance(now_us);
         let total = self.total;

@@ -30,15 +30,16 @@ pub trait Ssi {
     /// The type of an image buffer.
     type Buffer: ImageBuffer;
 
-    /// Returns what has happened since the last call, and clears it. Must read the semaphore before the end of a
+    /// Returns the events since the last call, and clears them. Must read the semaphore before the end of a
     /// transaction: if a transaction ends between the two reads, the next call returns the semaphore. After an end, the
     /// peripheral's events do not call the task until the pause that [`Ssi::pass_on`] begins is over.
     fn take_events(&mut self) -> Events<'_>;
     /// Takes the bytes and the request of the ended transaction for the port task. Called before the next release of
     /// the buffers.
     fn hand_over(&mut self, asked: Asked) -> HandedOver;
-    /// Passes the taken bytes on to the port task, calls that task, and begins the pause of
-    /// [`PAUSE_US`](crate::ssi::PAUSE_US) anew. Called after the next release, for which the flight controller waits.
+    /// Passes the bytes on to the port task, calls that task, and begins a new pause of
+    /// [`PAUSE_US`](crate::ssi::PAUSE_US). Called after the next release, because the flight controller waits for that
+    /// release.
     fn pass_on(&mut self);
     /// Whether the image that is streamed has expired. Called only while the processor has the semaphore.
     fn is_expired(&mut self) -> bool;

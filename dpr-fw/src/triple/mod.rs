@@ -117,7 +117,7 @@ pub(crate) fn keep<B>(outcome: Outcome<B>) -> (Clean<B>, Scrubbed) {
     }
 }
 
-/// Puts a buffer into a queue. Each queue has room for all buffers that can be in it, so this cannot fail.
+/// Puts a buffer into a queue. This cannot fail, because each queue has room for all buffers that can be in it.
 fn put<T, const LEN: usize>(queue: &mut Deque<T, LEN>, item: T) {
     let full = queue.push_back(item).is_err();
     debug_assert!(!full, "a buffer too many has appeared");

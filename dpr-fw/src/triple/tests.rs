@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// A set of buffers that only one task uses, so that its lock does nothing.
+/// A set of buffers that a single task uses, so its lock does nothing.
 struct Own<'a, S>(&'a mut S);
 
 impl<S> Mutex for Own<'_, S> {
@@ -171,8 +171,8 @@ proptest! {
         prop_assert_eq!(Dirty::new(ram).scrub().expect_err("a bit is stuck").stuck_bits(), 1);
     }
 
-    /// The tasks run in any order, and each of them may be late. Each frame that is read was received exactly once, in
-    /// order, into a buffer that was clean when the frame began.
+    /// The tasks run in any order, and each of them may be late. Every frame that is read must have been received
+    /// exactly once, in order, into a buffer that was clean when the frame began.
     #[test]
     fn no_order_of_the_tasks_reads_a_frame_twice_or_overwrites_one(
         steps in prop::collection::vec(0_u8..7, 0..400),
@@ -415,8 +415,8 @@ fn the_third_frame_that_nobody_reads_is_an_overrun() {
 }
 
 proptest! {
-    /// The commit, SSI and scrub tasks run in any order. The streamed image is whole, was the newest when it was taken,
-    /// and is never older than the one before. There is always a buffer to fill.
+    /// The commit, SSI and scrub tasks run in any order. The streamed image must be whole, must have been the newest
+    /// when it was taken, and must never be older than the one before. There must always be a buffer to fill.
     // Shows IMG-7.
     #[test]
     fn the_streamed_image_is_whole_and_never_older_than_the_last(

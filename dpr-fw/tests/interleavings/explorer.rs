@@ -17,14 +17,14 @@ use std::{
 
 /// The most choices of one run. A model that exceeds this number never ends.
 const DEPTH: usize = 10_000;
-/// The most states of one search. Bounds that allow more of them are too wide for a test.
+/// The most states of one search. A search with more of them has bounds that are too wide for a test.
 const STATES: usize = 1_500_000;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Explored {
     /// The number of different states in which more than one event could happen next.
     pub(crate) states: usize,
-    /// The number of runs: complete runs and those that met a known state.
+    /// The number of runs, both those that ended and those that met a known state.
     pub(crate) runs: usize,
 }
 

@@ -18,8 +18,8 @@
 //! | timers | the deadline of the next frame; both compares of the expiry; the end of the pause after a transaction |
 //! | RAM | a bit gets stuck; a store that no fence holds back comes late |
 //!
-//! Two halves of a buffer stand for all of its words: the processor and EasyDMA both access the buffer from its start
-//! to its end, so they meet at one point, which has one half before it and one after it.
+//! Two halves stand for all words of a buffer. The processor and EasyDMA both access a buffer from its start to its
+//! end, so they meet at a single point, with one half before that point and one after it.
 //!
 //! loom explores threads on the memory model of C11. Here the interrupts of one core, which have priorities and run to
 //! their end, meet hardware without a program; neither is a thread.
@@ -87,7 +87,7 @@ enum Mutation {
     NoPause,
     /// A pause begins although its compare is not set, so that the pause never ends.
     PauseWithoutEnd,
-    /// When a pause begins anew, the event of the previous pause's end is not cleared, and ends the new pause.
+    /// A new pause begins without clearing the event of the previous pause's end, which then ends the new pause.
     OldPauseEndKept,
 }
 

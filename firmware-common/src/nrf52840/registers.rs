@@ -73,8 +73,8 @@ pub fn start_crystal(clock: &pac::CLOCK) -> bool {
 pub const POWER_FAIL_MV: u32 = 2_700;
 
 /// Enables the power-fail comparator and its interrupt, whose handler must not return. Returns whether the supply is
-/// already below [`POWER_FAIL_MV`], which raises the event as well (PS v1.7, 5.3.3). The part's own brown-out reset, at
-/// 1.6 V, is always enabled.
+/// already below [`POWER_FAIL_MV`]. In that case the event is raised as well (PS v1.7, 5.3.3). The part's own brown-out
+/// reset, at 1.6 V, is always enabled.
 #[must_use]
 pub fn watch_supply(power: &pac::POWER) -> bool {
     power.events_pofwarn.reset();
@@ -88,7 +88,7 @@ pub fn watch_supply(power: &pac::POWER) -> bool {
 /// The prescaler with which a timer counts µs: 16 MHz / 2^4.
 pub const COUNTER_PRESCALER: u8 = 4;
 
-/// The capture register that every timer uses for the present time. [`now_us`] uses that of TIMER0.
+/// The capture register by which every timer's present time is read. [`now_us`] uses that of TIMER0.
 pub const NOW_CAPTURE: usize = 3;
 
 /// Starts a 32-bit timer that counts µs from zero and never stops.

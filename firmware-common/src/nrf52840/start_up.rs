@@ -9,7 +9,8 @@
 //! recovered from the running watchdog later.
 
 /// Installs the first instructions of a firmware for the nRF52840. The watchdog resets the part 100 ms after its last
-/// feed. It counts while the processor sleeps and, unless `$debugger_stops` is true, while a debugger halts it.
+/// feed. The watchdog counts while the processor sleeps and, unless `$debugger_stops` is true, while a debugger halts
+/// it.
 #[macro_export]
 macro_rules! install_nrf52840_start {
     ($debugger_stops:expr) => {

@@ -22,7 +22,8 @@
 //! The patrol is assumed to verify [`Rate`] words in each slice, and the idle loop to do every slice. Then the change
 //! of a bit is found:
 //!
-//! - in flash: at the end of the first pass that begins after the change, so in two passes ([`Rate::flash_detect_us`]);
+//! - in flash: at the end of the first pass that begins after the change, so within two passes
+//!   ([`Rate::flash_detect_us`]);
 //! - in code in RAM: when its word has its turn, so in one pass at most ([`Rate::code_detect_us`]);
 //! - in guard words: in one slice;
 //! - in RAM in use, if the bit is stuck or does not change: in one pass at most ([`Rate::ram_pass_us`]).
@@ -145,7 +146,7 @@ pub struct Slice {
     pub code: Option<u32>,
     /// The number of a guard that has changed, which is its index in [`Layout::guards`].
     pub guard: Option<u32>,
-    /// The address of two words of RAM in use, one of which does not hold what is written to it.
+    /// The address of two words of RAM in use, one of which does not hold the value that is written to it.
     pub ram: Option<u32>,
     /// Whether all RAM in use was sound in the pass that ended in this slice.
     pub ram_pass: Option<bool>,
@@ -172,13 +173,13 @@ impl Patrol {
         Self { flash_at: layout.program.start, crc: 0, code_at: 0, guards, ram: Walk::new(), layout, rate }
     }
 
-    /// Begins the passes over flash and RAM anew.
+    /// Makes the passes over flash and RAM begin again.
     pub fn restart(&mut self) {
         (self.flash_at, self.crc) = (self.layout.program.start, 0);
         self.ram.restart();
     }
 
-    /// Does one slice. Its work is the same as long as memory holds what it should hold.
+    /// Does one slice of the patrol. Its work is the same as long as memory holds what it should hold.
     pub fn slice(&mut self, memory: &mut impl Memory) -> Slice {
         let guard = self.guards.changed(memory);
         let flash = self.flash(memory);

@@ -37,7 +37,7 @@ pub const MASKED_CYCLES: u32 = 75;
 /// The result of some steps of the test of RAM.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Found {
-    /// The address of two words, one of which does not hold what is written to it.
+    /// The address of two words, one of which does not hold the value that is written to it.
     pub fault: Option<u32>,
     /// Whether the pass that ended in these steps found all words sound.
     pub pass: Option<bool>,
@@ -59,7 +59,7 @@ impl Default for Walk {
 }
 
 impl Walk {
-    /// Returns the position before the first pass.
+    /// Returns the position before the first pass of the test.
     #[must_use]
     pub const fn new() -> Self {
         Self { at: 0, next: 0..0, sound: true }

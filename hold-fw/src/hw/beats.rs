@@ -50,7 +50,7 @@ impl Beats {
         Self(timer)
     }
 
-    /// Starts the beats; the first one comes [`BEAT_MS`] ms later.
+    /// Starts the beats. The first one comes [`BEAT_MS`] ms later.
     pub(crate) fn start(&mut self) {
         // The first beat increments the count from this value to 0, the number of a tick.
         COUNT.store(u32::MAX, Ordering::Relaxed);

@@ -41,7 +41,7 @@ pub(crate) enum Error {
     NoAcknowledge,
     /// A line stays low, or the transfer did not end in time.
     Stuck,
-    /// This driver does not support the kind or the length of the transfer.
+    /// The driver does not support transfers of this kind or length.
     Unsupported,
 }
 
@@ -75,7 +75,7 @@ impl Bus {
         Self { twim, lines, memory }
     }
 
-    /// Frees the bus. Returns whether both lines are high afterwards.
+    /// Frees the I2C bus. Returns whether SDA and SCL are high afterwards.
     fn recover(&mut self) -> bool {
         HOLD_TELEMETRY.bus_recoveries.add(1);
         self.twim.enable.write(|w| w.enable().disabled());
@@ -101,7 +101,7 @@ impl Bus {
         true
     }
 
-    /// Sends bytes, then receives bytes. One of the two may be empty.
+    /// Sends bytes over the I2C bus, then receives bytes. One of the two may be empty.
     fn run(&mut self, address: u8, send: &[u8], receive: &mut [u8]) -> Result<(), Error> {
         let Some(out) = self.memory.send.get_mut(..send.len()) else { return Err(Error::Unsupported) };
         out.copy_from_slice(send);
@@ -181,7 +181,7 @@ impl OpenDrains {
         unsafe { &*pac::P0::ptr() }
     }
 
-    /// Makes both pins inputs, with the drive that the TWIM needs. The GPIO then no longer holds a line low.
+    /// Makes SDA and SCL inputs, with the drive that the TWIM needs. The GPIO then no longer holds either line low.
     fn let_go(&mut self) {
         for pin in [SDA, SCL] {
             Self::port().pin_cnf[pin].write(|w| w.dir().input().input().connect().pull().pullup().drive().s0d1());

@@ -22,8 +22,8 @@
 //! | 2, once a second | measure temperature and humidity | 9 ms, most of it the sensor's conversion |
 //! | 0, once a second | verify the accelerometer's settings, or set it up | 2 ms |
 //!
-//! The first failed transfer ends the call, and each transfer has a longest time. So a call takes [`LONGEST_MS`] at
-//! most, which is shorter than a beat.
+//! The first failed transfer ends the call, and each transfer has a time limit. So a call takes [`LONGEST_MS`] at most,
+//! which is shorter than a beat.
 //!
 //! # Faults
 //!
@@ -142,7 +142,7 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
         }
     }
 
-    /// Does the work of beat number `beat`. The number counts from the start and wraps.
+    /// Does the work of beat number `beat`. This number counts from the start and wraps.
     pub fn serve(&mut self, beat: u32, telemetry: &Telemetry) {
         match (beat % BEATS, beat % SECOND) {
             (1 | 3, _) if self.accelerometer == Accelerometer::Works => {

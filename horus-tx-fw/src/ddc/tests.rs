@@ -11,11 +11,11 @@ const FREE: Bus = Bus { scl: true, sda: true, busy: false };
 /// A fault at one order of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
-    /// The receiver holds the clock, so no event comes any more. A read has brought this number of bytes by then.
+    /// The receiver holds the clock low, so no further event comes. Until then a read has brought this number of bytes.
     Held(usize),
     Refused,
     ArbitrationLost,
-    /// This number of events comes that no order has caused.
+    /// This number of events comes although no order has caused them.
     Spurious(u8),
     BusError,
     StreamFails,
@@ -37,7 +37,7 @@ struct Rig {
 }
 
 impl Rig {
-    /// Returns a model whose receiver was read until it was empty.
+    /// Returns a model of a receiver that was read until it was empty.
     fn new() -> Self {
         let mut rig = Self::with_backlog();
         rig.cycle(None);

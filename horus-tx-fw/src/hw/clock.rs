@@ -68,7 +68,8 @@ pub fn start(rcc: pac::RCC) -> (Rcc, Source) {
     (rcc, source)
 }
 
-/// Switches HSE on, and its security system once HSE is ready. Switches HSE off again if it does not get ready in time.
+/// Switches HSE on, and the clock security system once HSE is ready. If HSE does not get ready in time, switches HSE
+/// off again.
 fn start_external(rcc: &pac::RCC) -> Source {
     // The bypass of HSE can only be chosen while HSE is off (RM0090, RCC_CR).
     rcc.cr().modify(|_, w| w.hsebyp().bypassed());

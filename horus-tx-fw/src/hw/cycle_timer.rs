@@ -3,8 +3,8 @@
 //! # Design
 //!
 //! Prescaler 1 and reload 719 999 make exactly 10 ms of the 72 MHz; the HAL would round. The interrupt of tick (update)
-//! and slots (compares) has the highest priority and shares only single words with other tasks, so no lock ever masks
-//! it. The same instructions send a slot's command every time, before all other work.
+//! and slots (compares) has the highest priority. It shares only single words with other tasks, so no lock ever masks
+//! it. In a slot, the same instructions always send the command before all other work.
 //!
 //! The timer itself makes the pin TICK fall with each tick: channel 3 in PWM mode 2 (RM0090, "TIMx_CCMR2") is active
 //! from its compare value to the update. So an observer sees the tick without any delay by the processor.
@@ -39,7 +39,7 @@ use crate::board;
 
 /// The number of ticks so far. Only the interrupt of the cycle timer writes it.
 static TICKS: AtomicU32 = AtomicU32::new(0);
-/// The number of the last tick whose cycle has ended.
+/// The number of the last tick whose cycle of work has ended.
 static ENDED: AtomicU32 = AtomicU32::new(0);
 /// The result of the last slot, for the task `rf_slot`, as the word `PASSED | FIRED? | frame << 8 | response`.
 static SLOT: AtomicU32 = AtomicU32::new(0);
@@ -55,7 +55,7 @@ fn tim2() -> &'static pac::tim2::RegisterBlock {
     unsafe { &*pac::TIM2::ptr() }
 }
 
-/// Switches the timer's clock on, so that [`now_ms`] can be called. It returns 0 until the timer is started.
+/// Switches the timer's clock on, so that [`now_ms`] can be called. Until the timer is started, [`now_ms`] returns 0.
 pub fn enable_clock(rcc: &mut RCC) {
     pac::TIM2::enable(rcc);
 }
@@ -166,7 +166,8 @@ pub fn take_slot() -> Option<Slot> {
     })
 }
 
-/// Returns the milliseconds since the first tick's cycle began (wraps). It never steps back ([`timing::now_ms`]).
+/// Returns the milliseconds since the first tick's cycle began (wraps). The result never steps back
+/// ([`timing::now_ms`]).
 pub fn now_ms() -> u32 {
     let before = tick();
     let count = tim2().cnt().read().cnt().bits();

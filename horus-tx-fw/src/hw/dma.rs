@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! The streams move bytes without their FIFOs (direct mode). Memory that DMA reads or writes consists of atomics in
-//! main SRAM (DMA cannot reach the CCM RAM, RM0090 "Memory and bus architecture"), so that a reference to it never
-//! promises that nobody else changes it.
+//! The streams move bytes without their FIFOs (direct mode). Memory that DMA reads or writes consists of atomics, since
+//! a reference to other types would promise that nobody else changes the memory. It is in main SRAM, because DMA cannot
+//! reach the CCM RAM (RM0090 "Memory and bus architecture").
 //!
 //! **Switching off.** A stream whose EN is cleared first ends the transfer that it has begun, and EN reads 1 until
 //! then. Only when EN reads 0 may the stream be set up again, and does the memory belong to the processor (RM0090 "DMA
@@ -29,8 +29,8 @@ use stm32f4xx_hal::{
 use crate::board::{Dma, Stream};
 
 pub(super) enum Direction {
-    /// The stream moves bytes from the peripheral to memory: to one byte after the other if `advance`, otherwise all to
-    /// the same byte; without end, round after round, if `circular`.
+    /// The stream moves bytes from the peripheral to memory. If `advance` is true it writes one byte after the other,
+    /// otherwise all to the same byte. If `circular` is true it never ends, and begins again after each round.
     In { circular: bool, advance: bool },
     /// The stream moves bytes from memory to the peripheral.
     Out,
@@ -63,7 +63,7 @@ impl Flags {
     }
 }
 
-/// Switches both controllers' clocks on. It may be called again at any time.
+/// Switches the clocks of both DMA controllers on. May be called again at any time.
 pub(super) fn enable() {
     // SAFETY: each call sets one bit in the clock enable register, atomically (the HAL uses the bit-band region).
     unsafe {
@@ -171,7 +171,7 @@ pub(super) fn left(stream: Stream) -> usize {
 pub(super) struct StillOn;
 
 /// How often [`stop`] asks whether the stream is off. Each poll takes at least 6 core cycles, so 128 polls take 5 µs.
-/// At most one byte is under way then, which needs one access to the peripheral and one to memory.
+/// Within that time the stream has at most one byte to finish, with one access to the peripheral and one to memory.
 const STOP_POLLS: u32 = 128;
 
 /// Switches the stream off, if it is on, and waits until it is off. Its peripheral must still answer.

@@ -93,7 +93,7 @@ pub(super) fn alternate(alternate: AlternatePin, speed: Speed, pull: Pull) {
     configure(pin, ALTERNATE, speed, pull);
 }
 
-/// Makes a pin an output that is `high` from the first moment on.
+/// Makes a pin an output, whose level is `high` from the beginning.
 pub(super) fn output(pin: Pin, speed: Speed, high: bool) {
     write(pin, high);
     configure(pin, OUTPUT, speed, Pull::None);
@@ -109,7 +109,7 @@ pub(super) fn open_drain(alternate_pin: AlternatePin) {
     alternate(alternate_pin, Speed::Low, Pull::None);
 }
 
-/// Takes a pin that was set up by [`open_drain`] from its peripheral, so that [`write`] drives it. Only the tasks of
+/// Takes a pin from its peripheral, so that [`write`] drives it. [`open_drain`] has set the pin up. Only the tasks of
 /// the receivers' sources may call this.
 pub(super) fn drive(pin: Pin) {
     set_mode(pin, OUTPUT);

@@ -22,7 +22,7 @@
 //! | [`reset`] | the reason of the last reset, the number of resets by the watchdog, the receivers that stay excluded |
 //! | `start_up` | the first instructions: reset flags and watchdog |
 //!
-//! Each file in this folder that has `unsafe` code says in its heading what for. All of them access register blocks
+//! Each file in this folder with `unsafe` code says in its heading why. All of these files access register blocks
 //! through shared references: a register block is always there, and every access is volatile.
 //!
 //! # Errata (ES0206 rev 24, STM32F42x and F43x) that concern all of these files; each module lists its own

@@ -91,7 +91,7 @@ pub(super) fn put(byte: u8) {
     spi().dr8().write(|w| w.dr().set(byte));
 }
 
-/// Waits for the byte that is shifted in meanwhile, for one byte time at most, even if the SPI hangs.
+/// Waits for the byte that comes in while a byte is sent, for one byte time at most, even if the SPI hangs.
 #[inline(always)]
 pub(super) fn take() -> u8 {
     for _ in 0..POLLS {
@@ -189,7 +189,8 @@ impl Radio {
         }
     }
 
-    /// Clears EXTI3's pending edge. The driver's state machine then reads the pin's level, not the edge.
+    /// Clears the pending edge of EXTI3. The driver's state machine reads the pin's level afterwards, so no edge is
+    /// lost.
     pub fn clear_pending_irq(&mut self) {
         // SAFETY: a register block is always there, and every access through it is volatile; ones clear bits of PR, and
         // only the bit of line 3 is written as one.

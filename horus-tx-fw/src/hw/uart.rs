@@ -127,7 +127,8 @@ impl UartSource {
         self.send(flags.txe().bit_is_set(), flags.tc().bit_is_set());
     }
 
-    /// Sends the next byte if the last one has left the data register, and ends the message when its last bit is out.
+    /// Sends the next byte of the message if the previous one has left the data register. Ends the message when its
+    /// last bit is out.
     fn send(&mut self, is_empty: bool, is_complete: bool) {
         let uart = self.uart();
         let Some((message, sent)) = &mut self.outgoing else { return };

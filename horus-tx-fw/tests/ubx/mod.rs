@@ -72,7 +72,8 @@ impl NavPvt {
     }
 }
 
-/// Returns NAV-ATT, with 32 bytes of payload: angles roll, pitch, heading in 1e-5 degrees, then their accuracies.
+/// Returns a NAV-ATT message with 32 bytes of payload: angles roll, pitch, heading in 1e-5 degrees, then their
+/// accuracies.
 pub fn nav_att(itow: u32, angles: [i32; 3], accuracies: [u32; 3]) -> Vec<u8> {
     let mut payload = [0u8; 32];
     payload[0..4].copy_from_slice(&itow.to_le_bytes());

@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! The distances between places are small against the earth, and a float32 has 24 bits. So no position is ever a
-//! float32; only differences of two positions are, which integers give exactly. The processor's own arithmetic then
-//! does all but the last step of the result.
+//! Distances between places are small against the earth, and a float32 has only 24 bits. So a float32 never holds a
+//! position, but only differences of two positions, which integers give exactly. That lets the processor's own
+//! arithmetic, which has only float32, do all but the last step.
 //!
 //! The vector from one place to another is the difference of their positions in space, seen along north, east and up of
 //! the first place. No term of it is the small difference of two large ones. Latitudes enter as their difference,
@@ -20,7 +20,7 @@
 const SEMI_MAJOR_AXIS: f64 = 6_378_137.0;
 /// The flattening of the WGS-84 ellipsoid (NIMA TR8350.2, table 3.1).
 const FLATTENING: f64 = 1.0 / 298.257_223_563;
-/// The first eccentricity squared of the ellipsoid, f (2 - f).
+/// The square of the ellipsoid's first eccentricity, f (2 - f).
 const E2: f64 = FLATTENING * (2.0 - FLATTENING);
 
 const HALF_TURN_E7: i32 = 1_800_000_000;
@@ -125,7 +125,8 @@ fn shorter_way(difference_e7: i64) -> i32 {
     (difference_e7 + over + under) as i32
 }
 
-/// Returns the sine of at most ±90° by Taylor's series to the eleventh power. The next term is 6e-8 of it at 90°.
+/// Returns the sine of an angle of at most ±90° by Taylor's series to the eleventh power. The next term is 6e-8 of the
+/// result at 90°.
 fn sine(rad: f32) -> f32 {
     const TERMS: [f32; 6] = [1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5_040.0, 1.0 / 362_880.0, -1.0 / 39_916_800.0];
     rad * series(rad * rad, TERMS)

@@ -43,7 +43,7 @@ impl<T: Mark> At<T> {
 }
 
 impl<T: Mark> Hold<T> {
-    /// The state in which no result was shown yet, so that the first result is shown.
+    /// The state before any result was shown. The first result is shown at once.
     pub(crate) const NEW: Self = Self { shown: None, held: None };
 
     /// Takes the result `mark` of the tick at `now_ms`, if there is one (`is_there`), and returns whether it is shown.

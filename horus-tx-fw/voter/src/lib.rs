@@ -16,8 +16,8 @@
 //!   all metres are float32 (see `geometry`), no distance needs a root, and float64 appears only in the result.
 //! - **Pure.** The voter has no clock, no input or output, and no allocation: [`Voter::vote`] is given the time.
 //!
-//! - **Each quantity by itself.** Altitude, attitude and acceleration are each stated only if a quorum of the members
-//!   has the quantity and these agree in it.
+//! - **Each quantity by itself.** The result has an altitude, an attitude or an acceleration only if a quorum of the
+//!   members has this quantity and agrees in it.
 //! - **No jump at once.** A place or an altitude that cannot be reached at 200 m/s from the last one shown is held back
 //!   until it has lasted for a second (see `hold`).
 //! - **A majority of right receivers always has a result.** More than half of the receivers are members of a result, so
@@ -71,7 +71,7 @@ pub const MOST_VERTICAL_ACCURACY_MM: u32 = 50_000;
 pub const LATENCY_MS: i32 = 50;
 /// How much a latency may differ from that of the candidate in the middle, ms (decision 15, brought to the tick).
 pub const LATENCY_SPREAD_MS: i32 = 50;
-/// The time after which the time of week begins anew, ms.
+/// The length of a week, ms, after which the time of week begins at 0 again.
 pub const WEEK_MS: u32 = 7 * 24 * 3_600 * 1_000;
 /// How much a latency may be off [`LATENCY_MS`], s. An accuracy grows by this times the speed (decision 15).
 pub const LATENCY_UNCERTAINTY_S: f32 = 0.05;
@@ -132,11 +132,12 @@ pub struct Position {
     pub latitude: f64,
     /// The longitude, degrees east, WGS-84.
     pub longitude: f64,
-    /// The altitude, m above the ellipsoid; `None` if no quorum of members has one, or while a jump of it is held back.
+    /// The altitude, m above the ellipsoid; `None` if no quorum of members has an altitude, or while a jump of the
+    /// altitude is held back.
     pub altitude: Option<f64>,
 }
 
-/// The result of a vote. Bit 0 of a mask is that of the first receiver.
+/// The result of a vote. In its masks, bit 0 stands for the first receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Verdict {
     /// The receivers that agree on the result; none if there is no result, or while a jump is held back.
@@ -147,7 +148,7 @@ pub struct Verdict {
     pub position: Option<Position>,
     /// Pitch and roll within ±π and yaw from 0 to 2π, rad, if a quorum of the members has an attitude and these agree.
     pub attitude: Option<[f32; 3]>,
-    /// Acceleration front, right and down, m/s², under the same condition as the attitude.
+    /// Acceleration front, right and down, m/s², if a quorum of the members has an acceleration and these agree.
     pub acceleration: Option<[f32; 3]>,
 }
 
@@ -173,7 +174,8 @@ impl Verdict {
 pub struct Voter<const N: usize> {
     last: u8,
     excluded: u8,
-    /// The time from which on each excluded receiver has agreed at every tick, ms; `None` if it does not agree now.
+    /// For each excluded receiver, the time from which on it has agreed at every tick, ms; `None` if it does not agree
+    /// now.
     agreeing_since: [Option<u32>; N],
     places: Hold<Spot>,
     altitudes: Hold<Height>,
@@ -270,8 +272,8 @@ impl<const N: usize> Voter<N> {
         }
     }
 
-    /// Updates the excluded receivers: adds the `outvoted`, and removes those that have agreed for long enough with all
-    /// `members`, or without a result with one of the `eligible`, if there are any.
+    /// Updates the excluded receivers. Adds the `outvoted`. Removes those that have agreed for long enough with all
+    /// `members` or, if there is no result, with one of the `eligible`. If none is eligible, they need not agree.
     fn remember(&mut self, members: u8, outvoted: u8, eligible: u8, friends: &[u8; N], now_ms: u32) {
         let mut returned = 0;
         for (index, (since, friends)) in self.agreeing_since.iter_mut().zip(friends).enumerate() {
@@ -364,8 +366,9 @@ fn bring(input: &Input, half_ms_before_arrival: i32) -> Brought {
     }
 }
 
-/// Returns for each candidate the mask of those that agree with it, including itself; and a table whose row `i` has the
-/// places of candidate `i` and those after it, m north and east of the place that `i` stated.
+/// Returns two results. For each candidate, the first has a mask of the candidates that agree with it, including
+/// itself. Row `i` of the second has the places of candidate `i` and those after it, m north and east of the place that
+/// `i` stated.
 fn compare<const N: usize>(
     inputs: &[Input; N],
     brought: &[Brought; N],

@@ -14,8 +14,9 @@ const SUM_BITS: u32 = 29;
 const MEMBER: u32 = 1 << 16;
 const KEPT: u32 = 1 << 8;
 
-/// Returns the set that wins, 0 if no receiver is eligible: of the sets in `eligible` in which each pair agrees, that
-/// with most members, then most of `last`, then the least sum of `accuracies` (m), then the lower receiver numbers.
+/// Returns the set that wins; 0 if no receiver is eligible. Only sets in `eligible` count in which each pair agrees.
+/// The set with most members wins; among equals that with most of `last`, then that with the least sum of `accuracies`
+/// (m), then that with the lower receiver numbers.
 ///
 /// `friends[i]` are the receivers that agree with receiver `i`, including itself. Every set is examined once, made from
 /// a smaller set by adding the receiver with the highest number.

@@ -34,7 +34,7 @@ fn somewhere() -> impl Strategy<Value = (f64, f64)> {
 /// its time of week, ms, whether its fix is 2D, its attitude and its acceleration.
 type Drawn = (bool, [f64; 3], [i32; 3], [u32; 2], i32, u32, bool, Option<[f32; 3]>, Option<[f32; 3]>);
 
-/// Draws three numbers, most of which lie so close to `about` that two such draws may agree.
+/// Draws three numbers. Most of them are so close to `about` that two draws may agree.
 fn numbers(about: [f32; 3], within: f32) -> impl Strategy<Value = Option<[f32; 3]>> {
     let off = move || prop_oneof![6 => -within..within, 1 => Just(f32::NAN), 1 => -500.0_f32..500.0];
     let drawn = [off(), off(), off()].prop_map(move |off| [0, 1, 2].map(|axis| about[axis] + off[axis]));
@@ -91,7 +91,7 @@ fn same(one: Option<[f32; 3]>, other: Option<[f64; 3]>, circle: bool) -> bool {
     })
 }
 
-/// Gives the ticks of several receivers to both voters, and compares the results.
+/// Gives both voters the same ticks of several receivers, and compares the results.
 fn compare<const N: usize>(ticks: &[(Vec<Report>, u32)]) -> Result<(), TestCaseError> {
     let (mut voter, mut oracle) = (Voter::<N>::new(), Oracle::default());
     let mut now = u32::MAX - 2_000;
@@ -159,8 +159,8 @@ proptest! {
     #[test]
     fn five_receivers(ticks in ticks()) { compare::<5>(&ticks)?; }
 
-    /// Except for ties, which the lower numbers win, the result does not depend on the order of the receivers.
-    /// Accuracies that are drawn like these have no equal sums.
+    /// The result does not depend on the order of the receivers, except for ties, which the lower numbers win.
+    /// Accuracies drawn like these have no equal sums.
     #[test]
     fn the_verdict_does_not_depend_on_the_order_of_the_receivers(
         ticks in ticks(),

@@ -598,7 +598,7 @@ fn who_contradicts_a_quorum_of_altitudes_is_excluded_beside_members_without_one(
     assert_eq!((verdict.members, verdict.excluded), (0b01111, 0));
 }
 
-/// A voter over three receivers that all send the same values, tick by tick.
+/// A voter over three receivers that send the same values at every tick.
 struct Flight {
     voter: Voter<3>,
     now: u32,
@@ -844,7 +844,7 @@ fn anything() -> impl Strategy<Value = Report> {
     )
 }
 
-/// Draws a report that is wrong in one field or in all of them, near or far.
+/// Draws a report that is wrong in one field or in all fields, by a little or by much.
 fn wrong() -> impl Strategy<Value = Report> {
     prop_oneof![
         anything(),

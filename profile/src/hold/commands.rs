@@ -17,7 +17,8 @@
 //! - A timestamp that is later than the writer's last one (by less than 2³¹ ms) is *fresh*.
 //! - The first timestamp after the hold's start, or one that is earlier than the writer's last, may belong to an old
 //!   uplink. A new command that comes with it waits for a later timestamp.
-//! - A timestamp that has been the same for more than 1 s is too old, and so is a new command that comes with it.
+//! - If a writer's timestamp has been the same for more than 1 s, it is too old, and so is a new command that comes
+//!   with it.
 //!
 //! The hold cannot tell how long the first uplink after a pause took to reach the DPR. The writer's own radio link must
 //! bound that delay.

@@ -4,9 +4,9 @@ use crate::{PortStatusBits, Rejection};
 
 /// The DPR's state about the hold's frames.
 ///
-/// A frame is accepted if it is an intact [object of a hold](HoldObject::verify) with another timestamp than the last
-/// accepted object. So a hold that hangs and repeats its object does not seem alive. The last object is shown for
-/// [`EXPIRY_MS`]; then its bytes in the [map](crate::map) are 0x00, as at the DPR's start.
+/// A frame is accepted if it is an intact [object of a hold](HoldObject::verify) and its timestamp differs from that of
+/// the last accepted object. So a hold that hangs and repeats its object does not seem alive. The last object is shown
+/// for [`EXPIRY_MS`]. After that its bytes in the [map](crate::map) are 0x00, as at the DPR's start.
 #[derive(Clone, Debug, Default)]
 pub struct Intake {
     /// The timestamp of the last accepted object of the hold, and the instant at which its frame ended, µs.

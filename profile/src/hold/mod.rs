@@ -1,6 +1,6 @@
 //! The active hold: the second, non-critical function on the same DPR (paper, sections 1 and 2.1; Table 1).
 //!
-//! A payload unit with its own microcontroller sends one object, [Hold-Status](HoldStatus), in each
+//! The hold is a payload unit with its own microcontroller. It sends one object, [Hold-Status](HoldStatus), in each
 //! [period](PERIOD_MS). It gets at most one [`Answer`]: the [uplinks](crate::Uplink) in which base station and flight
 //! controller command it. The DPR puts Hold-Status into the [map](crate::map), behind both uplinks. HORUS's function
 //! does not depend on the hold (docs/design.md#active-hold).

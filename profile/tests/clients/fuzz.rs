@@ -16,7 +16,7 @@ use super::support::tape::{NO_FRESH, Tape, play};
 use super::support::{invariants, reference, seeds};
 use super::{assert_same, recordings};
 
-/// The random generator xorshift64*, which gives the same numbers on every machine.
+/// The random generator xorshift64*. It gives the same numbers on every machine.
 struct Random(u64);
 
 impl Random {
@@ -239,8 +239,8 @@ impl Drawn {
         [link.as_bytes().as_slice(), profile.as_bytes(), area.as_bytes(), &hold].concat()
     }
 
-    /// Returns the hold's bytes in the map: mostly an object that follows the last one, with a number near the last
-    /// acknowledged one.
+    /// Returns the hold's bytes in the map. Mostly they are an object that follows the last one, with a command's
+    /// number near the last acknowledged one.
     fn hold(&mut self) -> Vec<u8> {
         self.hold_timestamp = match self.random.below(40) {
             0 => self.number(),

@@ -1,4 +1,4 @@
-//! Tests `docs/flight-controller.md`: its code compiles, and its numbers are those of the code.
+//! Tests `docs/flight-controller.md`: the code on this page compiles, and the page's numbers are those of the code.
 use std::fs;
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Tests the blocking form on `embedded-hal` traits, over the same stand-in for the chip.
+//! Tests the blocking form on `embedded-hal` traits. The chip is the same stand-in as for the other tests.
 
 use std::cell::RefCell;
 use std::convert::Infallible;

@@ -635,7 +635,7 @@ fn a_fifo_level_that_lies_is_survived_and_flagged() {
     }
 }
 
-/// Sends three frames. Returns whether one of them is delivered whole.
+/// Sends three frames to the listener. Returns whether it delivers one of them whole.
 fn hears_again(rig: &mut Rig, listener: &mut Listener) -> bool {
     for seed in 0..3 {
         let bytes = payload(244, seed);

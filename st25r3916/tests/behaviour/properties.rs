@@ -166,8 +166,8 @@ fn sends_again(rig: &mut Rig, machine: &mut Poller, mut step: Step<PollerEvent>)
     false
 }
 
-/// Carries out the outstanding `step`, then runs exchanges, each answered with `answer`, until one succeeds. Returns
-/// how many failed before.
+/// Carries out the outstanding `step`. Then runs exchanges, each answered with `answer`, until one succeeds, and
+/// returns how many failed before.
 fn exchanges_again(rig: &mut Rig, machine: &mut Exchange, mut step: Step<ExchangeEvent>) -> Option<u32> {
     let answer = [0xC3; 128];
     rig.payload = vec![0xA5; 64];
@@ -196,7 +196,8 @@ fn exchanges_again(rig: &mut Rig, machine: &mut Exchange, mut step: Step<Exchang
     None
 }
 
-/// Carries out `step`, then sends 30 frames, one every 20 ms. Returns whether the machine has answered one of them.
+/// Carries out the outstanding `step`, then sends 30 frames, one every 20 ms. Returns whether the answerer has answered
+/// one of them.
 fn answers_again(rig: &mut Rig, machine: &mut Answerer, mut step: Step<AnswererEvent>) -> bool {
     rig.payload = vec![0xC3; 128];
     rig.chip.clear_air();

@@ -27,7 +27,7 @@ pub(crate) enum Happening {
     Measured(u8),
     /// The sync of a frame is received, if the receiver is on and unmasked.
     Sync,
-    /// One byte of the frame whose sync was accepted arrives.
+    /// A byte arrives of the frame whose sync was accepted.
     Byte(u8),
     /// The frame whose sync was accepted ends, with these error bits.
     End(u8),
@@ -159,7 +159,7 @@ impl Chip {
     }
 
     /// Plans a frame whose sync ends at `sync`. Its bytes are LEN, the payload and two fixed bytes in place of the
-    /// CRC-16. Returns the instant of its end.
+    /// CRC-16. Returns the instant of the frame's end.
     pub(crate) fn frame(&mut self, sync: u64, payload: &[u8]) -> u64 {
         let mut bytes = vec![payload.len() as u8 + 1];
         bytes.extend_from_slice(payload);

@@ -22,7 +22,7 @@ pub(crate) enum Case {
     EveryObject,
     /// GPS1 and GPS2 are exchanged, with valid CRCs.
     Swapped,
-    /// This object is that of the cycle before, with valid CRCs.
+    /// This object is that of the previous cycle, with valid CRCs.
     OfTheCycleBefore(usize),
     /// The latitude of Reported-Position and its frame CRC were changed, so its position CRC is wrong.
     Position,

@@ -125,8 +125,8 @@ fn frame(
     steps
 }
 
-/// Times every step of frames with different bytes and flags, then of frames with a wrong LEN, whose FIFO is read at
-/// other instants.
+/// Times every step of the listener for frames with different bytes and flags. Then does so for frames with a wrong
+/// LEN, whose FIFO is read at other instants.
 pub(crate) fn steps(cycles: &Cycles) {
     let mut chip = Chip::new();
     let before = listening(&mut chip);

@@ -14,7 +14,7 @@ use profile::{
 
 pub(super) const COMMAND_RESERVED: usize = CommandObject::SIZE - 12 - 4;
 
-/// Values whose bytes occur nowhere else in an object.
+/// Values for the fields. Their bytes occur nowhere else in an object.
 const U16: u16 = 0x5AC3;
 const U32: u32 = 0xA1B2_C3D4;
 const F32: f32 = f32::from_bits(0x41A1_B2C3);

@@ -46,8 +46,8 @@ const APB1_FREEZE: u64 = 0xE004_2008;
 /// DBG_IWDG_STOP of DBGMCU_APB1_FZ, which stops the watchdog while the core is halted.
 const IWDG_STOP: u32 = 1 << 12;
 
-/// The number of attempts to halt the core. An attempt fails if the watchdog resets the core during it; two such resets
-/// are 100 ms apart.
+/// How often to try to halt the core. An attempt fails if the watchdog resets the core during it. Two such resets are
+/// 100 ms apart.
 const HALTS: usize = 3;
 
 pub(super) fn target(board: Board) -> Result<Target> {
@@ -58,7 +58,7 @@ pub(super) fn target(board: Board) -> Result<Target> {
 }
 
 /// Makes the probe feed an nRF52840's watchdog between its transfers. Returns the probe and the handle that ends the
-/// feeding. A probe that the library does not use in single transfers is returned unchanged.
+/// feeding. A probe with which the library does not make single transfers is returned unchanged.
 pub(super) fn fed(mut probe: Box<dyn DebugProbe>) -> (Box<dyn DebugProbe>, Feeding) {
     let feeding = Feeding(Arc::new(AtomicBool::new(true)));
     if probe.try_as_dap_probe().is_none() {

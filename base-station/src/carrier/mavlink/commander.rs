@@ -96,7 +96,7 @@ pub struct CommandRecord {
 }
 
 impl CommandRecord {
-    /// Returns whether `other` is a state of the same command.
+    /// Returns whether `other` is the same command, perhaps in another state.
     #[must_use]
     pub fn is_of(&self, other: &Self) -> bool {
         (self.number, self.since_us) == (other.number, other.since_us) && self.drone == other.drone

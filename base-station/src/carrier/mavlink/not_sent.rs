@@ -13,7 +13,7 @@ pub enum NotSent {
     TooMany,
     /// This station sends no commands to holds.
     NoCommands,
-    /// There is no present Hold-Status of this drone, so the command cannot be numbered.
+    /// The drone has no present Hold-Status, so the command cannot be numbered.
     NoHold,
     /// Hold-Status has come for less than 2 s, so an earlier command may be under way.
     HoldIsNew,

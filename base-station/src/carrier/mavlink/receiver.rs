@@ -87,8 +87,8 @@ impl Receiver {
         Self { verifier, ..Self::default() }
     }
 
-    /// Processes a datagram of whole messages and returns those with objects. `unix_us`, µs since 1970, is only used
-    /// for signatures.
+    /// Processes a datagram of whole messages, and returns the messages with objects. `unix_us`, µs since 1970, is only
+    /// used for signatures.
     pub fn datagram(&mut self, unix_us: u64, bytes: &[u8]) -> Vec<Received> {
         let (mut received, mut at) = (vec![], 0);
         self.counts.version_1 += u64::from(bytes.first() == Some(&MAV_STX));

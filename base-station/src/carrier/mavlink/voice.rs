@@ -91,7 +91,7 @@ impl State {
         }
     }
 
-    /// Returns the reason why the uplink was refused, if it was.
+    /// Returns the reason for which the uplink was refused; `None` if it was not refused.
     #[must_use]
     pub fn why(&self) -> Option<&str> {
         match self {

@@ -91,7 +91,7 @@ struct Board {
     put_by: RefCell<Option<Received<Buffer, u8>>>,
 }
 
-/// The board for one run. Buffers and board refer to each other, so they are taken apart when the run ends.
+/// The board for one run of the search. Its buffers refer to the board, so they are taken out when the run ends.
 pub(crate) struct OneRun(At);
 
 impl Drop for OneRun {

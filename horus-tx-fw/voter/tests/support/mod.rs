@@ -146,7 +146,7 @@ impl Place {
         [0, 1, 2].map(|i| self.at[i] + north * self.north[i] + east * self.east[i])
     }
 
-    /// Returns the metres north and east from this place to a point, and the distance to it.
+    /// Returns the metres north and east from this place to a point, and the distance between the two.
     pub(crate) fn to(&self, point: Vector) -> (f64, f64, f64) {
         let d = minus(point, self.at);
         (dot(d, self.north), dot(d, self.east), dot(d, d).sqrt())

@@ -28,8 +28,8 @@ impl<Spi: SpiDevice> Dpr<Spi> {
     ///
     /// # Errors
     ///
-    /// The error of the bus. [`Failed::report`] is then the report of a transaction without data, in which the
-    /// displayed position is older.
+    /// The error of the bus. [`Failed::report`] is then the report of a transaction without data, in which the position
+    /// has become older.
     pub fn read(&mut self, now_us: u64, fresh_us: Option<u64>) -> Result<Report, Failed<Spi::Error>> {
         self.brought = 0;
         // `begin` cannot fail here, because the buffer has room for the longest transaction.

@@ -14,7 +14,7 @@ pub const HOLD_FRAME_US: u32 = {
 
 /// Whether the flight controller has a Hold-Status to use.
 ///
-/// The numbers equal those of `horus_dpr_hold_shown_t` in C.
+/// The numbers of the cases equal those of `horus_dpr_hold_shown_t` in C.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum HoldShown {
@@ -22,7 +22,7 @@ pub enum HoldShown {
     Absent = 0,
     /// The last Hold-Status is unchanged for over 300 ms: it was not read again, or the hold or the DPR hangs.
     Old = 1,
-    /// There is a Hold-Status that is not old.
+    /// The flight controller has a Hold-Status that is not old.
     Valid = 2,
 }
 
@@ -39,7 +39,7 @@ pub struct HoldReport {
     /// The last Hold-Status, if it is [valid](HoldShown::Valid). Unknown values in it are NaN.
     pub values: Option<HoldValues>,
     /// An upper bound of the age of the last Hold-Status when the transaction began, µs, counted from the first bit of
-    /// the hold's frame. [`AGE_UNKNOWN`] without a Hold-Status.
+    /// the hold's frame. Without a Hold-Status it is [`AGE_UNKNOWN`].
     pub age_us: u32,
 }
 

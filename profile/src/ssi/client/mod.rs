@@ -242,7 +242,8 @@ impl Client {
         self.track.report(&self.config, brought, began_us, fresh_us)
     }
 
-    /// The window of the next or the present transaction, as far as its request has reached the DPR.
+    /// The window of the next or of the present transaction. A requested window counts once its request has reached the
+    /// DPR.
     #[must_use]
     pub fn window(&self) -> Request {
         self.window.unwrap_or(self.default_window())

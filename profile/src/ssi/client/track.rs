@@ -47,7 +47,8 @@ pub(super) struct Track {
     /// The DPR's timestamp in the last intact Link-Status, by which its image is known, and the instant of reading it,
     /// µs.
     image: Option<(u32, u64)>,
-    /// The instant of the last reading with intact data, or of the first transaction if there was none, µs.
+    /// The instant, µs, of the last reading with intact data. Before the first such reading, it is that of the first
+    /// transaction.
     intact_us: Option<u64>,
 }
 
