@@ -240,7 +240,7 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
                     self.executor.port().arm(Ticket::new(tick, frame, command));
                     return;
                 }
-                // The frame was loaded too late for its slot, and is dropped.
+                // This frame was loaded too late for its slot, so it is dropped.
                 PollerEvent::Loaded => self.executor.resume(),
                 PollerEvent::Sent { confirmed } => {
                     self.telemetry.frames_sent.add(1);

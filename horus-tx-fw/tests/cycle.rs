@@ -20,7 +20,7 @@ use ubx::{esf_ins, nav_att, NavPvt};
 const INACTIVE: Levels = Levels { active: false, inactive: true };
 
 trait Tick<const N: usize> {
-    /// This frame was loaded too late for its slot, so it is dropped.
+    /// Votes for a tick and fills its profile from `solutions`, with settled, inactive inputs of HORUS's state.
     fn voted_and_filled(&mut self, tick: u32, solutions: &[Solution; N]) -> Profile<N>;
 }
 

@@ -59,7 +59,7 @@ pub(crate) enum Sending {
     /// Wait for the IRQ pin, at most this many µs.
     Wait(SendState, u32),
     Prepared,
-    /// The FIFO holds the first bytes, and the transmit command is due.
+    /// The FIFO holds the first bytes of the payload, and the transmit command is due.
     Loaded,
     Sent {
         confirmed: bool,
@@ -69,7 +69,7 @@ pub(crate) enum Sending {
 
 #[derive(Clone, Debug)]
 pub(crate) struct Sender {
-    /// The FIFO holds the first bytes of the payload, and the transmit command is due.
+    /// Whether bytes that are left in the FIFO after the frame are a failure.
     check_left_over: bool,
     len: u8,
     idle_irqs: u8,

@@ -116,7 +116,7 @@ pub enum Event {
     Played(Record),
     /// A playback begins anew at this instant of its recording, µs. All state is dropped.
     Restart(u64),
-    /// The line or the playback has ended.
+    /// No further event comes, so the station ends.
     End,
 }
 
