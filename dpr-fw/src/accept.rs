@@ -31,7 +31,7 @@ use profile::{
 /// The largest number of objects that a profile can have.
 pub const MAX_OBJECTS: usize = MAX_RECEIVERS + 1;
 
-/// The largest difference between the sample instants of a cycle's two frames, µs (the sequence's tolerance).
+/// The largest difference between the sample instants of a cycle's two frames, µs. It is the sequence's tolerance.
 pub const SAME_SAMPLE_US: u32 = sequence::TOLERANCE_US;
 
 /// Whether two samples were taken at the same instant, within [`SAME_SAMPLE_US`]. Both instants are in µs.
@@ -96,7 +96,8 @@ pub enum Cycle {
     Unknown,
     /// The frame belongs to the current cycle, so the verdict on the cycle's first frame holds for it too.
     Same,
-    /// The frame belongs to another cycle than the frame before it. The sequence gave this judgement on that cycle.
+    /// The frame belongs to another cycle than the frame before it. The value is the sequence's judgement on that
+    /// cycle.
     Next(Judgement),
 }
 
@@ -144,7 +145,7 @@ pub struct Early {
     begun: Begun,
     /// The payload length that LEN announced, bytes; 0 if no byte has arrived.
     length: u8,
-    /// The number of the frame's objects that are verified, counted from the front.
+    /// The number of the frame's objects that are verified already, counted from the front.
     done: u8,
     intact: Objects,
 }
@@ -205,7 +206,7 @@ impl Early {
     }
 }
 
-/// The state from past cycles by which frames are accepted, for a profile of `N` receivers.
+/// What is kept of past cycles to judge the next frame, for a profile of `N` receivers.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Acceptance<const N: usize> {
     sequence: Sequence,

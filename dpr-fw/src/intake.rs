@@ -30,7 +30,7 @@ pub trait Timer {
     fn set(&mut self, at_us: u32);
 }
 
-/// The information from other tasks that the tasks `commit` and `deadline` need.
+/// What the tasks `commit` and `deadline` need to know from other tasks.
 #[derive(Clone, Copy, Debug)]
 pub struct Notices<'a, S> {
     /// Whether a frame is arriving. Its image is prepared only then: an image that is prepared earlier would lack what

@@ -56,7 +56,7 @@ use crate::{link::FRAME_DEADLINE_US, protection::NULL_PAGE_END, telemetry::Telem
 /// clock.
 pub const RATE: Rate = Rate { flash_words: 8, code_words: 4, ram_words: 2 };
 
-/// The number of slices that the idle loop does in place of one while a self-test runs.
+/// The number of slices that the idle loop does instead of one while a self-test runs.
 pub const SELF_TEST_SLICES: u32 = 3;
 
 /// The end of the null page in flash, bytes. The memory protection unit denies all accesses to that page.
@@ -191,7 +191,7 @@ impl<const N: usize> ImageCheck<N> {
 /// The findings of the idle loop, for the commit task and the port task.
 #[derive(Debug)]
 pub struct Integrity {
-    /// The generation of the image that was found damaged; 0 if none was.
+    /// The generation of the image that was found damaged; 0 if no image was.
     damaged: AtomicU32,
     flash_fault: AtomicBool,
     /// Whether flash was found changed since the commit task last asked. The commit task then publishes an image
@@ -231,7 +231,8 @@ impl Integrity {
         self.flash_fault.load(Ordering::Relaxed)
     }
 
-    /// Whether the image of `generation`, which is read now, has to be withdrawn. True only once for each finding.
+    /// Whether the image of `generation`, which is read at present, has to be withdrawn. True only once for each
+    /// finding.
     pub fn take_withdrawal(&self, generation: u32) -> bool {
         let damaged = self.damaged.swap(0, Ordering::Relaxed);
         self.withdraw.swap(false, Ordering::Relaxed) || damaged != 0 && damaged == generation
@@ -242,13 +243,13 @@ impl Integrity {
         self.self_test.store(REQUESTED, Ordering::Relaxed);
     }
 
-    /// Whether a self-test was asked for and has not ended.
+    /// Whether a self-test was requested and has not ended.
     #[must_use]
     pub fn is_self_test_running(&self) -> bool {
         matches!(self.self_test.load(Ordering::Relaxed), REQUESTED | RUNNING)
     }
 
-    /// Returns whether the self-test that has ended passed, once for each; `None` if none has ended.
+    /// Returns whether the last self-test has passed, once for each self-test; `None` if none has ended since.
     pub fn take_result(&self) -> Option<bool> {
         let state = self.self_test.load(Ordering::Relaxed);
         let ended = state == PASSED || state == FAILED;
@@ -305,7 +306,7 @@ pub struct Judge {
 }
 
 impl Judge {
-    /// Returns a judge that has no self-test under way.
+    /// Returns a judge without a self-test in progress.
     #[must_use]
     pub const fn new() -> Self {
         Self { self_test: SelfTest { flash: None, ram: None } }

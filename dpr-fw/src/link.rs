@@ -14,7 +14,7 @@ pub const FRAME_DEADLINE_US: u32 = 12_500;
 /// publishing takes (`commit_worst_cycles`, 100 µs on the pessimistic clock) and than two crystals drift apart in a
 /// cycle.
 pub const FRAME_DUE_US: u32 = 200;
-/// The period after which another cycle's frames count as missed while HORUS is silent, µs: one cycle.
+/// While HORUS is silent, the period after which the frames of another cycle count as missed, µs: one cycle.
 pub const SILENCE_US: u32 = 1_000 * CYCLE_MS;
 /// The time from the end of a cycle's first frame to the latest end of its second frame, µs (five receivers). The
 /// second frame ends 3.935 ms after the first, give or take [`SAME_SAMPLE_US`]. The next cycle's first frame ends 10 ms
@@ -46,7 +46,8 @@ impl Clock {
         Self { counter_us: 0, us: 0, below_ms_us: 0, ms: 0 }
     }
 
-    /// Moves the clock on to counter value `now_us`, not before that of the last call. Due at least every 71 minutes.
+    /// Moves the clock on to counter value `now_us`, which must not be before that of the last call. To be called at
+    /// least every 71 minutes.
     pub fn advance(&mut self, now_us: u32) {
         let passed = now_us.wrapping_sub(self.counter_us);
         self.counter_us = now_us;
@@ -95,7 +96,7 @@ struct Slot {
     frame: u32,
 }
 
-/// The result of the deadlines that have passed since the last call.
+/// The result of the deadlines that have passed since the monitor was last asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lapse {
     /// The number of frames that the deadlines of this call count as missed.
@@ -146,8 +147,9 @@ impl<const N: usize> Monitor<N> {
         self.deadline_us = now_us.wrapping_add(FRAME_DEADLINE_US);
     }
 
-    /// Records a frame that ended at counter value `ended_us`, and restarts the deadline. `frame` is its number in its
-    /// cycle, `sampled_us` the instant of its sample. Returns the missed frames before it that no deadline has counted.
+    /// Records a frame that ended at counter value `ended_us`, and restarts the deadline. `frame` is the frame's number
+    /// in its cycle, `sampled_us` the instant of its sample. Returns how many frames were missed before it that no
+    /// deadline has counted.
     pub fn frame(&mut self, frame: usize, sampled_us: u64, ended_us: u32) -> u32 {
         let frame = frame as u32;
         let missed = self.last.map_or(0, |last| {
@@ -183,13 +185,14 @@ impl<const N: usize> Monitor<N> {
         now_us.wrapping_sub(due_us).cast_signed().unsigned_abs() <= FRAME_DUE_US
     }
 
-    /// Whether the deadline has passed at counter value `now_us`. It must be less than 35 minutes ago.
+    /// Whether the deadline has passed at counter value `now_us`. It must have passed less than 35 minutes ago.
     #[must_use]
     pub const fn has_lapsed(&self, now_us: u32) -> bool {
         now_us.wrapping_sub(self.deadline_us).cast_signed() >= 0
     }
 
-    /// Handles all deadlines that have passed by counter value `now_us`, and moves on; `None` if none has.
+    /// Handles all deadlines that have passed by counter value `now_us`, and moves the deadline on; `None` if none has
+    /// passed.
     pub fn lapse(&mut self, now_us: u32) -> Option<Lapse> {
         if !self.has_lapsed(now_us) {
             return None;
@@ -218,7 +221,7 @@ impl<const N: usize> Monitor<N> {
     }
 }
 
-/// The states that other tasks hold and Link-Status shows.
+/// States that other tasks hold, and that Link-Status shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Health {
     /// Whether a fault of RAM was found since start.
@@ -288,7 +291,7 @@ impl Link {
         &self.clock
     }
 
-    /// Counts a frame. `sequence` is the state of the sequence after this frame.
+    /// Counts a frame. `sequence` is the state of the sequence after the frame.
     pub fn frame(&mut self, verdict: &Verdict, sequence: &Sequence) {
         self.received = self.received.wrapping_add(1);
         self.accepted = self.accepted.wrapping_add(verdict.accepted.count());

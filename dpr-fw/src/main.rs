@@ -418,8 +418,8 @@ mod app {
         board::call(Task::port);
     }
 
-    /// Runs when a transaction has brought bytes or an image was published. Judges these bytes, and prepares
-    /// Port-Status and uplinks for the next image.
+    /// Runs when a transaction has brought bytes, or an image was published. Judges the bytes, and prepares Port-Status
+    /// and uplinks for the next image.
     #[task(binds = SWI2_EGU2, priority = 2, local = [port, areas, spare, prepared_for: u32 = 0],
         shared = [prepared, hold])]
     fn port(mut cx: port::Context) {

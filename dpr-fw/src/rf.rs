@@ -74,7 +74,7 @@ pub enum FrontEnd {
 }
 
 impl FrontEnd {
-    /// Whether the front end senses no field, and has no fault other than silence.
+    /// Whether the front end senses no field, and has no other fault than silence.
     #[must_use]
     pub const fn senses_no_field(self) -> bool {
         matches!(self, Self::Starting | Self::Listening { field: false } | Self::Lost(Fault::Silence { field: false }))
@@ -94,7 +94,7 @@ impl FrontEnd {
     }
 }
 
-/// What is kept about a received frame in addition to its bytes.
+/// What is kept about a received frame besides its bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameInfo {
     /// The number of payload bytes.
@@ -113,14 +113,14 @@ impl FrameInfo {
     }
 }
 
-/// The tasks that the RFID task must call.
+/// The tasks that the RFID task has to call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Call {
     /// No task has to be called.
     None,
-    /// The commit task, to prepare an image: most of a frame has arrived.
+    /// The commit task has to be called to prepare an image, because most of a frame has arrived.
     Prepare,
-    /// The commit task and the scrub task: a buffer was passed on.
+    /// The commit task and the scrub task have to be called, because a buffer was passed on.
     Handed,
 }
 

@@ -64,7 +64,8 @@ impl<const LEN: usize> Windows<LEN> {
         Self { next: None }
     }
 
-    /// Records the end of a transaction in which `mosi` came in. Its request decides what the next transaction shows.
+    /// Records the end of a transaction during which the bytes `mosi` came in. The request in them decides what the
+    /// next transaction shows.
     pub fn transaction(&mut self, mosi: &[u8]) -> Asked {
         let (asked, next) = match mosi.first_chunk().map(|request| ssi::parse(request, LEN)) {
             Some(Ok(Parsed::Nothing)) => (Asked::Nothing, None),
@@ -140,8 +141,8 @@ pub struct SignOfLife {
 }
 
 impl SignOfLife {
-    /// The number of cycles, of 12.5 ms at most, that a transaction may last before the task is called during it. With
-    /// the cycle of that call they are half of the watchdog's 100 ms.
+    /// The number of cycles, of 12.5 ms at most, for which the SSI task is not called during a transaction. With the
+    /// cycle of the call after them they are half of the watchdog's 100 ms.
     pub const MOST: u32 = 3;
 
     /// Returns the state at the start. The start has taken up to a third of the watchdog's time. So a transaction that

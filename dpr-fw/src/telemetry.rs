@@ -39,15 +39,15 @@ firmware_common::counters! {
         images_readable,
         /// The longest run of the SSI task, processor cycles.
         ssi_worst_cycles,
-        /// The longest run of the commit task, processor cycles, including what preempted it.
+        /// The longest run of the commit task, processor cycles, including the tasks that preempted it.
         commit_worst_cycles,
-        /// The time from the end of the last frame to its publication, µs.
+        /// The time from the end of the last frame to the publication of its image, µs.
         rxe_to_publish_us,
-        /// The longest time from the end of a frame to its publication, µs.
+        /// The longest time from the end of a frame to the publication of its image, µs.
         rxe_to_publish_worst_us,
-        /// SSI transactions that clocked out more bytes than their window had, and so read 0xFF at the end.
+        /// SSI transactions during which more bytes were clocked out than their window had. They read 0xFF at the end.
         ssi_over_reads,
-        /// SSI transactions that clocked in more than a receive area's 80 bytes, as every longer read does.
+        /// SSI transactions during which more than a receive area's 80 bytes came in, as in every longer read.
         ssi_overflows,
         /// How often an image expired in hardware because none replaced it in time.
         images_expired,
@@ -55,7 +55,7 @@ firmware_common::counters! {
         last_stop,
         /// Complete passes of the patrol over flash.
         flash_passes,
-        /// Passes over flash that found it changed.
+        /// Passes over flash that found the program changed.
         flash_faults,
         /// Objects of published images that were found changed.
         image_faults,
@@ -72,7 +72,7 @@ firmware_common::counters! {
         uplinks_accepted,
         /// 1 if the last uplink or command that came in was refused, otherwise 0.
         uplink_rejected,
-        /// The longest run of the port task, processor cycles, including what preempted it.
+        /// The longest run of the port task, processor cycles, including the tasks that preempted it.
         port_worst_cycles,
         /// How often the front end lost the sender's field.
         field_losses,

@@ -123,7 +123,7 @@ struct SimPort {
     response: Vec<u8>,
     timer: u64,
     answer: Vec<u8>,
-    /// The time at which the timer starts the armed transfer.
+    /// The time at which the timer starts the transfer that is armed.
     armed: Option<u64>,
     resting: bool,
     broken: bool,

@@ -167,7 +167,7 @@ impl FaultStatus {
         self.cfsr & Self::NO_FRAME == 0
     }
 
-    /// Returns the cause. A refused access comes first, because it often makes the stacking fail too.
+    /// Returns the cause of the fault. A refused access comes first, because it often makes the stacking fail too.
     const fn cause(self) -> Cause {
         if self.cfsr & Self::MEMORY != 0 {
             Cause::MemoryProtection

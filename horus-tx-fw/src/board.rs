@@ -99,7 +99,7 @@ pub(crate) struct InputPair {
     pub(crate) inactive: Pin,
 }
 
-/// The inputs of HORUS's state: relay (D56, D57), motor cut (D58, D59), emergency measure (D55, D54).
+/// The input pairs that tell HORUS's state: relay (D56, D57), motor cut (D58, D59), emergency measure (D55, D54).
 pub(crate) const STATE_INPUTS: [InputPair; INPUTS] = [
     InputPair { active: Pin { port: GpioPort::E, number: 2 }, inactive: Pin { port: GpioPort::E, number: 4 } },
     InputPair { active: Pin { port: GpioPort::E, number: 5 }, inactive: Pin { port: GpioPort::E, number: 6 } },
@@ -137,9 +137,9 @@ pub(crate) struct UartPort {
     pub(crate) rx: AlternatePin,
     pub(crate) tx: AlternatePin,
     pub(crate) stream: Stream,
-    /// The UART's vector: the line is idle, an error, or a sent byte.
+    /// The interrupt vector of the UART. It is raised by an idle line, an error, or a sent byte.
     pub(crate) uart_vector: Interrupt,
-    /// The DMA stream's vector: half a ring is full.
+    /// The interrupt vector of the DMA stream. It is raised when half a ring is full.
     pub(crate) stream_vector: Interrupt,
 }
 
@@ -151,7 +151,7 @@ pub(crate) struct DdcPort {
     pub(crate) bus_hz: u32,
     pub(crate) scl: AlternatePin,
     pub(crate) sda: AlternatePin,
-    /// The DMA stream of the bytes that come in. The processor itself writes the bytes that go out.
+    /// The DMA stream of the bytes that come in. The processor writes the outgoing bytes itself.
     pub(crate) stream: Stream,
     /// The timer that times the levels of SCL while a stuck I2C bus is recovered.
     pub(crate) timer: Timer,
@@ -311,7 +311,8 @@ impl Hardware {
     }
 }
 
-/// Returns the receiver, from 0, of the vector of `task`, and the vector's meaning. For compile time only.
+/// Returns the number of the receiver, from 0, to which the vector of `task` belongs, and what raises that vector. For
+/// compile time only.
 ///
 /// # Panics
 ///

@@ -19,8 +19,8 @@
 //! banks by 45° accelerates by 1 g, by 60° by 1.7 g. So HORUS takes the model of less than 2 g, which is also PX4's
 //! default. The model has a message of its own, since a receiver that refuses one key refuses the whole message.
 //!
-//! The settings go into the receiver's RAM, so a receiver that was without supply has lost them. After silence of the
-//! receiver HORUS repeats the messages until one is answered.
+//! The settings go into the receiver's RAM, which loses them without a supply. After a receiver was silent, HORUS
+//! therefore repeats the messages until one is answered.
 //!
 //! **UART.** A receiver with factory settings uses 38 400 baud. If no intact UBX message has come for [`LISTEN_MS`]
 //! after the first message at the usual rate, HORUS sets the receiver's baud rate by a message at the factory's rate,
@@ -61,15 +61,16 @@ use crate::{
 pub const ANSWER_MS: u32 = 1_000;
 /// How often a configuration message is sent to a receiver that talks but does not answer.
 pub const ATTEMPTS: u8 = 3;
-/// How long no intact message comes on a UART before HORUS tries the factory's rate, ms. It is longer than any period
-/// that HORUS requests, and than a receiver takes to answer while it computes.
+/// How long HORUS waits for an intact message on a UART before it tries the factory's rate, ms. It is longer than any
+/// period that HORUS requests, and than a receiver takes to answer while it computes.
 pub const LISTEN_MS: u32 = 500;
 /// The pause after the message that sets the baud rate, ms. Sending the message takes 5.2 ms, and then the receiver
 /// changes its rate.
 pub const BAUD_MS: u32 = 200;
-/// The time after which a configured receiver counts as silent, ms: more than two of the longest requested period.
+/// The time after which a configured receiver counts as silent, ms. It is longer than two of the longest requested
+/// period.
 pub const SILENT_MS: u32 = 500;
-/// The time after which an unconfigured receiver counts as silent, ms: longer than the longest accepted period.
+/// The time after which an unconfigured receiver counts as silent, ms. It is longer than the longest accepted period.
 pub const SILENT_AS_IT_IS_MS: u32 = 1_500;
 
 /// The dynamic model that HORUS sets in a receiver: airborne with less than 2 g.
@@ -90,7 +91,7 @@ pub enum Interface {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Standing {
-    /// No intact message came since the receiver was last silent, or the answer to the basic message is awaited.
+    /// There was no intact message since the receiver was last silent, or HORUS awaits the answer to the basic message.
     #[default]
     NotYet = 0,
     /// The receiver has acknowledged the basic message, and has not refused the dynamic model.
@@ -151,7 +152,8 @@ mod key {
         out_ubx(interface) + 1
     }
 
-    /// Returns a key of CFG-MSGOUT for an interface, given the key for I2C. The order is I2C, UART1, UART2, USB, SPI.
+    /// Returns a key of CFG-MSGOUT for an interface, given the key for I2C. The keys follow each other in the order
+    /// I2C, UART1, UART2, USB, SPI.
     const fn msgout(i2c: u32, interface: Interface) -> u32 {
         match interface {
             Interface::Ddc => i2c,
@@ -256,8 +258,9 @@ impl Configuration {
         self.standing
     }
 
-    /// Returns the message to send to the receiver now, if any. To be called every cycle, at `now` (ms, wraps), with
-    /// the number of intact UBX messages that the receiver has sent (wraps) and its answer since the last call.
+    /// Returns the configuration message to send to the receiver now, if any. To be called every cycle, at `now` (ms,
+    /// wraps). The arguments are also the number of intact UBX messages that the receiver has sent (wraps), and its
+    /// answer since the last call.
     pub fn poll(&mut self, now: u32, messages: u32, answer: Option<Answer>) -> Option<Message> {
         if messages != self.messages {
             self.messages = messages;
@@ -412,7 +415,8 @@ mod tests {
             }
         }
 
-        /// Gives `answer` to each message until none comes for 400 ms. Returns the number of messages answered.
+        /// Gives `answer` to each message of HORUS until none comes for 400 ms. Returns the number of messages
+        /// answered.
         fn answer_all(&mut self, mut answer: impl FnMut(usize) -> Answer) -> usize {
             let mut answered = 0;
             let mut quiet = 0;

@@ -45,8 +45,9 @@ const READ: u8 = ADDRESS << 1 | 1;
 /// The number of waiting bytes is in two registers, of which this is the first.
 const WAITING: u8 = 0xFD;
 
-/// The most bytes of the stream that are read in one cycle: at 27 µs each they take 6.9 ms, which leaves 2.7 ms for a
-/// receiver that stretches the clock. They are 25.6 kB/s; a receiver with all three messages at 25 Hz sends 4.6 kB/s.
+/// The most bytes of the receiver's stream that are read in one cycle: at 27 µs each they take 6.9 ms, which leaves 2.7
+/// ms for a receiver that stretches the clock. This is 25.6 kB/s; a receiver with all three messages at 25 Hz sends 4.6
+/// kB/s.
 pub const MOST: usize = 256;
 
 const _: () = assert!(RING >= 2 * MOST);
@@ -54,17 +55,18 @@ const _: () = assert!(RING >= 2 * MOST);
 /// How long a recovery of the bus keeps each level, µs. The clock then has 50 kHz, which no I2C device is too slow for.
 pub const STEP_US: u16 = 10;
 
-/// The number of clocks in a recovery: a receiver that sends a byte releases SDA after eight bits and the acknowledge.
+/// The number of clocks in a recovery of the bus. A receiver that sends a byte releases SDA after eight bits and the
+/// acknowledge.
 const CLOCKS: u8 = 9;
 
-/// The number of ticks from a recovery that did not free the bus to the next recovery.
+/// If a recovery did not free the bus, the number of ticks until the next recovery.
 pub const HOLD_TICKS: u8 = 10;
 
 /// The most events without progress before the event interrupts are switched off. A repeated START is on the bus within
 /// 5 µs, and a handler takes 1 µs at least.
 pub const MOST_SPURIOUS: u8 = 16;
 
-/// The most bus errors between two ticks that leave a transaction under way. Each costs a call of 1 to 2 µs, so
+/// The most bus errors between two ticks that do not end a transaction. Each error costs a call of 1 to 2 µs, so
 /// together they cost 0.1 ms of a cycle. A pulse on SDA every 0.2 ms makes 50 errors.
 pub const MOST_BUS_ERRORS: u8 = 64;
 
@@ -102,7 +104,7 @@ pub struct Events {
     pub bus_error: bool,
 }
 
-/// What the code that accesses the registers has to do next.
+/// What the code that accesses the I2C registers has to do next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     /// There is nothing to do.
@@ -132,7 +134,7 @@ pub enum Order {
     Rejoin,
 }
 
-/// The result of a read by the DMA stream.
+/// The result of a read that the DMA stream has made.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Received {
     /// The range of the received bytes that belong to the receiver's stream.
@@ -183,7 +185,7 @@ pub struct Ddc {
     /// The state of the bus at the last tick that did not find it free.
     stuck: Option<Bus>,
     backlog: Backlog,
-    /// Whether more bytes wait in the receiver than are being read.
+    /// Whether more bytes wait in the receiver than the present read takes.
     leaves: bool,
     counts: Counts,
 }

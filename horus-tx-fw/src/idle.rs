@@ -54,7 +54,7 @@ pub enum Message {
     },
     /// The counts that are logged once a second.
     Second,
-    /// The counts of a receiver's bus, if they have changed, once a second at most.
+    /// The counts of the bus of a receiver. They are logged when they have changed, once a second at most.
     Bus {
         /// The number of the receiver.
         receiver: usize,

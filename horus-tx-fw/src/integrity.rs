@@ -27,7 +27,8 @@ use profile::CYCLE_MS;
 
 use crate::telemetry::Telemetry;
 
-/// The number of words that a slice verifies, which takes about 1 % of the processor's time on the pessimistic clock.
+/// The number of words that a slice of memory checks verifies. This takes about 1 % of the processor's time on the
+/// pessimistic clock.
 pub const RATE: Rate = Rate { flash_words: 16, code_words: 0, ram_words: 6 };
 
 /// The size of the program's flash, bytes, as in `memory.x`.

@@ -29,13 +29,15 @@
 //! - `rf_timer` has no deadline, because a late run does no harm.
 //! - `rf_slot` runs before the frame's end, 1.9 ms after the slot at the earliest.
 //! - `cycle` fills, seals and offers the profile early enough that the load ends before the slot (see `timing`).
-//! - `vote` votes for the next tick and ends within the cycle. It begins after the slot, which it would delay.
-//! - `gnss*` reads a UART ring's position within half a ring, 5.5 ms. I2C and SPI have no deadline: I2C stretches its
-//!   clock, SPI has its bytes in memory, and a transfer that has not ended by the next tick is ended as failed.
+//! - `vote` votes for the next tick and ends within the cycle. It begins after the slot, because it would delay the
+//!   slot.
+//! - `gnss*` reads a UART ring's position before another half of the ring is full, 5.5 ms. I2C and SPI have no
+//!   deadline: I2C stretches its clock, SPI has its bytes in memory, and a transfer that has not ended by the next tick
+//!   is ended as failed.
 //! - `parse` parses within one cycle all bytes that have come.
 //! - `idle` feeds the watchdog when all tasks have checked in, and logs when a message delays neither slot nor tick.
 //!
-//! The vectors of CAN1 and CAN2, which stay off, let a task call one of lower priority without a queue and a lock.
+//! CAN1 and CAN2 stay off. Their vectors let a task call one of lower priority without a queue and a lock.
 //!
 //! No task waits for the SPI except for the end of one byte, and no task allocates. A panic, a fault, a failing clock
 //! and a changed program all end in the safe state: field off, the reason is logged, and the watchdog resets the part.

@@ -46,16 +46,16 @@ pub const BYTES_PER_CALL: usize = 64;
 /// How long a receiver counts as heard after an intact message, ms (docs/design.md#status-words, bit 7).
 pub const HEARD_MS: u32 = 250;
 
-/// The longest period of a message kind that is accepted, ms (docs/design.md#validity). It is also the period before
-/// the kind's second message, since it is u-blox's default.
+/// The longest period of a kind of message that is accepted, ms (docs/design.md#validity). It is u-blox's default, so
+/// it is also assumed until the second message of the kind.
 pub const LONGEST_PERIOD_MS: u32 = 1_000;
 /// The shortest period that is accepted, ms: 50 Hz, twice the rate of the fastest receivers.
 const SHORTEST_PERIOD_MS: u32 = 20;
-/// The number of steps of the time of week in a row that must be longer than the period before the period grows.
+/// How many steps of the time of week in a row must be longer than the period before the period grows.
 pub const LONGER_STEPS: u32 = 4;
-/// The time beyond its period until which a solution is valid, ms (docs/design.md#validity).
+/// A solution is valid until its age exceeds its period by this, ms (docs/design.md#validity).
 pub const VALID_SLACK_MS: u32 = 150;
-/// The time beyond its period from which on a solution is stale, ms (docs/design.md#validity).
+/// A solution is stale once its age exceeds its period by this, ms (docs/design.md#validity).
 pub const STALE_SLACK_MS: u32 = 50;
 /// The age, ms, from which on a time stamp is dropped, long before the clock's wrap could make it look recent.
 const FORGOTTEN_MS: u32 = 60_000;
@@ -102,7 +102,7 @@ pub struct Pace {
     /// The time from the last message's time of week to its arrival, ms, modulo a week.
     lag_ms: u32,
     period_ms: u32,
-    /// The number of steps in a row that were longer than the period.
+    /// The number of steps of the time of week in a row that were longer than the period.
     longer_steps: u32,
     shortest_longer_ms: u32,
 }
@@ -121,19 +121,19 @@ impl Default for Pace {
 }
 
 impl Pace {
-    /// Returns the message kind's period as it was learned, ms, at most [`LONGEST_PERIOD_MS`].
+    /// Returns the learned period of the messages of this kind, ms, at most [`LONGEST_PERIOD_MS`].
     #[must_use]
     pub const fn period_ms(&self) -> u32 {
         self.period_ms
     }
 
-    /// Whether the last message is young enough at `now`, ms, not to be stale.
+    /// Whether the last message of this kind is young enough at `now`, ms, not to be stale.
     #[must_use]
     pub fn is_fresh(&self, now: u32) -> bool {
         self.arrived.within(now, self.period_ms + STALE_SLACK_MS - 1)
     }
 
-    /// Whether the last message is young enough to be valid at `now`, ms.
+    /// Whether the last message of this kind is young enough to be valid at `now`, ms.
     #[must_use]
     pub fn is_current(&self, now: u32) -> bool {
         self.arrived.within(now, self.period_ms + VALID_SLACK_MS)
@@ -271,7 +271,7 @@ pub struct Solution {
     pub acceleration: Acceleration,
 }
 
-/// The counts of what a line has carried so far. All counts wrap.
+/// The counts of what a receiver's line has carried so far. All counts wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// The number of bytes of the line that were taken in.
@@ -390,7 +390,7 @@ impl Solution {
         self.acceleration.pace.arrived.expire(now);
     }
 
-    /// Takes the useful values of a message. Returns the message's length if it had useful values, otherwise 0.
+    /// Takes the useful values of a UBX message. Returns the message's length if it had useful values, otherwise 0.
     fn take(&mut self, message: &UbxPacket<'_>, now: u32) -> usize {
         // If another crate enables more protocol versions, the parser has more variants. Only version 27 is handled
         // here.

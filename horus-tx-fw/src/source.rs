@@ -33,12 +33,13 @@ pub struct Backlog {
     /// The number of reads that must still leave the receiver empty. At 0, the bytes that come are new.
     missing: u8,
     ticks: u8,
-    /// The number of reads in a row that left bytes in the receiver.
+    /// The number of reads in a row that have left bytes in the receiver.
     behind: u8,
 }
 
 impl Backlog {
-    /// The greatest number of ticks between two reads of a receiver: one read may fail, or give way to a message.
+    /// The greatest number of ticks between two reads of a receiver after which its bytes still count as new. One read
+    /// may fail, or give way to a message.
     pub const TICKS: u8 = 2;
     /// When this many reads in a row have left bytes in the receiver, the bytes that come count as old.
     pub const BEHIND: u8 = 2;
@@ -205,7 +206,7 @@ impl Outbox {
         Self { bytes: [const { AtomicU8::new(0) }; MESSAGE], state: AtomicU32::new(0) }
     }
 
-    /// Puts a message in, and returns whether there was room for it. Only one task may call this.
+    /// Puts a message in, and returns whether there was room for it. Only one task may call this method.
     pub fn put(&self, message: &Message) -> bool {
         if self.state.load(Ordering::Acquire) != 0 {
             return false;
@@ -233,7 +234,7 @@ impl Outbox {
         Some(Message { bytes, len: ((state & !FACTORY) as usize).min(MESSAGE), rate })
     }
 
-    /// Removes the message. Only one task may peek and clear.
+    /// Removes the message that waits. Only one task may peek and clear.
     pub fn clear(&self) {
         self.state.store(0, Ordering::Release);
     }

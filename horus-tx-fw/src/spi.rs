@@ -48,7 +48,7 @@ const _: () = assert!(
 // On SPI a byte must take at least 8 µs, and the clock may have 5.5 MHz at most.
 const _: () = assert!(crate::timing::GNSS_SPI_HZ / 8 <= 125_000 && crate::timing::GNSS_SPI_HZ <= 5_500_000);
 
-/// What the code that accesses the registers has to do next.
+/// What the code that accesses the SPI registers has to do next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     /// There is nothing to do.
@@ -78,7 +78,7 @@ enum State {
 pub struct Polling {
     state: State,
     backlog: Backlog,
-    /// Whether the previous transfer brought bytes of the receiver.
+    /// Whether the previous transfer has brought bytes of the receiver.
     brought: bool,
     timed_out: u32,
     recoveries: u32,
@@ -217,8 +217,8 @@ impl Filter {
     /// The number of filler bytes in a row that mean no more data; a single 0xFF may be noise.
     pub const NOTHING_MORE: u8 = 4;
 
-    /// Whether the last [`Self::NOTHING_MORE`] bytes were filler. A 0xFF inside a message is not filler, and neither is
-    /// the last byte of a length that is too great for the message to be followed.
+    /// Whether the last [`Self::NOTHING_MORE`] bytes were filler. A 0xFF inside a message is not filler. Neither is the
+    /// last byte of a length that is too great for the message to be followed.
     #[must_use]
     pub fn has_nothing_more(self) -> bool {
         self.0 == Place::Filler(Self::NOTHING_MORE)

@@ -84,7 +84,7 @@ pub struct StateInputs {
     pairs: [Pair; INPUTS],
 }
 
-/// HORUS's state while an input is active, in the order of the inputs.
+/// The state of HORUS that each active input means, in the order of the inputs.
 const STATES: [HorusState; INPUTS] =
     [HorusState::SwitchedToRedundant, HorusState::MotorsCut, HorusState::EmergencyFired];
 

@@ -61,7 +61,7 @@ pub const GAP_US: u32 = 320;
 /// 6 µs on the bench's fast clock, and 13 µs on its pessimistic clock.
 const FILL_US: u32 = 10 + 14 * (1 + RECEIVERS as u32);
 
-/// The time that is allowed for starting the load of a frame's head and for the interrupt at its end, µs.
+/// The time allowed for starting the load of a frame's head, and for the interrupt at the end of that load, µs.
 const LOAD_START_US: u32 = 10;
 
 /// The time allowed between two frames of a cycle besides the loads, µs: status of the first frame's end, checks of the

@@ -70,7 +70,7 @@ impl Ticket {
 pub struct Slot {
     /// The number of the slot's frame within its cycle.
     pub frame: usize,
-    /// The byte clocked in while the command was sent; `None` if no frame was fired.
+    /// The byte that came in while the command was sent; `None` if no frame was fired.
     pub fired: Option<u8>,
 }
 

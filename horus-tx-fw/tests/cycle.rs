@@ -243,7 +243,8 @@ fn an_active_input_is_the_state_with_a_position_and_without() {
     }
 }
 
-/// Returns the status of Reported-Position and of GPS1 when the solution of `arrived` is `age` ms old.
+/// Returns the status of Reported-Position and of GPS1 at a tick. The solution that `arrived` returns is `age` ms old
+/// then.
 fn status_at(arrived: impl Fn(u32) -> Solution, age: u32) -> (ReportedStatus, GpsStatus) {
     // The tick is fixed and the solution's arrival varies, so that every age in ms is possible.
     let tick = 1_000;

@@ -43,7 +43,7 @@ struct Bench {
     frame: Range<usize>,
     hang: bool,
     aborted: u32,
-    /// The delay before the load of a frame's rest begins, ns.
+    /// The delay before the load of a frame's rest begins in the model, ns.
     rest_late_ns: u64,
 }
 

@@ -34,7 +34,7 @@ enum Kind {
     Silence,
     /// The receiver repeats its last solution, time of week included.
     Frozen,
-    /// The receiver repeats its last solution at new times of week.
+    /// The receiver repeats its last position, but at new times of week.
     Stuck,
     /// The receiver is suddenly 20 m to 5 km off.
     Jump,

@@ -68,7 +68,7 @@ fn end<const N: usize>(sampled_us: u32, frame: usize) -> u32 {
     sampled_us.wrapping_add(air::age_at_end_us::<N>(frame).expect("a frame of the cycle"))
 }
 
-/// The time from the end of a frame to its commit, µs.
+/// The time from the end of a frame to its commit in these tests, µs.
 const WAITED_US: u32 = 90;
 
 struct Bench<const N: usize> {
@@ -97,8 +97,8 @@ impl<const N: usize> Bench<N> {
         let frame = Frame { payload, ended_us, early: &Early::default() };
         self.commit.frame(frame, now_us, &self.health, &mut self.album)
     }
-    /// Sends frame number `frame` of the cycle with this timestamp, which is sampled at `sampled_us`. If `damaged`,
-    /// none of the frame's objects is intact.
+    /// Sends frame number `frame` of the cycle with this timestamp, which is sampled at `sampled_us`. If `damaged` is
+    /// true, none of the frame's objects is intact.
     fn frame(&mut self, timestamp: u32, frame: usize, sampled_us: u32, damaged: bool) -> u32 {
         let sent = profile::<N>(timestamp);
         let mut payload = air::split(&sent).nth(frame).expect("a frame of the cycle").to_vec();

@@ -46,7 +46,7 @@ use st25r3916::{answerer::EARLIEST_US, Short};
 
 use crate::rf::LEAD;
 
-/// The time from the end of the hold's frame, as the chip reports it, to the transmit command of the answer, µs.
+/// The time from the end of the hold's frame, as the chip reports it, to the answer's transmit command, µs.
 ///
 /// In this time the DPR reads and checks the hold's frame, and loads the answer's first bytes. That takes 0.3 ms.
 /// HORUS's tasks have higher priorities and take 0.6 ms in each cycle.

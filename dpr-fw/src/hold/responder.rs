@@ -25,7 +25,7 @@ pub trait AnswerPort: FrontEndPort {
     /// Sets up the transfer of [`Answerer::transmit`], which the executor starts next. The timer starts it at counter
     /// value `at_us`. Returns false, and sets nothing up, if that instant has passed.
     fn arm(&mut self, at_us: u32) -> bool;
-    /// Makes sure that the timer starts no transfer within the next 71 minutes, unless an answer is armed.
+    /// Keeps the timer from starting a transfer within the next 71 minutes, unless an answer is armed.
     fn park(&mut self);
     /// Masks every interrupt by which the front end calls a task.
     fn rest(&mut self);
@@ -37,7 +37,7 @@ pub trait AnswerPort: FrontEndPort {
     fn is_broken(&self) -> bool;
 }
 
-/// A resource of one task, accessed through the interface of a shared one but without a lock.
+/// A resource that only one task uses. It has the interface of a shared resource, but no lock.
 struct Alone<'a, T>(&'a mut T);
 
 impl<T> Mutex for Alone<'_, T> {
@@ -48,7 +48,7 @@ impl<T> Mutex for Alone<'_, T> {
     }
 }
 
-/// What is kept about a frame in addition to its bytes: the number of payload bytes.
+/// What is kept about a frame of the hold besides its bytes: the number of payload bytes.
 type Length = usize;
 
 /// The driver, the receive buffers and the budget of the second port.
@@ -57,7 +57,7 @@ pub struct Responder<P: AnswerPort> {
     executor: Executor<Answerer, P>,
     rotation: Rotation<P::Buffer, Length>,
     budget: Budget,
-    /// The port's counter at the end of the last frame, µs.
+    /// The value of the port's counter at the end of the last frame, µs.
     ended_us: u32,
 }
 
@@ -109,7 +109,7 @@ where
         telemetry.bytes_most.record_max(bytes);
     }
 
-    /// Handles every event of the driver. Returns `None` if the port is broken.
+    /// Handles every event of the driver. Returns `None` if the second port is out of use.
     fn drive(
         &mut self,
         mut shared: impl Mutex<T = Shared>,
@@ -147,7 +147,7 @@ where
         }
     }
 
-    /// Checks a frame, and begins an answer if the frame is accepted.
+    /// Checks a frame of the hold. If the frame is accepted, begins an answer.
     fn frame(
         &mut self,
         len: usize,
@@ -202,7 +202,7 @@ where
         self.executor.go_on(|_| Step::Transfer(Transfer::Short(Answerer::transmit())))
     }
 
-    /// Replaces the buffer into which a frame may have been written by a clean one.
+    /// Gives up a buffer into which a frame may have been written, and goes on with a clean one.
     fn replace_buffer(&mut self, telemetry: &HoldTelemetry) {
         let Self { executor, rotation, .. } = self;
         executor.port().exchange(|begun| {

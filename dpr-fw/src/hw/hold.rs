@@ -99,7 +99,7 @@ impl OutputPin for HoldSelect {
 
 pub(crate) struct Answers {
     memory: &'static mut AnswerMemory,
-    /// The value of TIMER4 at which the armed transfer starts; `None` without one.
+    /// The value of TIMER4 at which the armed transfer starts; `None` if none is armed.
     armed: Option<u32>,
     carried: u32,
     broken: bool,

@@ -28,7 +28,7 @@ impl Shown for ShownImage {
         GENERATION.load(Ordering::SeqCst)
     }
 
-    /// Loads the words in assembly, since a reference would promise that no other task changes them.
+    /// Loads the words in assembly, because a reference would promise that no other task changes them.
     fn copy(&self, first: usize, words: &mut [u32]) {
         let image = ADDRESS.load(Ordering::Relaxed);
         for (word, index) in words.iter_mut().zip(first..IMAGE_WORDS) {

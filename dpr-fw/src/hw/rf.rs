@@ -47,7 +47,7 @@ impl RfEdge {
 
 pub(crate) trait Wiring {
     type Spim: spim::Instance;
-    /// The timer for the driver's delays and for the time of the IRQ's edge, which counts µs.
+    /// The timer for the driver's delays, which also takes the time of the IRQ's edge. It counts µs.
     type Timer: timer::Instance;
     type Select: OutputPin<Error = Infallible>;
     type Sends: Sends;
@@ -55,7 +55,7 @@ pub(crate) trait Wiring {
     fn now_us() -> u32;
 }
 
-/// The bytes that a front end sends over the air, and the timer that may start their transfer.
+/// The bytes that a front end sends over the air, and the timer that may start sending them.
 pub(crate) trait Sends {
     /// Puts the FIFO load command before the `len` bytes at `offset` of the bytes to send. Returns the command with
     /// these bytes, or `None` if they do not exist.
@@ -66,7 +66,7 @@ pub(crate) trait Sends {
     fn carries(&mut self, bytes: usize);
     /// Is called when the present transfer has ended or is about to be stopped. No timer may start it afterwards.
     fn disarm(&mut self);
-    /// Returns the time limit, counted from `now_us`, of a transfer that may take `us` from its start.
+    /// Returns the time limit of a transfer that may take `us` from its start. The limit counts from `now_us`.
     fn limit_us(&self, us: u32, now_us: u32) -> u32;
     /// Is called if the SPIM does not stop. The SPIM may still write to its buffers, so they are never released.
     fn does_not_stop(&mut self);

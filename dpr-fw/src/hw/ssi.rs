@@ -30,7 +30,7 @@ const FRESH_US: u32 = 2;
 pub(crate) struct SsiDoorbell;
 
 impl SsiDoorbell {
-    /// Whether the SSI is set up. Before that the tasks of SPIS1 must not be triggered.
+    /// Whether the SSI is set up. Until it is, the tasks of SPIS1 must not be triggered.
     pub(crate) fn is_enabled() -> bool {
         // SAFETY: the pointer to the peripheral is valid for ever, and reading a register races with nothing.
         let spis = unsafe { &*pac::SPIS1::ptr() };

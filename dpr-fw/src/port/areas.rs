@@ -26,7 +26,7 @@ pub const AREAS: usize = 3;
 /// judged.
 pub const AREAS_LEAST: usize = 2;
 
-/// What is known of a transaction besides the bytes that it brought.
+/// What is known of a transaction besides its bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Transaction {
     /// The transaction's request.
@@ -35,7 +35,7 @@ pub struct Transaction {
     pub bytes: usize,
 }
 
-/// An area that holds what a transaction brought.
+/// An area that holds the bytes that a transaction brought.
 pub type Brought<B> = Received<B, Transaction>;
 
 /// The queues between the SSI task and the port task.
@@ -93,7 +93,7 @@ pub struct SsiEnd<'q, B> {
     waits: Option<Brought<B>>,
 }
 
-/// What becomes of a transaction at [`SsiEnd::hand_over`].
+/// What happens to a transaction in [`SsiEnd::hand_over`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HandedOver {
     /// The transaction waits for the port task, which has to be called.
@@ -162,7 +162,7 @@ impl<B: Memory> PortEnd<'_, B> {
     }
 }
 
-/// Puts an area into a queue of two. It never overflows, since one of the three areas is always lent.
+/// Puts an area into a queue with room for two. The queue never overflows, since one of the three areas is always lent.
 fn put<T>(queue: &mut Producer<'_, T>, area: T) {
     assert!(queue.enqueue(area).is_ok(), "three areas, of which one is lent");
 }

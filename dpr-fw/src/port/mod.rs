@@ -57,10 +57,10 @@ fn is_idle(bytes: &[u8]) -> bool {
     any == 0 || all == u32::MAX
 }
 
-/// The states that other tasks hold and Port-Status shows.
+/// States that other tasks hold, and that Port-Status shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Diagnostics {
-    /// How often, since start and wrapping, the SSI task granted its last transaction or dropped an object.
+    /// How often, since start and wrapping, the SSI task has used up the budget of transactions or dropped an object.
     pub too_many: u32,
     /// The number of damaged objects that the idle loop found in published images.
     pub integrity_faults: u32,
@@ -101,8 +101,8 @@ impl<W: WritesUplink> Slot<W> {
         Ok(())
     }
 
-    /// Puts the stored uplink into `area`, or zeros if it is older than [`Uplink::EXPIRY_MS`] at `now_us`. Returns its
-    /// age, ms, saturating; `u32::MAX` / 1000 if none was stored.
+    /// Puts the stored uplink into `area`, or zeros if it is older than [`Uplink::EXPIRY_MS`] at `now_us`. Returns the
+    /// uplink's age, ms, saturating; `u32::MAX` / 1000 if none was stored.
     fn show(&mut self, now_us: u64, area: &mut PortArea) -> u32 {
         let age_us = self.stored_us.map_or(u64::MAX, |stored| now_us.wrapping_sub(stored));
         // A division of 64 bits would take some hundreds of cycles. The age is saturated to 32 bits of µs first, which
@@ -260,13 +260,13 @@ impl WritePort {
         hold.keep::<FlightController>(&self.flight_controller.stored, self.flight_controller.stored_us);
     }
 
-    /// Whether a self-test was asked for and has not ended.
+    /// Whether a self-test was requested and has not ended.
     #[must_use]
     pub const fn self_test_requested(&self) -> bool {
         self.self_test.running
     }
 
-    /// Records the result of the self-test, if one was asked for.
+    /// Records the result of the self-test, if one was requested.
     pub fn self_test_done(&mut self, passed: bool) {
         if core::mem::take(&mut self.self_test.running) {
             self.self_test.passed = Some(passed);

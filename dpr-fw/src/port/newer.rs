@@ -3,7 +3,7 @@
 /// The number of refused timestamps in a row, each newer than the one before, after which the last one is accepted.
 pub const ROW: u8 = 3;
 
-/// The last timestamps of one writer's objects of one kind.
+/// The last timestamps of a writer's objects of one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timestamps {
     last: Option<u32>,

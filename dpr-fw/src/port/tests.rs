@@ -73,7 +73,8 @@ impl Bench {
         self.area().verify().status.expect("Port-Status is intact").values()
     }
 
-    /// Returns the only kind of violation that was counted, and its number; `None` if none was counted.
+    /// Returns the kind of violation that was counted, and its number; `None` if none was counted. Only one kind may
+    /// have been.
     #[track_caller]
     fn counted(&mut self) -> Option<(Violation, u16)> {
         let violations = self.values().violations;
@@ -382,7 +383,7 @@ fn counters_of_faults_and_violations_stay_at_their_end() {
     assert_eq!(bench.port.access_violations(), 70_000, "Link-Status's total is not that of the kinds");
 }
 
-/// Returns the bytes of a transaction, most of which hold an intact object.
+/// Draws the bytes of a transaction. Most of them hold an intact object.
 fn mosi() -> impl Strategy<Value = Vec<u8>> {
     let request = prop_oneof![
         Just(vec![0; 8]),
@@ -456,7 +457,8 @@ proptest! {
         }
     }
 
-    /// The SSI and port tasks run in any order. The bytes of a transaction are judged as they came, or all dropped.
+    /// The SSI task and the port task run in any order. Either all bytes of a transaction are judged as they came, or
+    /// all are dropped.
     #[test]
     fn areas_rotate_clean_and_nothing_is_read_twice(
         steps in prop::collection::vec(prop::option::of(0_usize..=80), 0..60),

@@ -73,14 +73,15 @@ pub struct Outbox<'a, M, B, D> {
     pub filling: &'a mut Option<Filling<B>>,
     /// The hardware of the SSI, to which a published image is announced.
     pub doorbell: D,
-    /// Port-Status and the uplinks as the port task has prepared them for the next image.
+    /// Port-Status and the uplinks, as the port task has prepared them for the next image.
     pub port: &'a Area,
     /// The counters of scrubs and publications.
     pub telemetry: &'a Telemetry,
 }
 
 impl<M: Mutex<T = Mailbox<B>>, B: ImageBuffer, D: Doorbell> Outbox<'_, M, B, D> {
-    /// Takes the buffer for the next image, and scrubs it if necessary, before this would delay that image.
+    /// Takes the buffer for the next image, and scrubs it if necessary. This is done early, so that it does not delay
+    /// the image.
     pub fn prepare(&mut self) {
         let _ = self.filling();
     }

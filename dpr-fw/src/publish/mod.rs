@@ -39,7 +39,7 @@ use crate::{triple::Memory, ImageMemory};
 pub use mailbox::{Doorbell, Mailbox, Outbox};
 pub use server::{Events, Server, Ssi};
 
-/// How long an image that is not replaced can be read after its publication, µs.
+/// How long an image can be read after its publication if no other replaces it, µs.
 pub const EXPIRY_US: u32 = 25_000;
 
 /// The time from the expiry timer's first compare to its second, µs. The SSI task takes less than 10 µs from the check

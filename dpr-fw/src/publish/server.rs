@@ -19,9 +19,9 @@ pub struct Events<'a> {
     pub ours: bool,
     /// The bytes that came in during the ended transaction, as far as they fit; `None` if no transaction has ended.
     pub received: Option<&'a [u8]>,
-    /// Whether the ended transaction clocked out more bytes than its window has.
+    /// Whether more bytes were clocked out during the ended transaction than its window has.
     pub over_read: bool,
-    /// Whether the ended transaction clocked in more bytes than the receive area has.
+    /// Whether more bytes came in during the ended transaction than the receive area holds.
     pub overflow: bool,
 }
 

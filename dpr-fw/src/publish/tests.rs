@@ -24,7 +24,7 @@ use crate::{
 
 const LEN: usize = 156;
 
-/// The owner of the buffers (PS v1.7, 6.26, SEMSTAT).
+/// The owner of the SPIS's buffers (PS v1.7, 6.26, SEMSTAT).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Semaphore {
     Free,
@@ -77,7 +77,7 @@ struct World {
 
 type Buffer = ImageMemory;
 
-/// The hardware, the mailbox and the SSI task, which any task can reach.
+/// The hardware, the mailbox and the SSI task of the model. Any task can reach them.
 #[derive(Clone)]
 struct Board {
     world: Rc<RefCell<World>>,

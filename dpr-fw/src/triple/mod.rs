@@ -54,14 +54,15 @@ pub use types::{Clean, Dirty, Faulty, Filling, Memory, Received, Scrubbed};
 /// The result of a scrub.
 pub type Outcome<B> = Result<Clean<B>, Faulty<B>>;
 
-/// A set of buffers of which some wait to be scrubbed.
+/// A set of buffers, of which some wait for a scrub.
 pub trait Scrubbable {
     /// The type of the buffers in the set.
     type Buffer: Memory;
 
     /// Returns the buffer that has waited longest to be scrubbed.
     fn take_dirty(&mut self) -> Option<Dirty<Self::Buffer>>;
-    /// Takes back a buffer that was scrubbed, unless it has to be taken out of use. Returns the result of the scrub.
+    /// Takes back a buffer after its scrub, unless the buffer has to be taken out of use. Returns the result of the
+    /// scrub.
     fn scrubbed(&mut self, outcome: Outcome<Self::Buffer>) -> Scrubbed;
 }
 

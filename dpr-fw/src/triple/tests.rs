@@ -16,7 +16,7 @@ impl<S> Mutex for Own<'_, S> {
 
 const WORDS: usize = 4;
 
-/// Returns the result of scrubs of this many buffers without a stuck bit.
+/// Returns the result of scrubbing this many buffers without finding a stuck bit.
 fn sound(buffers: u32) -> Scrubbed {
     Scrubbed { buffers, stuck_bits: 0, out_of_use: 0 }
 }

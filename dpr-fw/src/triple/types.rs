@@ -12,7 +12,7 @@ pub trait Memory {
     fn words(&self) -> usize;
     /// Sets every word to `pattern`.
     fn fill(&mut self, pattern: u32);
-    /// Returns how many bits, read back from the memory itself, differ from `pattern`.
+    /// Returns how many bits differ from `pattern`. They are read back from the memory itself.
     fn differing_bits(&self, pattern: u32) -> u32;
 }
 
@@ -122,7 +122,7 @@ impl<B> Filling<B> {
         &self.0
     }
 
-    /// Ends the writing: the buffer holds a whole frame, which may be read once. `about` is kept with the frame.
+    /// Ends the writing: the buffer now holds a whole frame, which may be read once. `about` is kept with the frame.
     pub fn received<I>(self, about: I) -> Received<B, I> {
         Received { buffer: self.0, about }
     }

@@ -51,7 +51,7 @@ pub(crate) struct Explorer {
 
 #[derive(Default)]
 struct Search {
-    /// The choices of this run: the number of the continuation that was taken, and the number of continuations.
+    /// The choices of this run: for each, the number of the continuation that was taken, and how many there were.
     path: Vec<(usize, usize)>,
     /// The number of choices at the start of `path` that this run has repeated so far.
     made: usize,

@@ -67,7 +67,7 @@ struct Hardware {
     rests: u8,
     /// The transfer whose bytes were clocked since the chip was selected, and the time of its end.
     clocked: Option<(Kind, u8)>,
-    /// The time for which an answer is armed.
+    /// The counter value at which the armed answer starts.
     armed_for: Option<u8>,
 }
 

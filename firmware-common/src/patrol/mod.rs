@@ -157,7 +157,7 @@ pub struct Slice {
 pub struct Patrol {
     layout: Layout,
     rate: Rate,
-    /// The address of the next word of flash.
+    /// The address of the next word of flash that the patrol reads.
     flash_at: u32,
     crc: u32,
     code_at: u32,

@@ -31,7 +31,7 @@ struct Rig {
     delivered: Vec<u8>,
     levels: Vec<(bool, bool)>,
     is_there: bool,
-    /// The bits of the number of waiting bytes that a pulse on SDA leaves unchanged.
+    /// An AND mask for the number of waiting bytes. A pulse on SDA clears its other bits.
     count_mask: u16,
     bus: Bus,
 }
@@ -91,7 +91,8 @@ impl Rig {
         then
     }
 
-    /// Runs one cycle, in which `fault` happens at the order with the given number. Returns the number of orders.
+    /// Runs one cycle, in which `fault` happens at the order with the given number. Returns how many orders the cycle
+    /// had.
     fn cycle(&mut self, fault: Option<(usize, Fault)>) -> usize {
         let mut order = self.ddc.poll(self.bus);
         let mut orders = 0;
@@ -383,7 +384,7 @@ fn a_missing_timer_does_not_end_the_recoveries() {
     assert_eq!(*ddc.counts(), Counts { timed_out: 1, recoveries: 2, refused: 0 });
 }
 
-/// Requests the number of waiting bytes, up to the start of the DMA stream. Returns the stream's number of bytes.
+/// Requests the number of waiting bytes, and goes on until the DMA stream starts. Returns the stream's number of bytes.
 fn asked(ddc: &mut Ddc) -> usize {
     let on = |event: fn(&mut Events)| {
         let mut events = Events::default();

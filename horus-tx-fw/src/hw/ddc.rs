@@ -9,7 +9,7 @@
 //! After a START or STOP was requested, CR1 is not written before the peripheral has carried the request out, since a
 //! write could request it twice (RM0090, "I2C", control register 1).
 //!
-//! A recovery of the bus holds SWRST from when the pins are disconnected until they are given back.
+//! During a recovery of the bus, SWRST is set from when the pins are disconnected until they are given back.
 //!
 //! # Errata (ES0206 rev 24, section "I2C") of the peripheral
 //!

@@ -46,13 +46,13 @@ pub(super) struct Transfer {
 
 pub(super) struct Flags(u32);
 
-/// The mask of all five flags of one stream.
+/// The mask of all five flags of a DMA stream.
 const ALL_FLAGS: u32 = 0x3D;
 const TRANSFER_ERROR: u32 = 1 << 3;
 const TRANSFER_COMPLETE: u32 = 1 << 5;
 
 impl Flags {
-    /// Whether the bus answered with an error, which has switched the stream off.
+    /// Whether the bus answered the stream with an error, which has switched the stream off.
     pub(super) fn has_error(&self) -> bool {
         self.0 & TRANSFER_ERROR != 0
     }
@@ -116,7 +116,8 @@ pub(super) fn clear_flags(stream: Stream) {
     }
 }
 
-/// Starts the stream with these interrupts: end and error of bytes in (also half of a ring), error of bytes out.
+/// Starts the stream with these interrupts: for incoming bytes the end and an error (of a ring also the half), for
+/// outgoing bytes an error.
 ///
 /// # Safety
 ///
@@ -125,7 +126,7 @@ pub(super) fn clear_flags(stream: Stream) {
 /// - At `transfer.memory` begin `transfer.len` bytes (one byte if the transfer comes in and does not advance) of one or
 ///   more statics in main SRAM that consist of atomics, and no code relies on the contents of these bytes until the
 ///   stream has ended or been stopped.
-/// - The stream is off, which [`is_on`] tells, and its flags are clear.
+/// - The stream is off, as [`is_on`] tells, and its flags are clear.
 pub(super) unsafe fn start(stream: Stream, transfer: &Transfer) {
     let registers = registers(stream);
     // SAFETY: the caller guarantees that both addresses, and the length behind the second, are right.

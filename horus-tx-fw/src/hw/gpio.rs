@@ -30,7 +30,7 @@ const INPUT: u32 = 0b00;
 const OUTPUT: u32 = 0b01;
 const ALTERNATE: u32 = 0b10;
 
-/// Switches on the clocks of all ports in use. It may be called again at any time.
+/// Switches on the clocks of all GPIO ports in use. May be called again at any time.
 pub(super) fn enable_ports() {
     // SAFETY: each call sets one bit in the clock enable register, atomically (the HAL uses the bit-band region).
     unsafe {

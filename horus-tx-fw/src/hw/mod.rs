@@ -76,7 +76,7 @@ pub fn settle() {
     asm::dsb();
 }
 
-/// Returns the RAM that others than the processor use: the memory that DMA reaches, and the telemetry.
+/// Returns the RAM that other hardware than the processor accesses: the memory that DMA reaches, and the telemetry.
 pub fn shared_memory() -> [Range<u32>; APART - 2] {
     let [rings, outboxes] = buffers::memory();
     let [spi_in, spi_out] = spi::memory();

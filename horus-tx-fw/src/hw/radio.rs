@@ -66,8 +66,8 @@ fn tim5() -> &'static pac::tim5::RegisterBlock {
     unsafe { &*pac::TIM5::ptr() }
 }
 
-/// The number of polls of the SPI's status register that last longer than one byte: 8 bits at 9 MHz are 128 core
-/// cycles, and a poll over the APB takes at least 6. On HSI without the PLL a byte takes 64 or 128 core cycles.
+/// The number of polls of the SPI's status register that last longer than one byte. A byte at 9 MHz takes 128 core
+/// cycles, and a poll over the APB at least 6. On HSI without the PLL a byte takes 64 or 128 core cycles.
 const POLLS: u32 = 128;
 
 #[inline(always)]
@@ -151,7 +151,7 @@ const _: () = assert!(Profile::<RECEIVERS>::SIZE.is_multiple_of(4));
 
 /// The front end's port: SPI1 with its two DMA streams, chip select, the IRQ pin's level, and the one-shot timer.
 pub struct Radio {
-    /// The number of bytes in the response of the transfer that has ended; 0 after a load.
+    /// The number of bytes that the last transfer has brought as its response; 0 after a load.
     len: usize,
     response: [u8; Short::MAX],
     failed: bool,

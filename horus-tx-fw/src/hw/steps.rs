@@ -52,7 +52,7 @@ impl Steps {
         self.registers().sr().write(|w| w.uif().clear());
     }
 
-    /// Returns whether the time is over, and clears the timer's flag.
+    /// Returns whether the timer's time is over, and clears the timer's flag.
     pub(super) fn is_over(&self) -> bool {
         let over = self.registers().sr().read().uif().bit_is_set();
         if over {

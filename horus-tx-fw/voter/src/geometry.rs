@@ -162,7 +162,7 @@ mod tests {
 
     type Vector = [f64; 3];
 
-    /// A place as `Place::new` takes it, with which the tests compute exactly in space.
+    /// A place as `Place::new` takes it. The tests compute with it in space, without approximations.
     #[derive(Clone, Copy, Debug)]
     struct Exact {
         latitude_e7: i32,
@@ -192,7 +192,8 @@ mod tests {
             [[-north * out, -north * east, along], [-east, out, 0.0], [along * out, along * east, north]]
         }
 
-        /// Returns the metres north, east and up from here to `other` at this height, moved by `step` north and east.
+        /// Returns the metres north, east and up from here to `other`, which lies at this height and is moved by `step`
+        /// north and east.
         fn to(&self, other: &Self, step: [f32; 2]) -> Vector {
             let other = Self { height: self.height, ..*other };
             let [north, east, _] = other.axes();
@@ -272,7 +273,7 @@ mod tests {
             }
         }
 
-        /// The computed distance is never less than half of the true one, however far apart two places are.
+        /// The computed distance of two places is never less than half of the true one, however far apart they are.
         #[test]
         fn places_that_are_far_apart_are_far_apart(here in anywhere(), there in anywhere()) {
             let found = length(here.place().to(&there.place(), [0.0; 2]).map(f64::from));

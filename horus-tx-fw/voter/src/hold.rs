@@ -10,7 +10,7 @@ const SPEED_MAX_M_S: f32 = SPEED_MAX_MM_S as f32 / 1e3;
 
 /// A place or an altitude that the vote has as its result, and that moves from tick to tick.
 pub(crate) trait Mark: Copy {
-    /// Whether this value can have become `next` after `seconds`.
+    /// Whether this place or altitude can have become `next` after `seconds`.
     fn leads_to(&self, next: &Self, seconds: f32) -> bool;
 }
 

@@ -69,16 +69,18 @@ pub const MOST_VERTICAL_ACCURACY_MM: u32 = 50_000;
 /// The latency (time from the epoch of a position to its arrival) of the candidate in the middle, ms: a receiver takes
 /// it to compute and send (decision 15, brought to the tick; u-blox data sheets and recordings: 40 to 80 ms).
 pub const LATENCY_MS: i32 = 50;
-/// How much a latency may differ from that of the candidate in the middle, ms (decision 15, brought to the tick).
+/// How much the latency of a candidate may differ from that of the candidate in the middle, ms (decision 15, brought to
+/// the tick).
 pub const LATENCY_SPREAD_MS: i32 = 50;
 /// The length of a week, ms, after which the time of week begins at 0 again.
 pub const WEEK_MS: u32 = 7 * 24 * 3_600 * 1_000;
-/// How much a latency may be off [`LATENCY_MS`], s. An accuracy grows by this times the speed (decision 15).
+/// How much a latency may differ from [`LATENCY_MS`], s. This times the speed is added to an accuracy (decision 15).
 pub const LATENCY_UNCERTAINTY_S: f32 = 0.05;
-/// Half of the greatest acceleration, 4 m/s². An accuracy grows by this times the square of the age (decision 15).
+/// Half of the greatest acceleration, 4 m/s². This times the square of the age is added to an accuracy (decision 15).
 pub const HALF_ACCELERATION_M_S2: f32 = 2.0;
 
-/// Two receivers agree within this multiple of the root of their accuracies' squares' sum (decision 15, agreement).
+/// Two receivers agree within this multiple of the standard deviation of their difference, the root of the sum of both
+/// squared accuracies (decision 15, agreement).
 pub const DEVIATIONS: f32 = 3.0;
 /// The least and the greatest distance within which two receivers agree, horizontally, m (decision 15, agreement).
 pub const HORIZONTAL_LIMITS_M: [f32; 2] = [5.0, 30.0];
@@ -93,7 +95,7 @@ pub const ACCELERATION_LIMIT_M_S2: f32 = 2.0;
 /// How long a place or altitude out of reach of the last one shown must last before it is shown, ms (decision 15).
 pub const HELD_BACK_MS: u32 = 1_000;
 
-/// The largest angle that is used, rad in either direction: more than UBX NAV-ATT can hold, which is 375 rad.
+/// The largest angle that is used, rad in either direction. UBX NAV-ATT can hold 375 rad, which is less.
 pub const ANGLE_MAX: f32 = 400.0;
 
 /// How long an excluded receiver must agree without a break before it may take part again, ms (decision 15, exclusion).
@@ -116,8 +118,8 @@ pub struct Input {
     pub fix: Fix,
     /// The time from the arrival of the position to the tick, ms; below 0 if the position arrived after the tick.
     pub since_arrival_ms: i32,
-    /// The time from the position's time of week to its arrival, ms, modulo [`WEEK_MS`], by any clock, since only
-    /// differences between receivers count.
+    /// The time from the position's time of week to its arrival, ms, modulo [`WEEK_MS`]. It may be on any clock, since
+    /// only differences between receivers count.
     pub lag_ms: u32,
     /// Pitch, yaw and roll, rad, if they are valid.
     pub attitude: Option<[f32; 3]>,
@@ -314,7 +316,7 @@ fn are_within(values: Option<[f32; 3]>, most: f32) -> bool {
     values.is_some_and(|values| values.iter().fold(true, |all, value| all & (value.abs() <= most)))
 }
 
-/// Returns one of three numbers of each input; 0 where the three are not given or exceed `most`.
+/// Returns one of the three numbers of each input, or 0 for an input without numbers or with one beyond `most`.
 fn axis_of<const N: usize>(
     inputs: &[Input; N],
     of: impl Fn(&Input) -> Option<[f32; 3]>,

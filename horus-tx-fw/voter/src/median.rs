@@ -8,7 +8,8 @@ pub(crate) fn median<const N: usize>(values: [f32; N], among: u8) -> f32 {
     median_and_spread(values, among).0
 }
 
-/// Returns the median as [`median`] does, and the difference of the greatest and the least of the values in the mask.
+/// Returns the median as [`median`] does, and the difference between the greatest and the least of the values in the
+/// mask.
 pub(crate) fn median_and_spread<const N: usize>(values: [f32; N], among: u8) -> (f32, f32) {
     let [least, low, high, most] = ordered(values, among, f32::INFINITY);
     // Each value is halved before the sum, since the sum of two large values would be infinite.

@@ -4,13 +4,16 @@ use crate::{MOST_RECEIVERS, has};
 
 const SETS: usize = 1 << MOST_RECEIVERS;
 
-/// The number of parts of a metre in which an accuracy is counted; a float32 resolves one part at the largest accuracy.
+/// The number of parts of a metre in which accuracies are counted. At the largest accuracy, a float32 still resolves
+/// one part.
 const PARTS_PER_METRE: f32 = (1 << 20) as f32;
-/// The largest accuracy, in parts of a metre, that differs from a larger one: 64 m. A candidate's is below 43 m.
+/// The greatest accuracy that is told from a larger one, in parts of a metre: 64 m. A candidate's accuracy is below 43
+/// m.
 const MOST_PARTS: u32 = (1 << 26) - 1;
 const SUM_BITS: u32 = 29;
 
-/// The weight that each member adds to a set. The number of a receiver adds less than 2^8, a lower number more.
+/// The weight that each member adds to a set. The number of a receiver adds less than 2^8 to it, and lower numbers add
+/// more.
 const MEMBER: u32 = 1 << 16;
 const KEPT: u32 = 1 << 8;
 

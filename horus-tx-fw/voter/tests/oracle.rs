@@ -30,8 +30,8 @@ fn somewhere() -> impl Strategy<Value = (f64, f64)> {
     (latitude, longitude)
 }
 
-/// Whether a receiver is valid, how far off it is, m, its speed, mm/s, its accuracies, mm, its age, ms, its delay by
-/// its time of week, ms, whether its fix is 2D, its attitude and its acceleration.
+/// The state of a receiver: whether it is valid, how far off it is, m, its speed, mm/s, its accuracies, mm, its age,
+/// ms, its delay by its time of week, ms, whether its fix is 2D, its attitude and its acceleration.
 type Drawn = (bool, [f64; 3], [i32; 3], [u32; 2], i32, u32, bool, Option<[f32; 3]>, Option<[f32; 3]>);
 
 /// Draws three numbers. Most of them are so close to `about` that two draws may agree.
@@ -81,7 +81,7 @@ fn report_of(place: (f64, f64), jump: [f64; 2], drawn: Drawn) -> Report {
     }
 }
 
-/// Whether two groups of three numbers are equal but for rounding, as angles if `circle` is true.
+/// Whether two groups of three numbers are equal except for rounding. If `circle` is true, they are compared as angles.
 fn same(one: Option<[f32; 3]>, other: Option<[f64; 3]>, circle: bool) -> bool {
     let (Some(one), Some(other)) = (one, other) else { return one.is_none() && other.is_none() };
     one.into_iter().zip(other).all(|(one, other)| {

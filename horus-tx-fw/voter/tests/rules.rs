@@ -167,7 +167,8 @@ fn of_two_receivers_the_middle_lies_between_them() {
     assert!((apart - 0.040 * 5.0 / 2.0).abs() < 0.02, "{apart} m");
 }
 
-/// Returns the greatest distance north at which two receivers agree, m: the search has 1 mm, positions have 11 mm.
+/// Returns the greatest distance north at which two receivers agree, m. The search has a step of 1 mm, but positions
+/// have one of 11 mm.
 fn reach(one: Report, other: Report) -> f64 {
     let (mut near, mut far) = (0.0, 60.0);
     while far - near > 1e-3 {
@@ -313,7 +314,8 @@ fn of_equal_triples_of_five_the_lowest_numbers_win() {
     assert_eq!(once(at([4.8, 0.0, 9.6, 2.4, 7.2])).members, 0b01011, "1, 2 and 4 before 1, 3 and 5");
 }
 
-/// Votes with three receivers, the third wrong until `wrong_until`. Returns the tick from which it is not excluded.
+/// Votes with three receivers, of which the third is wrong until `wrong_until`. Returns the tick from which on the
+/// third is not excluded.
 fn returns(step: u32, wrong_until: u32, third: impl Fn(u32) -> Report, start: u32) -> Option<u32> {
     let mut voter = Voter::new();
     for at in (0..5_000).step_by(step as usize) {
@@ -642,7 +644,8 @@ fn a_jump_of_all_receivers_is_shown_after_1000_ms() {
     }
 }
 
-/// At 10 ms a step of the place may be 2 m longer than the accuracies allow; at rest these are 1.505 and 2.505 m.
+/// After 10 ms, a step of the place may be 2 m longer than the accuracies allow. At rest the accuracies are 1.505 and
+/// 2.505 m.
 #[test]
 fn a_step_beyond_speed_and_accuracies_is_a_jump() {
     let shown = |by: Report| Flight::begun(0).is_shown(by);

@@ -58,7 +58,7 @@ pub mod client;
 /// The size of a request, bytes.
 pub const REQUEST_SIZE: usize = 8;
 
-/// Bounds of the wire. The [module's](self) section "Timing" has their sources.
+/// Bounds of the signals on the SSI. The [module's](self) section "Timing" has their sources.
 pub mod timing {
     /// The highest SCK frequency, Hz.
     pub const MAX_CLOCK_HZ: u32 = 8_000_000;

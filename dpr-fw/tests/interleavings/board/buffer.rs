@@ -1,4 +1,4 @@
-//! The buffers of the model: the processor sees a store at once, DMA sees it when it reaches the RAM.
+//! The buffers of the model. The processor sees a store at once, and DMA sees it when it reaches the RAM.
 
 use std::{
     borrow::{Borrow, BorrowMut},

@@ -87,7 +87,7 @@ struct Board {
     /// The frames that were handed on to the commit task and not read yet.
     handed: RefCell<Vec<u8>>,
     generation: Cell<u8>,
-    /// A frame that is to be read later than its turn ([`Mutation::RotationOrder`]).
+    /// A frame that will be read later than its turn ([`Mutation::RotationOrder`]).
     put_by: RefCell<Option<Received<Buffer, u8>>>,
 }
 
@@ -111,7 +111,7 @@ impl OneRun {
         Self(At::new(explorer, bounds))
     }
 
-    /// Runs the board until no event is left.
+    /// Runs the board until no event is left that could happen.
     pub(crate) fn run(&self) {
         self.0.run();
     }

@@ -1,4 +1,4 @@
-//! Implements decision 15 a second time, to be easily read and not to be fast: float64, positions in space, lists of
+//! Implements decision 15 a second time, to be easy to read instead of fast: float64, positions in space, lists of
 //! receivers, and the numbers as the decision has them.
 #![allow(dead_code, reason = "each test file uses its part of this")]
 
@@ -6,7 +6,7 @@ use std::cmp::Ordering;
 
 use horus_voter::{Fix, Input, Stated};
 
-/// What a receiver sends, before it becomes the voter's own type.
+/// What a receiver reports, before it is converted to the voter's own type.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Report {
     pub(crate) valid: bool,
@@ -175,7 +175,7 @@ pub(crate) struct Opinion {
     pub(crate) position: Option<(Vector, Option<f64>)>,
     pub(crate) attitude: Option<[f64; 3]>,
     pub(crate) acceleration: Option<[f64; 3]>,
-    /// Whether some decision of the vote was so narrow that rounding may turn it.
+    /// Whether the vote was so close that rounding may change its outcome.
     pub(crate) narrow: bool,
 }
 
@@ -203,7 +203,7 @@ struct Level {
 }
 
 trait Moves: Copy {
-    /// Returns the distance from this value to `next`, and how far two receivers that agree may be apart, m.
+    /// Returns the distance from this value to `next`, and how far apart two receivers that agree may be, m.
     fn way(&self, next: &Self) -> (f64, f64);
 }
 
