@@ -15,11 +15,11 @@
 //! The tasks with the highest priority stand first. `build.rs` makes the table in [`dpr_fw::task`] from the tasks'
 //! attributes. The longest times have these reasons:
 //!
-//! - `ssi_*`: after 10 µs the flight controller may select again.
+//! - `ssi_*`: 10 µs after a transaction the flight controller may select again.
 //! - `rf_*`: 40 µs are two bytes on the air. A task that verifies an object early takes about 30 µs, and the front
 //!   end's FIFO holds the bytes that arrive meanwhile.
 //! - `commit`: the design allows 0.1 ms from a frame's last bit to a readable image.
-//! - `scrub`, `port`: the next frame needs the buffer, and the next image the prepared area, after 10 ms.
+//! - `scrub`, `port`: 10 ms later the next frame needs the scrubbed buffer, and the next image the prepared area.
 //! - `hold_*`: an answer has 1 ms to spare ([`dpr_fw::hold::ANSWER_US`]).
 //! - `idle`: without a feed for 100 ms the watchdog resets the part.
 //!
@@ -98,10 +98,10 @@ mod app {
 
     static INTEGRITY: Integrity = Integrity::new();
 
-    /// Whether the RFID tasks have asked the commit task to prepare an image.
+    /// Whether the RFID tasks want the commit task to prepare an image.
     static FRAME_ARRIVES: AtomicBool = AtomicBool::new(false);
 
-    /// The least time between two requests to the scrub task that it make all tasks check in, µs.
+    /// The least time between two calls by which the scrub task makes all other tasks check in, µs.
     const SIGNS_OF_LIFE_US: u32 = 9_000;
 
     /// The state that the tasks `commit` and `deadline` share, which have one priority.
@@ -214,7 +214,7 @@ mod app {
         let mut memory = PartMemory::take();
         let patrol = Patrol::new(patrol::layout(integrity::SHUT_END, shared), integrity::RATE, &mut memory);
         mpu::apply(&mut core.MPU, &protection::TASKS);
-        // The first image is published before any frame is received.
+        // The task `commit` publishes the first image at once, before any frame is received.
         board::call(Task::commit);
         (
             Shared {
@@ -252,7 +252,7 @@ mod app {
         let mut judge = Judge::new();
         let mut image = ImageCheck::<RECEIVERS>::new();
         loop {
-            // After most interrupts there is nothing to do; then the loop only asks `pace`.
+            // After most interrupts there is nothing to do, and the idle loop only asks `pace`.
             let due = pace.due(hw::now_us());
             if due == 0 {
                 cortex_m::asm::wfi();
@@ -269,7 +269,7 @@ mod app {
             let each = if INTEGRITY.is_self_test_running() { integrity::SELF_TEST_SLICES } else { 1 };
             for number in 0..due * each {
                 let slice = cx.local.patrol.slice(cx.local.memory);
-                // A self-test does not verify the image, so the image gets its usual number of slices.
+                // A self-test does not verify the published image, so that image gets its usual number of slices.
                 let damaged = if number < due { image.slice(&hw::ShownImage) } else { None };
                 match judge.judge(&slice, damaged, &INTEGRITY, &TELEMETRY) {
                     Consequence::None => {}
@@ -309,7 +309,8 @@ mod app {
         TELEMETRY.ssi_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 
-    /// Runs when the pause after a transaction is over. From then on the end of a transaction calls `ssi_end` again.
+    /// Runs when the pause after a transaction is over. After this task has run, the end of a transaction calls
+    /// `ssi_end` again.
     #[task(binds = TIMER3, priority = 6)]
     fn ssi_pause(_: ssi_pause::Context) {
         SsiDoorbell::end_pause();
@@ -392,19 +393,19 @@ mod app {
         }
     }
 
-    /// Scrubs the buffers that wait for it. Once a cycle it also calls the other tasks, so that they check in.
+    /// Scrubs the buffers that wait for a scrub. Once a cycle it also calls the other tasks, so that they check in.
     #[task(binds = SWI1_EGU1, priority = 3, local = [sign_of_life, asked_us: u32 = 0], shared = [rotation, mailbox])]
     fn scrub(cx: scrub::Context) {
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.rotation));
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.mailbox));
         CHECK_IN.check_in(Task::scrub);
-        // With five receivers this task runs twice a cycle, but one check-in per cycle is enough for the watchdog.
+        // With five receivers the scrub task runs twice a cycle, but one check-in per cycle is enough for the watchdog.
         let now_us = hw::now_us();
         if now_us.wrapping_sub(*cx.local.asked_us) < SIGNS_OF_LIFE_US {
             return;
         }
         *cx.local.asked_us = now_us;
-        // A frame has already called these tasks, so that they have checked in.
+        // A frame has already called the RFID tasks and the commit task, so that they have checked in.
         let called = [Task::rf_spi, Task::rf_irq, Task::rf_timer, Task::commit, Task::deadline];
         #[cfg(feature = "hold")]
         let called = called.into_iter().chain([Task::hold_spi, Task::hold_irq, Task::hold_timer]);
@@ -417,14 +418,14 @@ mod app {
         board::call(Task::port);
     }
 
-    /// Runs when a transaction has brought bytes or an image was published. Judges these bytes, and prepares
-    /// Port-Status and uplinks for the next image.
+    /// Runs when a transaction has brought bytes, or an image was published. Judges the bytes, and prepares Port-Status
+    /// and uplinks for the next image.
     #[task(binds = SWI2_EGU2, priority = 2, local = [port, areas, spare, prepared_for: u32 = 0],
         shared = [prepared, hold])]
     fn port(mut cx: port::Context) {
         let start = DWT::cycle_count();
         let port::LocalResources { port, areas, spare, prepared_for } = cx.local;
-        // The loop is bounded, since the SSI task grants a bounded number of transactions between two images.
+        // The loop ends, since the SSI task grants a bounded number of transactions between two images.
         let mut changed = false;
         while let Some(brought) = areas.take() {
             changed |= port.transaction(*brought.about(), brought.memory(), hw::now_us());

@@ -7,13 +7,13 @@ include!(concat!(env!("OUT_DIR"), "/each_task.rs"));
 
 each_task!(firmware_common::task_table);
 
-/// The tasks of the second port (feature `hold`). With that feature they are also the last ones of [`TASKS`].
+/// The tasks of the second port (feature `hold`). With that feature, [`TASKS`] ends with them.
 pub mod hold {
     include!(concat!(env!("OUT_DIR"), "/each_hold_task.rs"));
 
     macro_rules! names {
         ($($name:ident $vector:ident)*) => {
-            /// The names of these tasks with their interrupt vectors.
+            /// The names of the second port's tasks with their interrupt vectors.
             pub const TASKS: &[(&str, &str)] = &[$((stringify!($name), stringify!($vector))),*];
         };
     }

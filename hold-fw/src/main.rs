@@ -162,7 +162,7 @@ mod app {
         let mut last_us = hw::now_us();
         let mut pace = Pace::new(last_us);
         loop {
-            // After most interrupts there is nothing to do; then the loop only asks `pace`.
+            // After most interrupts there is nothing to do, and the idle loop only asks `pace`.
             let due = pace.due(hw::now_us());
             if due == 0 {
                 cortex_m::asm::wfi();
@@ -211,7 +211,7 @@ mod app {
             if is_tick {
                 TELEMETRY.cycles.add(1);
             }
-            // A task that has no work at this beat only checks in.
+            // Every task is called, since each has to check in. Most have no other work at this beat.
             for task in [Task::rf_spi, Task::rf_irq, Task::rf_timer, Task::cycle, Task::answer, Task::sensors] {
                 board::call(task);
             }

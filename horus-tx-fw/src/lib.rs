@@ -8,7 +8,7 @@
 //! and never listens, so no frame is sent again: a frame that is not ready in its slot is skipped and counted (paper,
 //! section 2: operations that take constant time and either succeed or do not).
 //!
-//! This library holds every decision of that path as plain Rust that the host tests:
+//! This library holds every decision between the receivers and the air as plain Rust that the host tests:
 //!
 //! | module | what it decides |
 //! |---|---|

@@ -65,10 +65,10 @@ pub struct Examined {
     pub words: u64,
 }
 
-/// The least number of errors that damage the inner codeword and that both CRCs fail to detect.
+/// The least number of errors that both CRCs fail to detect and that damage the inner codeword.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Joint {
-    /// The least weight of a joint codeword whose inner part is not 0; `None` if the search did not reach it.
+    /// The least weight of a joint codeword with an inner part other than 0; `None` if the search ended before.
     pub distance: Option<usize>,
     /// The weight below which all weights are proved to have no words: the distance, if it is known.
     pub at_least: usize,
@@ -89,7 +89,7 @@ impl Joint {
             (0..nesting.outer_bits).filter(|place| !inside.contains(place)).map(|place| place as u16).collect();
         let outside = Outside::new(&columns, outside);
         let mut examined = Vec::new();
-        // The inner words of a weight are searched for only when that weight is examined.
+        // Inner codewords of a weight are searched for when that weight is first needed.
         let mut inner_words: Vec<Words> = Vec::new();
         for total in 1.. {
             if nesting.outer.is_even() && total % 2 == 1 {
@@ -99,8 +99,8 @@ impl Joint {
             let mut complete = true;
             for weight in 1..=total {
                 if weight > MAX_WEIGHT || total - weight > MAX_OUTSIDE {
-                    // This combination of weights cannot be searched. It is excluded only if there is no inner word of
-                    // that weight.
+                    // Weights this large cannot be searched together. They are excluded only if there is no inner
+                    // codeword of that weight.
                     complete &= weight <= MAX_WEIGHT
                         && words_of(&mut inner_words, nesting, weight, threads).starting_at_0().is_empty();
                     continue;
@@ -129,7 +129,7 @@ impl Joint {
             }
             if !words.is_empty() {
                 words.sort_unstable();
-                // All smaller total weights have been excluded, or the search would have ended.
+                // The search would have ended before if a smaller total weight were possible.
                 return Self { distance: Some(total), at_least: total, examined, words };
             }
             if !complete {

@@ -17,7 +17,7 @@ pub const PLOT_PATH: &str = "docs/safety/residual-error.svg";
 
 const HOURS_PER_YEAR: f64 = 8766.0;
 
-/// One code with all results that follow from its weights.
+/// A code, with all results that follow from its weights.
 #[derive(Clone, Debug)]
 pub struct Judged {
     /// The code.
@@ -52,7 +52,7 @@ impl Analysis {
     ///
     /// # Errors
     ///
-    /// [`NotADual`], with the code, if the weights of a code are not those of its dual.
+    /// [`NotADual`], with the code, if the weights counted for a code are not those of any dual.
     pub fn new(duals: &[(Code, DualWeights)]) -> Result<Self, (Code, NotADual)> {
         let codes = duals.iter().map(|(code, dual)| {
             let weights = Weights::from_dual(dual, code.named.polynomial.degree()).map_err(|error| (*code, error))?;
@@ -122,9 +122,9 @@ pub struct Claim {
 pub struct Report {
     /// The judged codes.
     pub analysis: Analysis,
-    /// The distance of both CRCs together over latitude and longitude.
+    /// The distance of both CRCs together, for errors in latitude and longitude.
     pub joint: Joint,
-    /// The verdicts of `profile` on injected errors.
+    /// The verdicts of `profile` on objects with injected errors.
     pub checks: Vec<Check>,
 }
 
@@ -137,7 +137,7 @@ impl Report {
         Self { analysis, joint, checks }
     }
 
-    /// The injections whose outcome contradicts the theory. There must be none.
+    /// The injections with another outcome than the theory's. There must be none.
     pub fn unexplained(&self) -> impl Iterator<Item = &Check> {
         self.checks.iter().filter(|check| !check.holds())
     }

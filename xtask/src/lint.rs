@@ -49,7 +49,7 @@ pub(crate) fn lint() -> Result<ExitCode> {
     }
     let hold = ["clippy", "--quiet", "--package", "hold-fw", "--release", "--target", TARGET, "--", "-D", "warnings"];
     step(format!("clippy (hold-fw for {TARGET})"), &hold);
-    // Each suite has a feature with the suite's name; the last suite fails on purpose.
+    // Each on-target suite has a feature of its own name. The suite `failing` fails on purpose, and is only linted.
     for name in Board::ALL.map(Board::name).into_iter().chain(["failing"]) {
         let args = [
             "clippy",

@@ -175,7 +175,7 @@ impl Observer for Screen {
 }
 
 pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
-    // The first Ctrl-C ends the run, whose results are then shown. The second ends this program.
+    // The first Ctrl-C ends the run, and its results are shown. The second Ctrl-C ends this program.
     let pressed = || {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
@@ -190,14 +190,14 @@ pub(crate) fn report(args: &SimArgs) -> Result<Report> {
     Ok(bench::sim::run(&setup(args, vec![], Images { horus, dpr }), &mut ())?.report)
 }
 
-/// Builds both firmwares, calls `go` to run the link with them, and shows the result. The command fails if `go` returns
-/// `None`, which means that the run was ended early.
+/// Builds both firmwares, calls `go` to run the link with them, and shows the result. If `go` returns `None`, the run
+/// was ended early, and the command fails.
 pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result<Option<Outcome>>) -> Result<ExitCode> {
     let recordings = vec![args.ubx1.clone(), args.ubx2.clone(), args.ubx3.clone()];
     if let Some(beyond) = recordings.iter().skip(args.gps.0).position(Option::is_some) {
         bail!("--ubx{}: this profile has {} receiver(s) only (--gps {})", args.gps.0 + beyond + 1, args.gps, args.gps);
     }
-    // Inputs that cannot be read and outputs that cannot be written are reported before anything is built.
+    // Before anything is built, inputs that cannot be read and outputs that cannot be written are reported.
     for (option, path) in (1..).zip(&recordings).filter_map(|(number, path)| Some((number, path.as_ref()?))) {
         gnss_sim::Log::open(path).with_context(|| format!("--ubx{option}: {} cannot be played", path.display()))?;
     }
@@ -262,7 +262,7 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     text.push_str(&format!("{}\n", outcome.base));
     let mut report = serde_json::to_string_pretty(&outcome.report).context("the report does not serialise")?;
     report.push('\n');
-    // A program may read the JSON from standard output, so nothing else may be printed there.
+    // Standard output may be for a program that reads the JSON, so nothing else is printed there.
     if args.json.as_deref() == Some(Path::new("-")) {
         eprint!("{text}");
         std::io::stdout().write_all(report.as_bytes()).context("could not write the report")?;
@@ -344,8 +344,8 @@ fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Se
     }
 }
 
-/// How long a copy of the bench runs after an upset, ns. The watchdogs reset a board within 200 ms, and 40 ms later the
-/// board's cycles are accepted again.
+/// How long a copy of the bench runs after an upset, ns. The watchdogs reset a board within 200 ms, and its cycles are
+/// accepted again 40 ms later.
 const AFTER_UPSET: u64 = 400_000_000;
 
 fn upsets(args: &SimArgs, setup: &Setup) -> Result<Campaign> {
@@ -372,7 +372,7 @@ fn reported_position(reported: &Reported) -> String {
     };
     let silent: Vec<String> = (1..)
         .zip(&reported.last_solution_ns)
-        // A receiver that gave a solution after the position had ceased to be valid was not silent.
+        // Receivers with a solution after that instant were not silent then, so they are left out.
         .filter(|(_, last)| last.is_none_or(|last| last < since))
         .map(|(receiver, last)| match last {
             Some(last) => format!("GPS{receiver} silent since {}", seconds(*last)),

@@ -35,8 +35,8 @@ pub(crate) struct TestArgs {
 }
 
 /// Returns the packages that have tests called `name`: the name of a package, of a test binary or of a file of tests.
-/// Each comes with the arguments of `cargo test` before `--` and, for a file in a larger binary, the module of the
-/// tests.
+/// With each package come the arguments for `cargo test` before `--` and, if the file is part of a larger binary, the
+/// module of the tests.
 fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<(Vec<String>, Option<String>)>> {
     let mut found = vec![];
     for package in metadata["packages"].as_array().into_iter().flatten() {
@@ -62,8 +62,8 @@ fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<(Vec<String>
     Ok(found)
 }
 
-/// Runs the tests that [`selected`] selects, with both images. With `test`, runs only those that have this text in
-/// their names.
+/// Runs the tests that [`selected`] selects, with both images. If `test` is given, only those run that have this text
+/// in their names.
 fn only(name: &str, test: Option<&String>) -> Result<ExitCode> {
     let selected = selected(&metadata()?, name)?;
     for gps in Receivers::ALL {
@@ -79,8 +79,8 @@ fn only(name: &str, test: Option<&String>) -> Result<ExitCode> {
         };
         let mut command = cargo_test();
         match (&module, test) {
-            // The test runner accepts only one text as a filter, so this program selects the tests by module and by
-            // name.
+            // The test runner takes only one text as a filter. To select by module and by name, this program lists the
+            // tests and passes their names.
             (Some(module), Some(test)) => {
                 let listed = cargo_test().args([module, "--list"]).output().context("cargo did not start")?;
                 let listed = String::from_utf8_lossy(&listed.stdout).into_owned();
@@ -106,8 +106,8 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     if let Some(name) = args.only.first() {
         return only(name, args.only.get(1));
     }
-    // The path is read before the build, which replaces the running program's file. The system then appends "
-    // (deleted)" to the path.
+    // The build replaces the running program's file. The system would then append " (deleted)" to the path, so the path
+    // is read before.
     let runner = std::env::current_exe().context("could not find out where this program is")?;
     let mut steps = Steps::default();
     if args.on == Place::Bench && args.board.is_none() && !args.on_target {
@@ -186,7 +186,8 @@ fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArg
             "--features",
             board.name(),
         ])
-        // A list is used because the path may contain a space. JSON and TOML write such a list in the same way.
+        // The runner is given as a list, because its path may contain a space. JSON and TOML write such a list in the
+        // same way.
         .arg("--config")
         .arg(format!("target.{TARGET}.runner={}", serde_json::to_string(&runner)?))
         .env("DEFMT_LOG", "info");

@@ -46,7 +46,7 @@ pub use recording::Recording;
 /// The longest interval between updates of the alarms.
 pub const TICK: Duration = Duration::from_millis(20);
 
-/// The greatest number of waiting arrivals: those of a thousand drones at 10 Hz in six seconds.
+/// The greatest number of arrivals that may wait: those of a thousand drones at 10 Hz in six seconds.
 const WAITING: usize = 65_536;
 
 /// The number of alarm changes that are kept for the page.
@@ -78,7 +78,7 @@ impl Clock {
         Self { unix_us: unix_us(), passed: Passed::Since(Instant::now()) }
     }
 
-    /// Returns a clock whose elapsed time, µs, the caller sets. The caller must not set it back.
+    /// Returns a clock for a caller that sets the elapsed time, µs. The caller must not set it back.
     #[must_use]
     pub fn told(passed_us: Arc<AtomicU64>) -> Self {
         Self { unix_us: unix_us(), passed: Passed::Told(passed_us) }
@@ -116,7 +116,7 @@ pub enum Event {
     Played(Record),
     /// A playback begins anew at this instant of its recording, µs. All state is dropped.
     Restart(u64),
-    /// No more events come.
+    /// No further event comes, so the station ends.
     End,
 }
 
@@ -170,7 +170,7 @@ pub struct StationData {
     pub lines: Vec<(String, String)>,
     /// The files of the recording, if there is one.
     pub recording: Option<Made>,
-    /// The reason why nothing is recorded although it should be.
+    /// The reason why nothing is recorded, although a recording was requested.
     pub recorder: Option<Trouble>,
     /// The station's own messages, if enabled.
     pub voice: Option<Voice>,
@@ -236,12 +236,12 @@ impl Station {
     }
 }
 
-/// A station's source of time.
+/// The source of a station's time.
 #[derive(Clone, Debug)]
 pub enum Time {
-    /// The time is that of a clock.
+    /// A clock gives the time.
     Clock(Clock),
-    /// The time is that of a playback.
+    /// A playback gives the time.
     Playback(Arc<playback::Player>),
 }
 
@@ -328,7 +328,7 @@ fn run(
             return;
         }
         let mut known = station.known();
-        // The readers are notified once for several events that wait.
+        // Several waiting events cause a single notification of the readers.
         for event in event.into_iter().chain(from.try_iter().take(256)) {
             match event {
                 Event::Carried(carried) => {
@@ -354,7 +354,7 @@ fn run(
                     export::judge(&mut known.intake, &record);
                     record.commands.iter().for_each(|told| known.note_command(told.clone()));
                     known.now_us = known.now_us.max(record.carried.at_us);
-                    // The history gets the time of the recorded data. During a jump, the playback's time is ahead of
+                    // The history's time is that of the recorded data. During a jump the playback's time is ahead of
                     // it.
                     let StationData { history, intake, .. } = &mut *known;
                     history.look(record.carried.at_us, intake.fleet());

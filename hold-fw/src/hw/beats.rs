@@ -50,9 +50,9 @@ impl Beats {
         Self(timer)
     }
 
-    /// Starts the beats; the first one comes [`BEAT_MS`] ms later.
+    /// Starts the beats. The first one comes [`BEAT_MS`] ms later.
     pub(crate) fn start(&mut self) {
-        // The first beat must have the number 0, which is that of a tick.
+        // The first beat increments the count from this value to 0, the number of a tick.
         COUNT.store(u32::MAX, Ordering::Relaxed);
         // SAFETY: 1 is a valid value of a task register.
         self.0.tasks_start.write(|w| unsafe { w.bits(1) });

@@ -136,9 +136,9 @@ impl How {
 #[derive(Clone, Copy, Debug)]
 struct Broken {
     thing: Thing,
-    /// The instant at which the fault ends, virtual ns; `u64::MAX` until the user has ended it.
+    /// The instant at which the fault ends, virtual ns; `u64::MAX` while the user has not ended it.
     until: u64,
-    /// The end of the fault's last episode that was passed to the bench, virtual ns.
+    /// The end of the last episode of the fault that was passed to the bench, virtual ns.
     told: u64,
 }
 
@@ -158,7 +158,7 @@ struct Inner {
     /// The requested faults, which begin after the present step of the run, with their durations, ns.
     asked: Vec<(Thing, u64)>,
     broken: Vec<Broken>,
-    /// The instants from which on HORUS's and the DPR's watchdogs certainly run, virtual ns.
+    /// For each of HORUS and the DPR, the instant from which on its watchdog certainly runs, virtual ns.
     watched: [u64; 2],
     log: VecDeque<Line>,
     forgotten: u64,
@@ -173,7 +173,8 @@ impl Inner {
     fn faults(&mut self, now: u64) -> Faults {
         let (at, last) = ((now + AHEAD_NS).max(FIRST_AT), self.last_ns());
         let mut faults = Faults::none();
-        // Faults that restart a board come first, so that a hang of the same board is delayed until its watchdog runs.
+        // Faults that restart a board are handled first. A hang of the same board is then delayed until its watchdog
+        // runs.
         let mut asked = std::mem::take(&mut self.asked);
         asked.sort_by_key(|(thing, _)| matches!(thing, Thing::Hang(_)));
         for (thing, ns) in asked {
@@ -209,8 +210,8 @@ impl Inner {
                 },
             }
         }
-        // Only the last of several episodes on the air has effect, so each episode contains all present faults of the
-        // air.
+        // Only the last of several episodes on the air has effect, so each episode contains all present faults of
+        // the air.
         let air = AirFaults {
             lost: if self.lasts(Thing::Frames, now) { LOST } else { 0.0 },
             bit_error: if self.lasts(Thing::Bits, now) { BIT_ERROR } else { 0.0 },
@@ -384,7 +385,7 @@ async fn break_thing(State(panel): State<Panel>, headers: HeaderMap, RawQuery(qu
     StatusCode::NO_CONTENT.into_response()
 }
 
-/// Answers `POST /well`: ends all faults or, with `?what=CODE`, that one.
+/// Answers `POST /well`: ends all faults or, with `?what=CODE`, one fault.
 async fn all_well(State(panel): State<Panel>, headers: HeaderMap, RawQuery(query): RawQuery) -> Response {
     if !is_from_here(&headers) {
         return (StatusCode::FORBIDDEN, "this is for the panel's own page").into_response();

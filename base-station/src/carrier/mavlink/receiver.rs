@@ -87,14 +87,14 @@ impl Receiver {
         Self { verifier, ..Self::default() }
     }
 
-    /// Processes a datagram of whole messages and returns those with objects. `unix_us`, µs since 1970, is only used
-    /// for signatures.
+    /// Processes a datagram of whole messages, and returns the messages with objects. `unix_us`, µs since 1970, is only
+    /// used for signatures.
     pub fn datagram(&mut self, unix_us: u64, bytes: &[u8]) -> Vec<Received> {
         let (mut received, mut at) = (vec![], 0);
         self.counts.version_1 += u64::from(bytes.first() == Some(&MAV_STX));
         while at < bytes.len() {
             at = self.all(unix_us, bytes, at, &mut received);
-            // A datagram cannot be continued, so the search for a message continues at the next byte.
+            // A message in a datagram cannot continue in the next datagram. So the search goes on at the next byte.
             at += 1;
         }
         received

@@ -1,4 +1,4 @@
-//! Formats the station's state for the page. Ages are those at the instant `now_us`.
+//! Formats the station's state for the page. Ages are stated for the instant `now_us`.
 
 use profile::ResetReason;
 use serde::Serialize;
@@ -31,8 +31,8 @@ struct State {
 #[derive(Serialize)]
 struct Change(u64, String, &'static str, bool, bool);
 
-/// A sample of a drone: instant (ms since 1970), reported position and those of the receivers (degrees), height (m)
-/// and, since the last sample, the greatest age (s) and the least number of agreeing receivers.
+/// A sample of a drone: instant (ms since 1970), position that was reported and positions of the receivers (degrees),
+/// height (m) and, since the last sample, the greatest age (s) and the least number of agreeing receivers.
 #[derive(Serialize)]
 struct Sample(u64, Option<[f64; 2]>, Vec<Option<[f64; 2]>>, Option<f32>, Option<f32>, Option<u8>);
 
@@ -41,7 +41,7 @@ struct Playback {
     speed: f64,
     at_s: f64,
     length_s: f64,
-    /// The number of changes of pace or instant. By it the page knows which states include its own change.
+    /// The number of changes of pace or instant so far. From it the page knows which states include its own change.
     changes: u64,
 }
 
@@ -213,8 +213,8 @@ pub(super) struct With {
     pub(super) history: bool,
 }
 
-/// Returns the state in JSON, as the answer to the query `asked`. It has the details of `drone`, or of the first drone
-/// if `drone` is `None`.
+/// Returns the state in JSON, as the answer to the query `asked`. The details are those of `drone`, or of the first
+/// drone if `drone` is `None`.
 pub(super) fn json(station: &Station, player: Option<&Player>, drone: Option<&str>, asked: &str, with: With) -> String {
     let known = station.known();
     let state = State { asked: asked.to_owned(), ..state(&known, station.dropped(), player, drone, with) };
@@ -250,9 +250,9 @@ fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Opti
         playback: player.map(|player| {
             let (first_us, last_us) = player.span_us();
             let seconds = |us: u64| us.saturating_sub(first_us) as f64 / 1e6;
-            // The number is read first, so that the state includes all changes that it counts.
+            // The count of changes is read before the state, so that the state includes all changes that it counts.
             let changes = player.changes();
-            // During a jump back the station is behind the player, so the instant is the player's.
+            // The displayed instant is the player's, because during a jump back the station is behind it.
             let at_s = seconds(player.now_us());
             Playback { speed: player.speed(), at_s, length_s: seconds(last_us), changes }
         }),
@@ -294,7 +294,7 @@ fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Opti
     }
 }
 
-/// Returns the drone of this name. If that one is gone, returns another sender with its id.
+/// Returns the drone of this name. If that drone is gone, returns another sender with its id.
 pub(super) fn asked<'a>(fleet: &'a Fleet, name: &str) -> Option<(DroneId, &'a Drone)> {
     let who = |id: DroneId| id.who.to_string();
     fleet.iter().find(|(id, _)| id.to_string() == name).or_else(|| {
