@@ -61,7 +61,7 @@ struct Window {
     before: Option<Floor>,
 }
 
-/// Compares the timestamps of one HORUS with their arrivals, from that HORUS's start on.
+/// Compares the timestamps of one HORUS with the instants at which they arrive, from that HORUS's start on.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Ages {
     /// The last timestamp, ms, as it arrived and without wrapping.

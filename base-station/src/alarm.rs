@@ -1,4 +1,4 @@
-//! Defines the alarms for the user.
+//! Defines the alarms that a base station shows to its user.
 
 use core::fmt;
 

@@ -202,7 +202,7 @@ enum Place {
 }
 
 impl Filter {
-    /// Returns a filter that is outside of any message.
+    /// Returns a filter that has seen no byte, and so is outside of any message.
     #[must_use]
     pub const fn new() -> Self {
         Self(Place::Outside)

@@ -47,7 +47,7 @@ impl Ticket {
         self.0
     }
 
-    /// Makes a ticket from one word.
+    /// Makes a ticket from its word, which [`word`](Self::word) returned.
     #[must_use]
     pub const fn from_word(word: u32) -> Self {
         Self(word)

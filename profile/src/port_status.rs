@@ -65,7 +65,7 @@ pub enum Violation {
     CommandBusy,
     /// More transactions, or more objects, than the DPR grants.
     TooMany,
-    /// MOSI was driven after the object.
+    /// The flight controller drove MOSI after the object's last byte.
     TooLong,
 }
 

@@ -74,8 +74,9 @@ pub struct Joint {
     pub at_least: usize,
     /// The combinations of weights that were searched, by total weight.
     pub examined: Vec<Examined>,
-    /// Words of the least weight in the combinations in `examined`, each as the set bits of the outer codeword, counted
-    /// from the last bit sent. There may be others with more errors inside.
+    /// The words of the least weight that were found in the combinations in `examined`. Each word is given by the set
+    /// bits of the outer codeword, counted from the last bit sent. Words with more errors inside may exist besides
+    /// these.
     pub words: Vec<Vec<u16>>,
 }
 

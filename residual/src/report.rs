@@ -73,7 +73,7 @@ impl Analysis {
         Self::new(&duals)
     }
 
-    /// The results of one of the judged codes.
+    /// Returns the results of this code, which must be one of the judged ones.
     ///
     /// # Panics
     ///

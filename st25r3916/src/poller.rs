@@ -107,7 +107,7 @@ pub const fn rest_within_us(spi_hz: u32) -> Option<u32> {
 pub struct PollerConfig {
     /// The state of the receiver: off, or on and masked.
     pub receiver: ReceiverMode,
-    /// After a frame, fail with [`Fault::FifoCount`] if bytes are left in the FIFO.
+    /// Whether the poller fails with [`Fault::FifoCount`] if bytes are left in the FIFO after a frame.
     pub check_left_over: bool,
     /// Whether the poller fails with [`Fault::FieldDropped`] if oscillator or transmitter is off between frames.
     pub check_field: bool,

@@ -67,7 +67,7 @@ pub struct Clock {
 #[derive(Clone, Debug)]
 enum Passed {
     Since(Instant),
-    /// The elapsed time that the caller sets, µs.
+    /// The time since the clock's start as the caller has set it, µs.
     Told(Arc<AtomicU64>),
 }
 

@@ -89,7 +89,7 @@ pub struct SsiEnd<'q, B> {
     clean: Consumer<'q, Clean<B>>,
     /// The area for the next transaction, if a clean one was in the queue.
     next: Option<Clean<B>>,
-    /// The area of the last transaction, which is still to be passed on to the port task.
+    /// The area with the last transaction's bytes, which is still to be passed on to the port task.
     waits: Option<Brought<B>>,
 }
 

@@ -210,7 +210,7 @@ proptest! {
                 },
                 3 => if let Some(read) = reading.take() { rotation.done(read); },
                 4 => if scrubbing.is_none() { scrubbing = rotation.take_dirty(); },
-                // A frame begins to arrive, but is not delivered.
+                // A frame begins to arrive in the buffer, but is never delivered.
                 5 => {
                     filling.memory().write(u32::MAX);
                     let (next, found) = rotation.replace(filling);

@@ -273,7 +273,7 @@ mod tests {
             }
         }
 
-        /// The computed distance of two places is never less than half of the true one, however far apart they are.
+        /// The computed distance between two places is at least half of the true distance, however far apart they are.
         #[test]
         fn places_that_are_far_apart_are_far_apart(here in anywhere(), there in anywhere()) {
             let found = length(here.place().to(&there.place(), [0.0; 2]).map(f64::from));

@@ -37,7 +37,7 @@ fn receive(rig: &mut Rig, answerer: &mut Answerer) {
     assert_eq!(rig.buffer[1..=64], payload);
 }
 
-/// Prepares an answer with this payload. Returns the event that follows.
+/// Prepares an answer with this payload to the frame that was delivered. Returns the event that follows.
 fn prepare(rig: &mut Rig, answerer: &mut Answerer, payload: &[u8]) -> AnswererEvent {
     rig.payload = payload.to_vec();
     let step = answerer.answer(payload.len()).expect("a frame was delivered");

@@ -19,7 +19,7 @@ use super::signing::{self, Verifier};
 use super::tunnel::Tunnel;
 use crate::{Bundle, Who};
 
-/// A message with objects.
+/// A received message that carries objects.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Received {
     /// MAVLink's system id, which identifies the drone.
