@@ -47,7 +47,7 @@ struct Lower {
     largest_us: i64,
 }
 
-/// The smallest difference of arrival and timestamp, and the instant from which on drift raises it.
+/// The smallest difference of arrival and timestamp. From the instant `at_us` on, the drift of the clocks raises it.
 #[derive(Clone, Copy, Debug)]
 struct Floor {
     difference_us: i64,

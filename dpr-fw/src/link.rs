@@ -83,7 +83,8 @@ enum Due {
     Any,
     /// The deadline waits for the second frame of the current cycle.
     Second,
-    /// The deadline waits for the next cycle's first frame. The second frame of this cycle already counts as missed.
+    /// The deadline waits for the first frame of the next cycle. The second frame of this cycle already counts as
+    /// missed.
     First,
     /// The deadline waits for the next cycle.
     Cycle,

@@ -139,7 +139,7 @@ pub enum Order {
 pub struct Received {
     /// The range of the received bytes that belong to the receiver's stream.
     pub stream: Range<usize>,
-    /// The next order to the code that accesses the registers.
+    /// The next order that the code with access to the registers has to carry out.
     pub then: Order,
 }
 

@@ -105,7 +105,7 @@ impl Violation {
         }
     }
 
-    /// The range of this kind's counter in Port-Status.
+    /// Returns the range of the counter for this kind of violation in Port-Status.
     #[must_use]
     pub const fn place(self) -> Range<usize> {
         let start = offset_of!(PortStatus, violations) + 2 * self.index();

@@ -52,7 +52,7 @@ impl Nesting {
     };
 }
 
-/// A combination of a weight inside and a weight outside the inner codeword, with the search's result.
+/// One number of wrong bits inside and one outside the inner codeword, with the result of the search for such errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Examined {
     /// The number of wrong bits in the inner codeword.
@@ -148,7 +148,7 @@ fn words_of<'a>(found: &'a mut Vec<Words>, nesting: &Nesting, weight: usize, thr
     &found[weight - 1]
 }
 
-/// The sums of up to three columns outside the inner codeword.
+/// The sums of up to three columns of bits outside the inner codeword.
 struct Outside {
     places: Vec<u16>,
     columns: Vec<u32>,

@@ -372,7 +372,7 @@ fn reported_position(reported: &Reported) -> String {
     };
     let silent: Vec<String> = (1..)
         .zip(&reported.last_solution_ns)
-        // Receivers with a solution after that instant were not silent then, so they are left out.
+        // Receivers with a solution after the instant `since` were not silent then, so they are left out.
         .filter(|(_, last)| last.is_none_or(|last| last < since))
         .map(|(receiver, last)| match last {
             Some(last) => format!("GPS{receiver} silent since {}", seconds(*last)),

@@ -96,7 +96,7 @@ pub struct SsiEnd<'q, B> {
 /// What happens to a transaction in [`SsiEnd::hand_over`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HandedOver {
-    /// The transaction waits for the port task, which has to be called.
+    /// The transaction waits for the port task, which the caller has to call.
     Waits,
     /// The transaction brought no byte.
     Empty,
@@ -119,7 +119,7 @@ impl<B: Memory + core::borrow::BorrowMut<ReceiveArea>> SsiEnd<'_, B> {
             return (clean.receive(), HandedOver::Waits);
         }
         let memory: &mut ReceiveArea = area.memory().borrow_mut();
-        // In an area, the fourth word holds the object's identifier and status.
+        // The fourth word of an area holds the object's identifier and status.
         let idle = transaction.bytes < HEADER_END || IDLE.contains(&memory[HEADER_END / 4 - 1]);
         memory.fill(0);
         (area, if idle { HandedOver::DroppedIdle } else { HandedOver::Dropped })

@@ -745,7 +745,8 @@ fn a_start_in_the_middle_of_frames_hears_the_next_whole_one() {
             rig.chip.at(0, Happening::Irq(TIMER, EON));
             for cycle in 0..6 {
                 rig.chip.frame(shift + cycle * 10_000, &payload(244, cycle as usize));
-                // A chip whose receiver is unmasked in the middle of a frame reports errors.
+                // A real chip whose receiver is unmasked in the middle of a frame reports errors, and so does this
+                // model.
                 rig.chip.at(shift + cycle * 10_000 + 2_000, Happening::Irq(ERROR, 0x30));
             }
             let mut listener = Listener::new(config);

@@ -101,7 +101,7 @@ impl Field {
     }
 }
 
-/// An object, with those of its fields that were found so far.
+/// An object of the map, with those of its fields that were found so far.
 pub(crate) struct Object {
     pub(crate) name: &'static str,
     pub(crate) title: &'static str,

@@ -60,7 +60,7 @@ pub struct HoldTrack {
 }
 
 impl HoldTrack {
-    /// The state before a Hold-Status was read.
+    /// Returns the state in which no Hold-Status was read yet.
     #[must_use]
     pub const fn new() -> Self {
         Self { last: None, looked_us: None }
