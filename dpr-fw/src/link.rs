@@ -206,7 +206,8 @@ impl<const N: usize> Monitor<N> {
         }
         let silent = self.has_lapsed(now_us);
         if silent {
-            // A deadline that has passed counts as one missed frame or cycle, and each further period as another.
+            // A passed deadline counts as one missed frame or cycle. Each further period that has passed counts as
+            // another one.
             let more = now_us.wrapping_sub(self.deadline_us) / SILENCE_US;
             self.deadline_us = self.deadline_us.wrapping_add((more + 1) * SILENCE_US);
             let (due, frames) = match self.due {

@@ -134,7 +134,7 @@ pub enum Order {
     Rejoin,
 }
 
-/// The result of a read that the DMA stream has made.
+/// The result of a read whose bytes the DMA stream has moved.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Received {
     /// The range of the received bytes that belong to the receiver's stream.

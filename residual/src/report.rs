@@ -478,7 +478,7 @@ impl Report {
     ///
     /// # Errors
     ///
-    /// Returns a message with the name of a table that the text lacks.
+    /// Returns a message that names the table for which the text has no place.
     pub fn refresh(&self, text: &str) -> Result<String, String> {
         self.tables().into_iter().try_fold(text.to_owned(), |text, (name, table)| {
             let begin = format!("<!-- table: {name} -->\n");

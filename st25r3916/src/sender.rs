@@ -47,7 +47,7 @@ pub enum SendState {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SendError {
-    /// The last step was not an event that permits a new frame.
+    /// The machine's last step was not an event after which a new frame may be sent.
     NotReady,
     /// The payload is empty or longer than [`crate::poller::MAX_PAYLOAD`].
     Length,

@@ -316,7 +316,7 @@ fn with_two_receive_buffers_a_frame_during_a_read_is_given_up() {
     assert_eq!(rotated, Rotated::Handed);
     let read = rotation.read().expect("a frame waits");
 
-    // The commit task still reads the first frame when the second and the third frame come.
+    // The commit task is still reading the first frame when the second and the third frame arrive.
     let mut filling = filling;
     for frame in 2..=3 {
         filling.memory().write(frame);

@@ -127,7 +127,7 @@ impl<B> Filling<B> {
         Received { buffer: self.0, about }
     }
 
-    /// Gives up the frame that was being written.
+    /// Gives up the frame that was being written into this buffer.
     pub fn discard(self) -> Dirty<B> {
         Dirty(self.0)
     }

@@ -142,7 +142,7 @@ struct Left {
 impl Hardware {
     pub(crate) fn new(bounds: &Bounds) -> Self {
         Self {
-            // RAM begins with a value that is no generation.
+            // The model's RAM begins with a value that stands for no generation.
             ram: [[0xEE; 2]; BUFFERS],
             held_back: [None; BUFFERS],
             stuck: None,

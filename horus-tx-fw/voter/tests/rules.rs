@@ -159,7 +159,7 @@ fn of_two_receivers_the_middle_lies_between_them() {
         let east = distance(place(&once(report)), degrees(&GOOD));
         assert!((east - 0.040 * latency).abs() < 0.012, "{east} m");
     }
-    // The positions move by 2.5 ms of flight, 10 cm. A position's resolution adds an error of 11 mm.
+    // The positions move by 2.5 ms of flight, which is 10 cm. The resolution of a position adds an error of 11 mm.
     let still = GOOD.moved(0.0, 2.0);
     let one = once([one, Report { lag_ms: 105, ..still }]);
     let other = once([Report { lag_ms: 100, ..still }, other]);

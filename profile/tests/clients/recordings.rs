@@ -399,7 +399,7 @@ fn windows_and_silence() -> Tape {
     let layout = Layout::for_receivers(3).expect("a profile");
     let mut places: Vec<_> = (0..=3).filter_map(|index| layout.in_image(index)).collect();
     places.extend([layout.port_status(), layout.uplink::<BaseStation>(), layout.uplink::<FlightController>()]);
-    // One more window has Link-Status without Reported-Position, and another one no whole object.
+    // Two more windows are requested: Link-Status without Reported-Position, and a range without any whole object.
     places.extend([0..32, 33..95]);
     for place in places {
         for _ in 0..10 {

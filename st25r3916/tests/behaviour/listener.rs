@@ -428,7 +428,7 @@ fn two_frames_300_microseconds_apart_are_both_received() {
 #[test]
 fn a_frame_that_begins_before_the_re_arm_is_received_not_cleared() {
     for config in BOTH {
-        // The model of the chip leaves its receiver on after a frame's end.
+        // The model of the chip leaves its receiver unmasked after a frame's end.
         let chip = Chip { end_masks_receiver: false, ..Chip::new(Variant::B) };
         let (mut rig, mut listener) = listening(chip, config);
         rig.chip.frame(rig.chip.now + 1_000, &payload(100, 1));

@@ -136,7 +136,7 @@ struct Line {
     /// The instant at which the next uplink is due, µs.
     due_us: u64,
     last: Option<CommandRecord>,
-    /// [`HoldState::strange`] when the last command was given.
+    /// The value of [`HoldState::strange`] at the time when the last command was given.
     strange: u64,
 }
 

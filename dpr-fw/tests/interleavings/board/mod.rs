@@ -111,7 +111,7 @@ impl OneRun {
         Self(At::new(explorer, bounds))
     }
 
-    /// Runs the board until no event is left that could happen.
+    /// Runs the model of the board until no event is left that could happen.
     pub(crate) fn run(&self) {
         self.0.run();
     }

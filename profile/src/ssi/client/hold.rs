@@ -27,7 +27,7 @@ pub enum HoldShown {
 }
 
 impl HoldShown {
-    /// Every case, in the order of the numbers.
+    /// All cases, in the order of their numbers.
     pub const ALL: [Self; 3] = [Self::Absent, Self::Old, Self::Valid];
 }
 
