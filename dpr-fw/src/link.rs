@@ -223,7 +223,7 @@ impl<const N: usize> Monitor<N> {
     }
 }
 
-/// States that other tasks hold, and that Link-Status shows.
+/// The values for Link-Status that other tasks hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Health {
     /// Whether a fault of RAM was found since start.
@@ -508,7 +508,7 @@ mod tests {
         assert_eq!(values(&link).age_100us, 51);
         link.advance(50_000 + 12_500);
         assert_eq!(values(&link).age_100us, 176);
-        // The age keeps growing until a Reported-Position is accepted.
+        // The age in Link-Status keeps growing until a Reported-Position is accepted.
         link.frame(&verdict(Objects::NONE, Cycle::Same, 60_000), &sequence);
         assert_eq!(values(&link).age_100us, 176);
         for minutes in 1..200_u32 {

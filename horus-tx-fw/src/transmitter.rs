@@ -165,7 +165,7 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         self.serve(event);
     }
 
-    /// Takes what happened in a slot that has passed.
+    /// Takes the result of a slot that has passed: which frame the slot was for, and whether a command was sent.
     pub fn slot(&mut self, slot: Slot) {
         self.next = self.next.max(slot.frame + 1);
         match (slot.fired, self.turn) {

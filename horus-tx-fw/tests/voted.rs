@@ -36,7 +36,7 @@ enum Kind {
     Frozen,
     /// The receiver repeats its last position, but at new times of week.
     Stuck,
-    /// The receiver is suddenly 20 m to 5 km off.
+    /// The receiver's position is suddenly 20 m to 5 km off.
     Jump,
     /// The receiver's position moves away with 0.2 to 2 m/s.
     Drift,

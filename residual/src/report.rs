@@ -113,7 +113,7 @@ pub struct Claim {
     pub claim: String,
     /// Whether the claim holds.
     pub holds: bool,
-    /// The number that determines whether the claim holds.
+    /// The number on which it depends whether the claim holds.
     pub figure: String,
 }
 

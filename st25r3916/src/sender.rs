@@ -38,7 +38,7 @@ pub enum SendState {
     OnAir,
     /// The interrupt registers are being read while the frame is on air.
     ReadingIrqs {
-        /// Whether the frame's time is over. If so, this read decides whether the frame was sent.
+        /// Whether the time for the frame is over. If so, the result of this read decides whether the frame was sent.
         last: bool,
     },
 }

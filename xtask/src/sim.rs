@@ -440,7 +440,7 @@ fn hold_in_words(hold: &bench::report::Hold) -> String {
     )
 }
 
-/// Returns lines about the effects of the upsets that were tried on copies of the bench.
+/// Returns lines that say what the upsets of single bits did, which were tried on copies of the bench.
 fn upsets_in_words(upsets: &Upsets) -> String {
     let count = |of: fn(&UpsetClasses) -> usize| upsets.classes.values().map(of).sum::<usize>();
     let (masked, detected) = (count(|classes| classes.masked), count(|classes| classes.detected));

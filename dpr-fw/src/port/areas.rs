@@ -35,7 +35,7 @@ pub struct Transaction {
     pub bytes: usize,
 }
 
-/// An area that holds the bytes that a transaction brought.
+/// A receive area with the bytes that a transaction brought.
 pub type Brought<B> = Received<B, Transaction>;
 
 /// The queues between the SSI task and the port task.

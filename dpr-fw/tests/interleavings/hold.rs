@@ -221,8 +221,8 @@ impl Board {
             self.happen(steps[taken]);
         }
         if *self.resting.borrow() {
-            // When the budget's window has ended, the first call to check in ends the rest and handles the events that
-            // wait.
+            // Once the budget's window has ended, the first call to check in ends the rest. It then handles the events
+            // that wait.
             *self.wants_rest.borrow_mut() = false;
             *self.called_to_check_in.borrow_mut() = true;
             self.wake();

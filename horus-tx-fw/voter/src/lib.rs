@@ -306,7 +306,7 @@ fn mask_of<T, const N: usize>(items: &[T; N], is: impl Fn(&T) -> bool) -> u8 {
     items.iter().enumerate().fold(0, |mask, (index, item)| mask | u8::from(is(item)) << index)
 }
 
-/// Returns that of the `items` which belongs to the first receiver in `mask`; for an empty mask, the first of all.
+/// Returns the item of the first receiver in `mask`. If `mask` is empty, returns the first item of all.
 fn first<T: Copy, const N: usize>(mask: u8, items: &[T; N]) -> T {
     (0..N).rev().fold(items[0], |found, index| if has(mask, index) { items[index] } else { found })
 }

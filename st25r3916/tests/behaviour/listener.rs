@@ -414,7 +414,7 @@ fn two_frames_300_microseconds_apart_are_both_received() {
         let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
         for _ in 0..5 {
             let end = rig.chip.frame(rig.chip.now + 4_000, &payload(184, 1));
-            // After the gap come preamble and sync of the second frame: 64 bits, 151 µs.
+            // After the gap of 300 µs come the preamble and the sync of the second frame: 64 bits, 151 µs.
             rig.chip.frame(end + 300 + 151, &payload(180, 2));
             assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 184, flags: CLEAN });
             assert_eq!(rig.buffer[1..=184], payload(184, 1));
@@ -458,7 +458,7 @@ fn a_sync_just_before_the_clear_costs_at_most_its_own_frame() {
                     assert_eq!(len, 120);
                     assert_eq!(rig.buffer[1..=120], payload(120, 2));
                 }
-                // Clearing the FIFO has damaged the frame, as its flags show.
+                // The clear of the FIFO has damaged the frame, which the frame's flags show.
                 ListenerEvent::Frame { flags, .. } => assert!(flags.contains(FrameFlags::LENGTH)),
                 other => assert!(matches!(other, ListenerEvent::Dropped(_)), "{other:?}"),
             }
@@ -1078,7 +1078,7 @@ fn a_listener_that_hears_nothing_is_brought_up_anew_ever_more_rarely() {
             assert!((after * 9 / 10..=after + 20).contains(&waited), "{waited} ms");
             before = *instant;
         }
-        // The last bring-up came after the longest interval. The interval does not grow any more.
+        // The last bring-up came after the longest interval, so the interval does not grow any more.
         let instants = silences(&mut rig, &mut listener, 2, field);
         assert!((7_200..=8_020).contains(&(instants[1] - instants[0])), "{instants:?}");
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);

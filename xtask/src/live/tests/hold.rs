@@ -52,7 +52,7 @@ fn speaks() -> Option<Speaks> {
     Some(Voice::with_commands)
 }
 
-/// Waits until the station may command the hold. The station must have received Hold-Status for a while before.
+/// Waits until the station may command the hold, which it may only after it has received Hold-Status for a while.
 fn ready(page: SocketAddr) {
     until(page, "a hold", |drone| drone["hold"]["values"]["seconds"].as_u64() >= Some(3));
 }
