@@ -293,7 +293,7 @@ impl Poller {
             return self.sending(sending);
         }
         match (self.state, input) {
-            // The last step of the first of these states was an event.
+            // The first arms handle states in which the last step was an event.
             (PollerState::New, _) => self.begin_bring_up(),
             (PollerState::FrameLost, _) => self.short(PollerState::Stopping, command::STOP),
             (PollerState::Ready | PollerState::Sent, _) | (PollerState::Sending(SendState::Loaded), Input::Start) => {

@@ -416,7 +416,7 @@ fn exclusions(voter: &Voter) -> String {
     text
 }
 
-/// Returns lines about the active hold.
+/// Returns lines of text about what the active hold did in the run.
 fn hold_in_words(hold: &bench::report::Hold) -> String {
     let commands = |of: bench::report::Commands| {
         format!("{} commands, {} acknowledged, {} lost", of.sent, of.acknowledged, of.lost)

@@ -326,7 +326,7 @@ fn with_two_receive_buffers_a_frame_during_a_read_is_given_up() {
         assert_eq!((filling.memory().name, filling.memory().words), (2, [0; WORDS]));
         assert_eq!((read.memory().name, read.memory().words), (0, [1; WORDS]));
     }
-    // A frame that is not delivered does not touch the buffer that is being read either.
+    // A frame that is not delivered leaves the buffer that is being read unchanged, too.
     let (next, found) = rotation.replace(filling);
     assert_eq!(found, sound(1));
     filling = next;

@@ -195,7 +195,7 @@ fn a_restart_of_the_hold_loses_a_command_that_waits() {
     assert_eq!(scene.state(), CommandState::Pending);
     scene.loss = 0;
     scene.stored.clear();
-    // By now one object of the restarted hold has arrived.
+    // Within 110 ms one object of the restarted hold arrives.
     scene.fly(110_000);
     assert_eq!(scene.state(), CommandState::Lost);
     let stored = scene.stored.len();
