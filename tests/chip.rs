@@ -21,7 +21,7 @@ const READ: u8 = 0x40;
 pub struct Status {
     /// The main interrupts.
     pub main: u8,
-    /// The interrupts of errors and wake-up.
+    /// The bits of the error and wake-up interrupt register.
     pub error: u8,
     /// The number of bytes in the FIFO, below 256.
     pub count: u8,

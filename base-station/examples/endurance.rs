@@ -8,7 +8,7 @@
 //! crate's reader checks each chunk's CRC, a fresh intake judges each part again, and the part is removed. FOLDER holds
 //! about 8 GB meanwhile.
 //!
-//! The program fails if data are missing or were judged differently the second time, or if memory grows.
+//! The program fails if data are missing, if a second judgement of the data differs from the first, or if memory grows.
 
 use std::io;
 use std::path::{Path, PathBuf};

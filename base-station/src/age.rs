@@ -47,7 +47,7 @@ struct Lower {
     largest_us: i64,
 }
 
-/// The smallest difference of arrival and timestamp, and the instant from which on drift raises it.
+/// The smallest difference of arrival and timestamp. From the instant `at_us` on, the drift of the clocks raises it.
 #[derive(Clone, Copy, Debug)]
 struct Floor {
     difference_us: i64,
@@ -61,7 +61,7 @@ struct Window {
     before: Option<Floor>,
 }
 
-/// Compares the timestamps of one HORUS with their arrivals, from that HORUS's start on.
+/// Compares the timestamps of one HORUS with the instants at which they arrive, from that HORUS's start on.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Ages {
     /// The last timestamp, ms, as it arrived and without wrapping.

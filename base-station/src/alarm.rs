@@ -1,4 +1,4 @@
-//! Defines the alarms for the user.
+//! Defines the alarms that a base station shows to its user.
 
 use core::fmt;
 
@@ -7,7 +7,7 @@ use core::fmt;
 pub enum Severity {
     /// Something is wrong, but the displayed data are valid.
     Warning,
-    /// The displayed data are not valid, or HORUS has acted.
+    /// Critical: the displayed data are not valid, or HORUS has acted.
     Critical,
 }
 
@@ -76,7 +76,7 @@ alarms! {
     Frozen, "frozen", Critical, "HORUS repeats the same sample";
     /// The DPR does not find HORUS's sequence, or the data that arrive do not continue the displayed ones.
     OutOfSequence, "out-of-sequence", Critical, "what arrives does not continue what was shown";
-    /// HORUS marks an impossible position as valid ([`profile::range`]).
+    /// HORUS marks a position as valid that is impossible ([`profile::range`]).
     Implausible, "implausible", Critical, "no position: what HORUS calls valid cannot be one";
     /// HORUS marks Reported-Position as not valid.
     NoAgreement, "no-agreement", Critical, "no position: too few receivers agree";
@@ -155,7 +155,7 @@ pub struct Raised {
     pub since_us: u64,
 }
 
-/// The beginning or the end of an alarm.
+/// Tells that an alarm has begun or ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Change {
     /// The alarm that began or ended.

@@ -10,7 +10,7 @@ use profile::{Layout, image};
 
 use crate::Place;
 
-/// The objects of one message.
+/// The objects that one message carries.
 #[derive(Clone, Copy, Debug)]
 pub struct Bundle<'a> {
     bytes: &'a [u8],

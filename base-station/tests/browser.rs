@@ -506,7 +506,7 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     while order.len() < 8 {
         tab.press("Tab");
         order.push(tab.eval(focused).as_str().unwrap_or_default().to_owned());
-        // By now the other drone is silent, and the page may have a button to acknowledge that alarm.
+        // The other drone is silent by this time, so the page may have a button to acknowledge that alarm.
         order.retain(|id| id != "acknowledge");
     }
     // Three elements have no id: the list of changes, and two drones in the list of all drones.
@@ -629,7 +629,7 @@ fn what_is_wrong_is_said_first_and_nothing_of_it_is_green() {
             reported.status = reported.status.with_state(HorusState::EmergencyFired);
         }),
         ("invalid", "no position: too few receivers agree", |reported, _| {
-            // The image has numbers for the position, which the page must not show.
+            // The image has numbers for the position although it is invalid, and the page must not show them.
             reported.status = reported.status.with_position_valid(false).with_receivers_agreeing(1);
         }),
         ("position-lost", "HORUS has lost its position and does not monitor", |reported, _| {

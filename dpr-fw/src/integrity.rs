@@ -258,7 +258,8 @@ impl Integrity {
         taken.then_some(state == PASSED)
     }
 
-    /// Requests a self-test if `wanted` and none runs. Returns whether a self-test has passed, once for each.
+    /// Requests a self-test if `wanted` and none runs. Returns whether the last self-test has passed, once for each
+    /// self-test.
     pub fn serve_self_test(&self, wanted: bool) -> Option<bool> {
         if !wanted || self.is_self_test_running() {
             return None;
@@ -367,7 +368,7 @@ impl Judge {
     fn end_self_test(&mut self, integrity: &Integrity) {
         let SelfTest { flash: Some(flash), ram: Some(ram) } = self.self_test else { return };
         let result = if flash && ram { PASSED } else { FAILED };
-        // The exchange fails if another self-test was requested meanwhile. That request is kept.
+        // If another self-test was requested meanwhile, this exchange fails, so that the new request is kept.
         let _ = integrity.self_test.compare_exchange(RUNNING, result, Ordering::Relaxed, Ordering::Relaxed);
     }
 }

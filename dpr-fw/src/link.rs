@@ -83,7 +83,8 @@ enum Due {
     Any,
     /// The deadline waits for the second frame of the current cycle.
     Second,
-    /// The deadline waits for the next cycle's first frame. The second frame of this cycle already counts as missed.
+    /// The deadline waits for the first frame of the next cycle. The second frame of this cycle already counts as
+    /// missed.
     First,
     /// The deadline waits for the next cycle.
     Cycle,
@@ -205,7 +206,8 @@ impl<const N: usize> Monitor<N> {
         }
         let silent = self.has_lapsed(now_us);
         if silent {
-            // A deadline that has passed counts as one missed frame or cycle, and each further period as another.
+            // A passed deadline counts as one missed frame or cycle. Each further period that has passed counts as
+            // another one.
             let more = now_us.wrapping_sub(self.deadline_us) / SILENCE_US;
             self.deadline_us = self.deadline_us.wrapping_add((more + 1) * SILENCE_US);
             let (due, frames) = match self.due {
@@ -221,7 +223,7 @@ impl<const N: usize> Monitor<N> {
     }
 }
 
-/// States that other tasks hold, and that Link-Status shows.
+/// The values for Link-Status that other tasks hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Health {
     /// Whether a fault of RAM was found since start.
@@ -506,7 +508,7 @@ mod tests {
         assert_eq!(values(&link).age_100us, 51);
         link.advance(50_000 + 12_500);
         assert_eq!(values(&link).age_100us, 176);
-        // The age keeps growing until a Reported-Position is accepted.
+        // The age in Link-Status keeps growing until a Reported-Position is accepted.
         link.frame(&verdict(Objects::NONE, Cycle::Same, 60_000), &sequence);
         assert_eq!(values(&link).age_100us, 176);
         for minutes in 1..200_u32 {

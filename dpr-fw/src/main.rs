@@ -425,7 +425,7 @@ mod app {
     fn port(mut cx: port::Context) {
         let start = DWT::cycle_count();
         let port::LocalResources { port, areas, spare, prepared_for } = cx.local;
-        // The loop ends, since the SSI task grants a bounded number of transactions between two images.
+        // The loop ends, because the SSI task grants only a bounded number of transactions between two images.
         let mut changed = false;
         while let Some(brought) = areas.take() {
             changed |= port.transaction(*brought.about(), brought.memory(), hw::now_us());

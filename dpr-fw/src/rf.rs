@@ -5,7 +5,7 @@
 //! The listener, a state machine ([`st25r3916::Listener`]), decides what to send to the chip. The [`FrontEndPort`]
 //! starts SPI transfers by EasyDMA and a timer, and the driver's [`Executor`] connects the two. Three interrupts call
 //! [`Reception::serve`]: a transfer has ended, the IRQ pin has risen, the timer has elapsed. The cyclic check-in calls
-//! it too, so that a lost edge of the IRQ pin is made up for.
+//! this function too, so that a lost edge of the IRQ pin is made up for.
 //!
 //! A FIFO read returns a meaningless byte before the data. The port receives that byte just before the place of the
 //! data: at the first read of a frame this is the last of the [`LEAD`] bytes, later the last byte of the previous read,

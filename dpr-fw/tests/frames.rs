@@ -667,7 +667,7 @@ fn a_frame_that_ends_during_a_status_read_keeps_its_instant() {
         dpr.run_to(at + 5_000_000);
         met += dpr.world.borrow().rises_in_status_reads - met_before;
         assert_eq!(dpr.profile(4), sent.as_bytes(), "LEN + {more}, {slow}");
-        // The age counts from the end of the frame. Counted from the sync, it would be 2.4 ms greater.
+        // The reported age counts from the frame's end. If it counted from the sync, it would be 2.4 ms greater.
         let (published, _) = dpr.album.published[4];
         let age_100us = (published - (FIRST_TICK_NS + 4 * CYCLE_NS)) / 100_000;
         assert!(u64::from(dpr.link().age_100us).abs_diff(age_100us) <= 1, "LEN + {more}, {slow}: {:?}", dpr.link());

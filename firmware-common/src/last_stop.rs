@@ -96,7 +96,7 @@ impl Cause {
 pub struct Place([u8; Self::LEN]);
 
 impl Place {
-    /// The number of bytes of a path that are kept.
+    /// The number of bytes that are kept of a source file's path.
     pub const LEN: usize = 24;
 
     /// Returns the last bytes of `path`.
@@ -268,7 +268,8 @@ fn check_word(words: &[u32; WORDS]) -> u32 {
 
 fn fault_in_words(cause: Cause, cfsr: u32) -> &'static str {
     let bits: &[(u32, &str)] = match cause {
-        // A refused access comes before a failed entry to the handler, which it may have caused.
+        // The bit for a refused access comes before the bit for a failed entry to the handler, which may be its
+        // consequence.
         Cause::MemoryProtection => {
             &[(0, "execution"), (1, "data access"), (4, "exception entry"), (3, "exception return"), (5, "FPU state")]
         }

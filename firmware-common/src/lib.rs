@@ -1,4 +1,4 @@
-//! The code that both boards' firmwares share.
+//! The code that the boards' firmwares share.
 //!
 //! | module | content |
 //! |---|---|

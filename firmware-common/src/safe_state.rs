@@ -1,4 +1,4 @@
-//! The reaction of either board to a panic, a fault or an interrupt without a task.
+//! The reaction of any board to a panic, a fault or an interrupt without a task.
 //!
 //! Interrupts are masked, the board enters its own safe state (HORUS switches the field off, the DPR stops answering
 //! the flight controller), and the cause is recorded ([`last_stop`](crate::last_stop)) and logged once. No code feeds

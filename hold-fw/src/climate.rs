@@ -28,7 +28,7 @@ pub const SET_POINTS: RangeInclusive<f32> = 2.0..=40.0;
 pub const DEFAULT_SET_POINT: f32 = 20.0;
 /// The range of the output. Full heating is not allowed, because it could heat the box faster than its contents bear.
 pub const OUTPUTS: RangeInclusive<f32> = -1.0..=0.8;
-/// The greatest change of the output in a cycle.
+/// The greatest change of the controller's output from one cycle to the next.
 pub const SLEW: f32 = 0.05;
 /// The working temperatures of the box, °C. Above this range the box is not heated, below it the box is not cooled.
 pub const WORKING: RangeInclusive<f32> = 0.0..=45.0;

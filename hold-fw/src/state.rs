@@ -21,7 +21,7 @@ const MOST_HUMIDITY: f32 = 90.0;
 const MOST_VIBRATION: f32 = 20.0;
 const MOST_SHOCK: f32 = 60.0;
 
-/// What heater, cooler and lock must do.
+/// The states that heater, cooler and lock must take.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outputs {
     /// The output of the control: 1 is the full power of the heater, -1 that of the cooler.

@@ -13,7 +13,8 @@ const STEPS: i16 = 4_096;
 /// itself lies outside, is the highest that the nRF52840 bears (PS v1.7, 5.3.1).
 pub const LIMITS: Range<f32> = 2.9..FULL_SCALE;
 
-/// The lowest result that is not an error of the measurement, V: the hold stops below 2.57 V.
+/// The lowest result that is believed, V: the hold stops below 2.57 V, so a lower result is an error of the
+/// measurement.
 const LOWEST: f32 = 2.5;
 
 /// Returns the supply voltage, V, of a conversion's result; `None` if the result is too low to be right.

@@ -134,12 +134,12 @@ pub enum Order {
     Rejoin,
 }
 
-/// The result of a read that the DMA stream has made.
+/// The result of a read whose bytes the DMA stream has moved.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Received {
     /// The range of the received bytes that belong to the receiver's stream.
     pub stream: Range<usize>,
-    /// The next order to the code that accesses the registers.
+    /// The next order that the code with access to the registers has to carry out.
     pub then: Order,
 }
 

@@ -60,7 +60,7 @@ pub enum Message {
         receiver: usize,
         /// The recoveries of the bus so far.
         recoveries: u32,
-        /// The transactions so far that had not ended by the next tick.
+        /// The number of transactions so far that had not ended by the next tick.
         timed_out: u32,
     },
 }

@@ -274,7 +274,7 @@ pub struct Solution {
 /// The counts of what a receiver's line has carried so far. All counts wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// The number of bytes of the line that were taken in.
+    /// The number of bytes that were taken in from this receiver's line.
     pub bytes: u32,
     /// Intact UBX messages of any kind.
     pub messages: u32,

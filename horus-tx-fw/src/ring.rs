@@ -29,7 +29,8 @@ impl Writer {
         let position = (size - left.min(size)) % size;
         let step = (position + size - self.position) % size;
         self.position = position;
-        // The step between two positions is smaller than a ring, and a ring is smaller than 64 KiB (NDTR has 16 bits).
+        // The writer moves by less than a ring between two positions, and a ring is smaller than 64 KiB (NDTR has 16
+        // bits).
         self.total = self.total.wrapping_add(step as u32);
         self.total
     }

@@ -125,7 +125,7 @@ impl Ring {
         self.written.store(written, Ordering::Release);
     }
 
-    /// Returns how many bytes were written since the start (wraps).
+    /// Returns the number of bytes that were written since the start; it wraps.
     #[must_use]
     pub fn written(&self) -> u32 {
         self.written.load(Ordering::Acquire)

@@ -202,7 +202,7 @@ enum Place {
 }
 
 impl Filter {
-    /// Returns a filter that is outside of any message.
+    /// Returns a filter that has seen no byte, and so is outside of any message.
     #[must_use]
     pub const fn new() -> Self {
         Self(Place::Outside)
@@ -368,7 +368,7 @@ mod tests {
             assert!([0xB5, 0x62, 0x01, 0x07, low, high].into_iter().all(|byte| filter.keeps(byte)));
             filter.keeps(FILLER)
         };
-        // Of a message, sync, class, identifier and length are six bytes, and the checksum is two.
+        // In a message, sync, class, identifier and length are six bytes, and the checksum is two.
         assert!(is_followed(0) && is_followed(248));
         assert!(!is_followed(249) && !is_followed(0x0107) && !is_followed(u16::MAX));
     }

@@ -47,7 +47,7 @@ impl Ticket {
         self.0
     }
 
-    /// Makes a ticket from one word.
+    /// Makes a ticket from its word, which [`word`](Self::word) returned.
     #[must_use]
     pub const fn from_word(word: u32) -> Self {
         Self(word)
@@ -165,7 +165,7 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         self.serve(event);
     }
 
-    /// Takes what happened in a slot that has passed.
+    /// Takes the result of a slot that has passed: which frame the slot was for, and whether a command was sent.
     pub fn slot(&mut self, slot: Slot) {
         self.next = self.next.max(slot.frame + 1);
         match (slot.fired, self.turn) {

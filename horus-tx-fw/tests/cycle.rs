@@ -128,8 +128,8 @@ fn one_receiver_of_three_gives_no_position() {
 #[test]
 fn a_position_is_brought_to_the_tick_by_its_velocity() {
     let moving = NavPvt { velocity: [10_000, 0, -2_000], ..NavPvt::GOOD };
-    // At the tick the receiver's position is older by 60 ms and the latency of 50 ms. That moves it 1.1 m north and
-    // 0.22 m up.
+    // At the tick the receiver's position is 110 ms old: 60 ms since its arrival, and the latency of 50 ms. So it is
+    // moved 1.1 m north and 0.22 m up.
     let (reported, [gps]) = read(&Cycle::new().voted_and_filled(7, &[heard(&[moving.bytes()], 10)]));
     assert_eq!(gps.latitude, 47.498_765_4);
     assert!(((reported.latitude - gps.latitude) * 111_180.0 - 1.1).abs() < 1e-3);

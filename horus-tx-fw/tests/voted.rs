@@ -36,7 +36,7 @@ enum Kind {
     Frozen,
     /// The receiver repeats its last position, but at new times of week.
     Stuck,
-    /// The receiver is suddenly 20 m to 5 km off.
+    /// The receiver's position is suddenly 20 m to 5 km off.
     Jump,
     /// The receiver's position moves away with 0.2 to 2 m/s.
     Drift,
@@ -278,7 +278,7 @@ struct Outcome {
     unexplained: u32,
     /// The greatest error in height of all ticks with an altitude, m.
     worst_height_m: f64,
-    /// The number of ticks after [`SETTLED_MS`] with an attitude.
+    /// The number of ticks later than [`SETTLED_MS`] whose result has an attitude.
     oriented: u32,
     worst_heading: f64,
     /// The time from the failure to the first tick with a result that is farther from the truth than the bound, ms.

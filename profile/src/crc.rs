@@ -126,7 +126,7 @@ pub fn frame_of_words(words: impl Iterator<Item = u32>) -> u32 {
     frame_of_words_after(0, words)
 }
 
-/// The frame CRC of data followed by `words`, where `crc` is the frame CRC of the data; 0 stands for no data.
+/// Continues the frame CRC `crc` over `words` and returns the result. A `crc` of 0 stands for no data before them.
 ///
 /// ```
 /// use profile::crc::{frame_of_words, frame_of_words_after};

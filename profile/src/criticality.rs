@@ -184,7 +184,7 @@ impl fmt::Display for Criticality {
     }
 }
 
-/// A function of the system that writes objects, as a value. [`Role`] is the corresponding type.
+/// A function of the system that writes objects: the value for the type [`Role`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Function {
     /// The base station.

@@ -11,7 +11,7 @@ pub enum Freshness {
     First,
     /// The timestamp is ahead by a whole number of cycles: the data are new.
     Fresh {
-        /// The number of cycles between the two timestamps whose data did not arrive.
+        /// The number of cycles between the two timestamps; their data did not arrive.
         missed: u32,
     },
     /// The timestamp repeats the last one: HORUS is frozen, or a frame was repeated.

@@ -65,7 +65,7 @@ pub enum Violation {
     CommandBusy,
     /// More transactions, or more objects, than the DPR grants.
     TooMany,
-    /// MOSI was driven after the object.
+    /// The flight controller drove MOSI after the object's last byte.
     TooLong,
 }
 
@@ -105,7 +105,7 @@ impl Violation {
         }
     }
 
-    /// The range of this kind's counter in Port-Status.
+    /// Returns the range of the counter for this kind of violation in Port-Status.
     #[must_use]
     pub const fn place(self) -> Range<usize> {
         let start = offset_of!(PortStatus, violations) + 2 * self.index();

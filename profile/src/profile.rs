@@ -56,7 +56,7 @@ impl<const N: usize> Profile<N> {
         bytemuck::zeroed()
     };
 
-    /// The profile of these sealed objects. `gps` begins with GPS1.
+    /// Returns the profile that consists of these sealed objects. `gps` begins with GPS1.
     #[must_use]
     pub const fn new(reported: ReportedPosition, gps: [GpsObject; N]) -> Self {
         let () = Self::SUPPORTED;

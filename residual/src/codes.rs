@@ -124,7 +124,7 @@ fn parse(text: &str) -> Vec<(Code, DualWeights)> {
         }
         Some((Code { named, bits }, DualWeights::from_counts(counts)))
     };
-    // A line that cannot be read is skipped. Whoever requests its code then gets an error.
+    // A line that cannot be read is skipped. A later request for that line's code then fails.
     text.lines().filter(|text| !text.starts_with('#')).filter_map(line).collect()
 }
 

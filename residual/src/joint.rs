@@ -52,7 +52,7 @@ impl Nesting {
     };
 }
 
-/// A combination of a weight inside and a weight outside the inner codeword, with the search's result.
+/// One number of wrong bits inside and one outside the inner codeword, with the result of the search for such errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Examined {
     /// The number of wrong bits in the inner codeword.
@@ -74,8 +74,9 @@ pub struct Joint {
     pub at_least: usize,
     /// The combinations of weights that were searched, by total weight.
     pub examined: Vec<Examined>,
-    /// Words of the least weight in the combinations in `examined`, each as the set bits of the outer codeword, counted
-    /// from the last bit sent. There may be others with more errors inside.
+    /// The words of the least weight that were found in the combinations in `examined`. Each word is given by the set
+    /// bits of the outer codeword, counted from the last bit sent. Words with more errors inside may exist besides
+    /// these.
     pub words: Vec<Vec<u16>>,
 }
 
@@ -147,7 +148,7 @@ fn words_of<'a>(found: &'a mut Vec<Words>, nesting: &Nesting, weight: usize, thr
     &found[weight - 1]
 }
 
-/// The sums of up to three columns outside the inner codeword.
+/// The sums of up to three columns of bits outside the inner codeword.
 struct Outside {
     places: Vec<u16>,
     columns: Vec<u32>,

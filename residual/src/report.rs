@@ -73,7 +73,7 @@ impl Analysis {
         Self::new(&duals)
     }
 
-    /// The results of one of the judged codes.
+    /// Returns the results of this code, which must be one of the judged ones.
     ///
     /// # Panics
     ///
@@ -113,7 +113,7 @@ pub struct Claim {
     pub claim: String,
     /// Whether the claim holds.
     pub holds: bool,
-    /// The number that determines whether the claim holds.
+    /// The number on which it depends whether the claim holds.
     pub figure: String,
 }
 
@@ -478,7 +478,7 @@ impl Report {
     ///
     /// # Errors
     ///
-    /// Returns a message with the name of a table that the text lacks.
+    /// Returns a message that names the table for which the text has no place.
     pub fn refresh(&self, text: &str) -> Result<String, String> {
         self.tables().into_iter().try_fold(text.to_owned(), |text, (name, table)| {
             let begin = format!("<!-- table: {name} -->\n");

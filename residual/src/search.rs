@@ -138,7 +138,7 @@ impl Halves {
     /// Finds all pairs of halves whose sums add up to `target`. All positions of one half lie below those of the other
     /// and below `limit`.
     fn join(&self, target: u32, limit: usize, threads: NonZero<usize>, found: &mut dyn FnMut(Vec<u16>)) {
-        // Each further thread needs enough work to be worth its start.
+        // A further thread is started only if there is enough work to be worth its start.
         let threads = if self.entries.len() < 1 << 20 { 1 } else { threads.get() };
         let next = AtomicUsize::new(0);
         let work = || {

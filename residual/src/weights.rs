@@ -24,13 +24,13 @@ pub enum NotADual {
         /// The number r of check bits.
         check_bits: u32,
     },
-    /// The identity gives a fraction or a negative number where a count of codewords should be.
+    /// The MacWilliams identity gives a fraction or a negative number where a count of codewords should be.
     #[error("the number of codewords of weight {weight} is not a natural number")]
     Count {
-        /// The weight for which the identity gives no natural number.
+        /// The weight for which the MacWilliams identity gives no natural number.
         weight: usize,
     },
-    /// The identity does not give exactly one word of weight 0, or not 2^(n - r) words in all.
+    /// The MacWilliams identity does not give exactly one word of weight 0, or not 2^(n - r) words in all.
     #[error("the codewords are not one of weight 0 and 2^{data_bits} in all")]
     Codewords {
         /// The number n - r of data bits.

@@ -271,7 +271,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Listener<SPI, IRQ, DELAY> {
     /// # Errors
     /// The SPI bus or the IRQ pin failed. The next call recovers.
     pub fn next(&mut self, limit_us: u32) -> Result<Option<ListenerEvent>, Error<SPI::Error, IRQ::Error>> {
-        // This resumes the machine after the event of the previous call. If that call returned no event, this does
+        // This call resumes the machine after the event of the previous call. If there was no event, the call does
         // nothing.
         let event = self.0.resume();
         next(&mut self.0, event, Some(limit_us))

@@ -246,7 +246,7 @@ const ANSWERED_A: Polling = Polling {
 };
 const ANSWERED_B: Polling = Polling { receiver: ANSWER_RECEIVER_B, ..ANSWERED_A };
 
-/// Registers 10 to 12, the no-response timer and the timer control, set to the window for an answer.
+/// Registers 10 to 12, the no-response timer and the timer control, set so that the timer ends the wait for an answer.
 const ANSWER_WINDOW: [u8; 3] = {
     let [high, low] = NO_RESPONSE_STEPS.to_be_bytes();
     [high, low, reg::TIMERS_64_FC]

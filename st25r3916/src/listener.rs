@@ -331,7 +331,7 @@ pub enum ListenerState {
     RearmUnmask,
     /// The listener waits for a frame.
     Listening,
-    /// The listener waits for the rest of a frame.
+    /// The listener waits for the remaining bytes of a frame.
     Receiving,
     /// The status is being read, within or outside a frame.
     ReadingStatus {

@@ -152,7 +152,7 @@ pub enum Fault {
     },
     /// The chip was reset since bring-up, by a power-up or a brown-out, and has lost its configuration.
     Reset,
-    /// Of a listener or answerer: no frame was delivered for [`crate::listener::SILENCE_US`] or, after the first
+    /// In a listener or answerer: no frame was delivered for [`crate::listener::SILENCE_US`] or, after the first
     /// silence in a row, for twice as long each time. A silent poller and a deaf listener look the same.
     Silence {
         /// Whether the chip detects the poller's field.

@@ -107,7 +107,7 @@ pub const fn rest_within_us(spi_hz: u32) -> Option<u32> {
 pub struct PollerConfig {
     /// The state of the receiver: off, or on and masked.
     pub receiver: ReceiverMode,
-    /// After a frame, fail with [`Fault::FifoCount`] if bytes are left in the FIFO.
+    /// Whether the poller fails with [`Fault::FifoCount`] if bytes are left in the FIFO after a frame.
     pub check_left_over: bool,
     /// Whether the poller fails with [`Fault::FieldDropped`] if oscillator or transmitter is off between frames.
     pub check_field: bool,
@@ -293,7 +293,7 @@ impl Poller {
             return self.sending(sending);
         }
         match (self.state, input) {
-            // The last step of the first of these states was an event.
+            // The first arms handle states in which the last step was an event.
             (PollerState::New, _) => self.begin_bring_up(),
             (PollerState::FrameLost, _) => self.short(PollerState::Stopping, command::STOP),
             (PollerState::Ready | PollerState::Sent, _) | (PollerState::Sending(SendState::Loaded), Input::Start) => {

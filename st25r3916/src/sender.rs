@@ -38,7 +38,7 @@ pub enum SendState {
     OnAir,
     /// The interrupt registers are being read while the frame is on air.
     ReadingIrqs {
-        /// Whether the frame's time is over. If so, this read decides whether the frame was sent.
+        /// Whether the time for the frame is over. If so, the result of this read decides whether the frame was sent.
         last: bool,
     },
 }
@@ -47,7 +47,7 @@ pub enum SendState {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SendError {
-    /// The last step was not an event that permits a new frame.
+    /// The machine's last step was not an event after which a new frame may be sent.
     NotReady,
     /// The payload is empty or longer than [`crate::poller::MAX_PAYLOAD`].
     Length,

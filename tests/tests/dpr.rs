@@ -26,7 +26,7 @@ const WORDS: usize = 65;
 /// Fills a buffer with a pattern and reads it back, as a scrub does with each of its two patterns. Sound memory has no
 /// bit that differs.
 ///
-/// The function is inlined as in a scrub, so that the compiler generates the same code for both.
+/// The function is inlined as it is in a scrub, so that the compiler generates the same code for both places.
 #[inline(always)]
 fn pass(memory: &mut [u32; WORDS], pattern: u32) {
     memory.fill(pattern);

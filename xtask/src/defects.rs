@@ -34,7 +34,7 @@ pub(crate) struct DefectsArgs {
     names: Vec<String>,
 }
 
-/// The suffix of the copy's packages and binaries, which must not replace the checkout's files.
+/// The suffix of the names of the copy's packages and binaries, which keeps them from replacing the checkout's files.
 const SUFFIX: &str = "-with-defects";
 /// Two words that stand before the number of the chosen defect in a firmware, by which that number is found.
 const MARK: [u32; 2] = [0x4445_4645, 0x4354_3A20];

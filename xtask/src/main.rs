@@ -121,7 +121,7 @@ impl Board {
         }
     }
 
-    /// The name on the command line and in the on-target test suite.
+    /// The board's name on the command line and in the on-target test suite.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Dpr => "dpr",

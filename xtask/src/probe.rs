@@ -41,7 +41,7 @@ use watchdog::Feeding;
 
 const CORE_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// The number of LR in DCRSR (ARMv7-M ARM C1.6.3).
+/// The number by which DCRSR selects LR (ARMv7-M ARM C1.6.3).
 const LR: RegisterId = RegisterId(14);
 /// The number of xPSR in DCRSR.
 const XPSR: RegisterId = RegisterId(16);
@@ -574,7 +574,7 @@ fn faulted(core: &mut Core<'_>, elf: &Path) -> Result<String> {
     const RETURN_ADDRESS: u64 = 24;
     let returns: u32 = core.read_core_reg(LR)?;
     let stack: u32 = core.read_core_reg(if returns & PROCESS_STACK != 0 { PSP } else { MSP })?;
-    // The fault may have been caused by a stack pointer that points outside memory.
+    // The read may fail, because the fault may have been caused by a stack pointer that points outside memory.
     let Ok(pc) = core.read_word_32(u64::from(stack) + RETURN_ADDRESS) else { return Ok(String::new()) };
     let place = emulator_node::Firmware::read(elf)?.place_of(u64::from(pc));
     Ok(place.map_or_else(|| format!(" at {pc:#010x}"), |place| format!(" in {place}")))

@@ -197,7 +197,8 @@ mod tests {
         for byte in 0..VECTORS.len() + CODE.len() {
             for bit in 0..8 {
                 let mut elf = image();
-                // The contents of sections begin after the file header and three program headers.
+                // The contents of the sections come after the file header and three program headers, so the wrong bit
+                // is in them.
                 elf[52 + 3 * 32 + byte] ^= 1 << bit;
                 assert_ne!(seal(&mut elf).unwrap(), crc, "byte {byte}, bit {bit}");
             }

@@ -372,7 +372,7 @@ fn reported_position(reported: &Reported) -> String {
     };
     let silent: Vec<String> = (1..)
         .zip(&reported.last_solution_ns)
-        // Receivers with a solution after that instant were not silent then, so they are left out.
+        // Receivers with a solution after the instant `since` were not silent then, so they are left out.
         .filter(|(_, last)| last.is_none_or(|last| last < since))
         .map(|(receiver, last)| match last {
             Some(last) => format!("GPS{receiver} silent since {}", seconds(*last)),
@@ -416,7 +416,7 @@ fn exclusions(voter: &Voter) -> String {
     text
 }
 
-/// Returns lines about the active hold.
+/// Returns lines of text about what the active hold did in the run.
 fn hold_in_words(hold: &bench::report::Hold) -> String {
     let commands = |of: bench::report::Commands| {
         format!("{} commands, {} acknowledged, {} lost", of.sent, of.acknowledged, of.lost)
@@ -440,7 +440,7 @@ fn hold_in_words(hold: &bench::report::Hold) -> String {
     )
 }
 
-/// Returns lines about the effects of the upsets that were tried on copies of the bench.
+/// Returns lines that say what the upsets of single bits did, which were tried on copies of the bench.
 fn upsets_in_words(upsets: &Upsets) -> String {
     let count = |of: fn(&UpsetClasses) -> usize| upsets.classes.values().map(of).sum::<usize>();
     let (masked, detected) = (count(|classes| classes.masked), count(|classes| classes.detected));

@@ -18,7 +18,7 @@ use crate::{Board, Receivers, firmware};
 pub(crate) struct Footprint {
     pub(crate) flash: u64,
     pub(crate) ram: u64,
-    /// The code that is copied from flash to RAM at the start; it counts in flash too.
+    /// The size of the code that is copied from flash to RAM at the start, bytes. This code counts in flash too.
     pub(crate) code_in_ram: u64,
 }
 

@@ -48,7 +48,7 @@ pub fn program() -> Option<PathBuf> {
     program
 }
 
-/// The size at which the page is displayed.
+/// The size of the window in which a browser displays the page.
 #[derive(Clone, Copy, Debug)]
 pub struct Screen {
     /// The width of the page, CSS pixels.

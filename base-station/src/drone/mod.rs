@@ -61,7 +61,8 @@ pub const RECENT_US: u64 = 10_000_000;
 /// [`FROZEN_REPEATS`] come, HORUS's timestamp is frozen.
 pub const FROZEN_US: u64 = 300_000;
 
-/// The greatest number of duplicates of one sample, later than [`FROZEN_US`] after its first arrival, that is no alarm.
+/// The greatest number of duplicates that is no alarm. Only those of one sample that come later than [`FROZEN_US`]
+/// after its first arrival count.
 pub const FROZEN_REPEATS: u32 = 2;
 
 /// The verdict on an object that arrived.
@@ -141,7 +142,7 @@ impl<T> Held<T> {
 pub struct Counts {
     /// The number of messages with objects of this drone.
     pub messages: u64,
-    /// The number of objects that were shown.
+    /// The number of objects that were newer than the displayed ones, and so were shown.
     pub new: u64,
     /// The number of intact objects that were displayed already.
     pub duplicate: u64,

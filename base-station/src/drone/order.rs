@@ -16,7 +16,7 @@
 //! | is quiet for [`QUIET_US`] | back by more than [`LATE_US`] | a stranger: perhaps a replayed recording |
 //! | has sent less than [`QUIET_US`] ago, but does not continue | any | not known yet |
 //!
-//! So messages that arrive among those of the true sender cannot replace that sender.
+//! This rule keeps messages that arrive among those of the true sender from replacing that sender.
 
 use profile::{Freshness, freshness};
 
@@ -55,7 +55,7 @@ pub enum Step {
     },
     /// The timestamp equals the newest one.
     Same,
-    /// The timestamp is older than the newest one.
+    /// The timestamp is older than the newest timestamp that has arrived.
     Older,
     /// The timestamp does not continue the earlier ones; its object is not shown.
     Search,

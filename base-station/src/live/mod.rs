@@ -67,7 +67,7 @@ pub struct Clock {
 #[derive(Clone, Debug)]
 enum Passed {
     Since(Instant),
-    /// The elapsed time that the caller sets, µs.
+    /// The time since the clock's start as the caller has set it, µs.
     Told(Arc<AtomicU64>),
 }
 
@@ -109,7 +109,7 @@ pub enum Event {
     Line {
         /// The name of the line.
         name: String,
-        /// The error; `None` if the line works again.
+        /// The line's error; `None` if the line works again.
         why: Option<String>,
     },
     /// A record of a recording that is played back.
@@ -120,7 +120,7 @@ pub enum Event {
     End,
 }
 
-/// Passes a line's events on to the station.
+/// Passes the events of one line on to the station.
 #[derive(Clone, Debug)]
 pub struct Inlet {
     to: SyncSender<Event>,
@@ -174,7 +174,7 @@ pub struct StationData {
     pub recorder: Option<Trouble>,
     /// The station's own messages, if enabled.
     pub voice: Option<Voice>,
-    /// The instant, µs, up to which the state is complete.
+    /// The instant, µs, up to which every event has been taken into the state.
     pub now_us: u64,
 }
 
@@ -229,7 +229,7 @@ impl Station {
         self.changes.clone()
     }
 
-    /// Returns the number of arrivals that were dropped because too many waited.
+    /// Returns the number of arrivals that were dropped because too many already waited for the station.
     #[must_use]
     pub fn dropped(&self) -> u64 {
         self.dropped.load(Ordering::Relaxed)
@@ -354,8 +354,8 @@ fn run(
                     export::judge(&mut known.intake, &record);
                     record.commands.iter().for_each(|told| known.note_command(told.clone()));
                     known.now_us = known.now_us.max(record.carried.at_us);
-                    // The history's time is that of the recorded data. During a jump the playback's time is ahead of
-                    // it.
+                    // The history uses the time of the recorded data. During a jump the playback's time is ahead of
+                    // that time.
                     let StationData { history, intake, .. } = &mut *known;
                     history.look(record.carried.at_us, intake.fleet());
                 }

@@ -161,7 +161,7 @@ mod with {
 mod without {
     use super::{Transport, Unusable};
 
-    /// A type without values, for a program without TLS.
+    /// A type without values, so that a program without TLS cannot make one.
     #[derive(Clone)]
     pub enum Tls {}
 

@@ -381,7 +381,7 @@ fn a_record_with_a_false_length_takes_no_excessive_memory() {
             assert!(bytes <= damaged.len() as u64);
         }
     }
-    // An endless input is read only until the limit of memory is reached.
+    // If an endless input claims a length above the limit, only the head of that record is read.
     let endless = |claimed| io::Read::chain(io::Cursor::new([&file[..], &head(0x80, claimed)].concat()), io::repeat(0));
     let (count, torn, _, bytes) = read_through(endless(1 << 40));
     assert_eq!((count, bytes), (records, (file.len() + 9) as u64));

@@ -331,7 +331,7 @@ fn an_autopilot_sends_to_a_station_once_it_receives_its_heartbeat() {
         expected(&image(70_000)).into_iter().map(|(kind, from)| json!({ "type": kind, "bytes": hex(&from) })).collect();
     let is_active = |seconds: f64| json!({ "do": "is_active", "seconds": seconds, "objects": objects });
 
-    // A station that only listens is unknown to pymavlink, which therefore sends nothing to it.
+    // pymavlink does not know a station that only listens, and so sends nothing to it.
     assert_eq!(peer.ask(&is_active(1.5)), Value::Null);
     assert_eq!(station.known().intake.fleet().iter().len(), 0);
 

@@ -642,7 +642,8 @@ fn images_are_as_the_definition_says<const N: usize>(start_us: u32, steps: &[Ste
         (timestamp, sampled_us) = (timestamp.wrapping_add(ms), sampled_us + us);
         let profile = profile::<N>(timestamp);
         for (frame, payload) in air::split(&profile).enumerate() {
-            // The number decides the fate of each frame: it may be lost, damaged, or the second frame of another cycle.
+            // The case's random number decides the fate of each frame: it may be lost, damaged, or the second frame of
+            // another cycle.
             if number >> 8 & 0xF == frame as u32 + 1 {
                 continue;
             }
@@ -667,7 +668,7 @@ fn images_are_as_the_definition_says<const N: usize>(start_us: u32, steps: &[Ste
             if ended <= now {
                 continue;
             }
-            // The deadline is checked in time, late, or only when the next frame comes.
+            // The random number also decides whether the deadline is checked in time or only when the next frame comes.
             if number >> 20 & 0x3 != 0 {
                 let mut deadline = now;
                 while deadline < ended {

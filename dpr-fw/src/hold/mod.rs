@@ -56,7 +56,7 @@ const _: () = assert!(ANSWER_US >= EARLIEST_US && ANSWER_US + 100 <= ANSWER_WIND
 /// The memory of an answer. Before the answer are [`LEAD`] bytes and a byte for the load command.
 pub type AnswerMemory = [u32; (LEAD + 1 + Answer::SIZE) / 4];
 
-/// The memory that the second port's SPI accesses, except the receive buffers.
+/// The memory that DMA reaches for the second port's SPI, except the receive buffers.
 #[derive(Debug)]
 pub struct SpiMemory {
     /// The bytes that a short transfer sends, or the command of a read.

@@ -19,7 +19,7 @@ pub const SHOWN: usize = if cfg!(feature = "hold") { HoldObject::SIZE } else { 0
 pub struct Area {
     /// Port-Status and both uplinks.
     pub port: PortArea,
-    /// The hold's object, or zeros if it is not valid.
+    /// The bytes of the hold's object, or zeros if the object is not valid.
     pub hold: [u8; SHOWN],
 }
 

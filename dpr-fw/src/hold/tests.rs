@@ -22,7 +22,8 @@ fn object(timestamp: u32) -> HoldStatus {
     HoldStatus::seal(Writer::<ActiveLoad>::claim(), &HoldValues::absent(timestamp))
 }
 
-/// Calls the budget every `every_us` from `from_us` to `until_us`. Returns at how many calls the port may work.
+/// Calls the budget every `every_us` from `from_us` to `until_us`. Returns the number of calls at which the port may
+/// work.
 fn flood(budget: &mut Budget, from_us: u32, until_us: u32, every_us: usize) -> u32 {
     let works = |at_us| matches!(budget.call(at_us), Turn::Work | Turn::Begin { .. });
     (from_us..until_us).step_by(every_us).map(works).map(u32::from).sum()

@@ -64,7 +64,8 @@ pub(crate) trait Sends {
     fn is_armed(&self) -> bool;
     /// Counts the bytes of a transfer.
     fn carries(&mut self, bytes: usize);
-    /// Is called when the present transfer has ended or is about to be stopped. No timer may start it afterwards.
+    /// Called when the present transfer has ended or is about to be stopped. After that, no timer may start that
+    /// transfer.
     fn disarm(&mut self);
     /// Returns the time limit of a transfer that may take `us` from its start. The limit counts from `now_us`.
     fn limit_us(&self, us: u32, now_us: u32) -> u32;

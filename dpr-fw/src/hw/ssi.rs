@@ -50,8 +50,8 @@ impl SsiDoorbell {
         call(Task::ssi_end);
     }
 
-    /// Ends the pause after a transaction: END and ACQUIRED call the SSI task again, at once if either has come
-    /// meanwhile. Only the task of TIMER3 calls this, which has the SSI task's priority. If the SSI task has begun
+    /// Ends the pause after a transaction, so that END and ACQUIRED call the SSI task again, at once if either has come
+    /// meanwhile. Only the task of TIMER3 calls this function, at the SSI task's priority. If the SSI task has begun
     /// another pause, it has cleared the compare event, and nothing is done.
     pub(crate) fn end_pause() {
         // SAFETY: the pointers to both peripherals are valid for ever. Only this task and the SSI task use the event,
@@ -112,7 +112,7 @@ pub(crate) struct SsiPort {
     pause: pac::TIMER3,
     /// The pins belong to this type, so that no other code configures them.
     _pins: SsiPins,
-    /// The receive area; `None` only within `hand_over`.
+    /// The area that receives the next transaction's bytes; `None` only within `hand_over`.
     area: Option<Filling<AreaBuffer>>,
     areas: SsiEnd<'static, AreaBuffer>,
     /// The number of bytes that came in during the last transaction.

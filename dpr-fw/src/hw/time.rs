@@ -1,4 +1,4 @@
-//! The deadline of the next frame (TIMER1).
+//! The timer TIMER1, which watches the deadline of the next frame.
 
 use dpr_fw::intake::Timer;
 pub(super) use firmware_common::nrf52840::COUNTER_PRESCALER as PRESCALER;

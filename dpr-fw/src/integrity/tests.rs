@@ -15,7 +15,7 @@ struct Board {
     image: ImageMemory,
     generation: Cell<u32>,
     words_to_exchange: Cell<u32>,
-    /// The word and its bit that are wrong when the word is read for the first time.
+    /// The word and the bit in it that are wrong at the first read of this word, and only then.
     wrong_read: Cell<Option<(usize, u32)>>,
 }
 
@@ -152,7 +152,7 @@ proptest! {
         let mut check = ImageCheck::<N> { next: object_of(byte) };
         board.words_to_exchange.set(words);
         prop_assert_eq!(check.step(&board), None);
-        // The image is no longer exchanged, so the check verifies the same object again.
+        // The image is exchanged no longer, so this step verifies the same object again.
         prop_assert_eq!(check.step(&board), Some(8));
     }
 
@@ -245,7 +245,7 @@ fn a_self_test_ends_after_a_whole_pass_of_flash_and_ram() {
             let of_ram = Slice { ram_pass: Some(ram), ..Slice::default() };
             let (first, second) = if ram_first { (of_ram, of_flash) } else { (of_flash, of_ram) };
             judge.judge(&first, None, &integrity, &telemetry);
-            // A self-test waits for one pass over each memory. Further passes over the first memory do not count.
+            // A self-test waits for one pass over each memory, so a second pass over the first memory does not count.
             judge.judge(&Slice { flash: None, ram_pass: None, ..first }, None, &integrity, &telemetry);
             assert_eq!(integrity.take_result(), None);
             judge.judge(&second, None, &integrity, &telemetry);

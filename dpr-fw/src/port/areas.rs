@@ -35,7 +35,7 @@ pub struct Transaction {
     pub bytes: usize,
 }
 
-/// An area that holds the bytes that a transaction brought.
+/// A receive area with the bytes that a transaction brought.
 pub type Brought<B> = Received<B, Transaction>;
 
 /// The queues between the SSI task and the port task.
@@ -89,14 +89,14 @@ pub struct SsiEnd<'q, B> {
     clean: Consumer<'q, Clean<B>>,
     /// The area for the next transaction, if a clean one was in the queue.
     next: Option<Clean<B>>,
-    /// The area of the last transaction, which is still to be passed on to the port task.
+    /// The area with the last transaction's bytes, which is still to be passed on to the port task.
     waits: Option<Brought<B>>,
 }
 
 /// What happens to a transaction in [`SsiEnd::hand_over`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HandedOver {
-    /// The transaction waits for the port task, which has to be called.
+    /// The transaction waits for the port task, which the caller has to call.
     Waits,
     /// The transaction brought no byte.
     Empty,
@@ -119,7 +119,7 @@ impl<B: Memory + core::borrow::BorrowMut<ReceiveArea>> SsiEnd<'_, B> {
             return (clean.receive(), HandedOver::Waits);
         }
         let memory: &mut ReceiveArea = area.memory().borrow_mut();
-        // In an area, the fourth word holds the object's identifier and status.
+        // The fourth word of an area holds the object's identifier and status.
         let idle = transaction.bytes < HEADER_END || IDLE.contains(&memory[HEADER_END / 4 - 1]);
         memory.fill(0);
         (area, if idle { HandedOver::DroppedIdle } else { HandedOver::Dropped })

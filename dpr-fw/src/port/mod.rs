@@ -57,7 +57,7 @@ fn is_idle(bytes: &[u8]) -> bool {
     any == 0 || all == u32::MAX
 }
 
-/// States that other tasks hold, and that Port-Status shows.
+/// The values for Port-Status that other tasks hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Diagnostics {
     /// How often, since start and wrapping, the SSI task has used up the budget of transactions or dropped an object.

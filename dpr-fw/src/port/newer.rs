@@ -7,7 +7,7 @@ pub const ROW: u8 = 3;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timestamps {
     last: Option<u32>,
-    /// The timestamp that was refused last, and the length of its row of refused timestamps.
+    /// The timestamp that was refused last, and the number of refused ones in a row, each newer than the one before.
     row: Option<(u32, u8)>,
 }
 

@@ -18,7 +18,7 @@ impl<A: Borrow<Area>> Prepared<A> {
         Self(area)
     }
 
-    /// Returns the area that the next image shows.
+    /// Returns the area that the next published image will show.
     pub fn newest(&self) -> &Area {
         self.0.borrow()
     }

@@ -354,7 +354,7 @@ fn a_second_self_test_is_refused_while_the_first_runs() {
         assert_eq!(bench.values().status, before.with_last_refused(false).with_self_test_running(true));
         bench.write(command(10 * round + 2, Command::SelfTest).as_bytes());
         assert_eq!(bench.values().violations.of(Violation::CommandBusy), u16::try_from(round).expect("few") + 1);
-        // A command that was refused during a self-test is not carried out after the self-test either.
+        // A command that was refused during a self-test is not carried out after the self-test, whatever its result.
         bench.port.self_test_done(passed);
         bench.write(command(10 * round + 2, Command::SelfTest).as_bytes());
         assert!(!bench.port.self_test_requested());

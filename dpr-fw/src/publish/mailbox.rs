@@ -50,7 +50,7 @@ impl<B: Memory> Scrubbable for Mailbox<B> {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Taken {
-    /// Whether the image is newer than the one streamed before.
+    /// Whether this image is newer than the image that was streamed before.
     pub(super) newer: bool,
     pub(super) announced: bool,
 }

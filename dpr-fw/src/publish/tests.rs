@@ -373,8 +373,8 @@ fn happening() -> impl Strategy<Value = Happening> {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(4_000))]
-    /// This test draws longer runs than `tests/interleavings` explores. Each transaction must read 0xFF, or the image
-    /// that FRESH announced last, whole and in time. After the last event a transaction must read the newest image.
+    /// Draws longer runs than `tests/interleavings` explores. Each transaction must read 0xFF, or the image that FRESH
+    /// announced last, whole and in time. After the last event a transaction must read the newest image.
     #[test]
     fn a_transaction_reads_the_announced_image_or_nothing(
         happenings in prop::collection::vec(happening(), 0..60), scrubs in prop::collection::vec(any::<bool>(), 6),

@@ -210,7 +210,7 @@ proptest! {
                 },
                 3 => if let Some(read) = reading.take() { rotation.done(read); },
                 4 => if scrubbing.is_none() { scrubbing = rotation.take_dirty(); },
-                // A frame begins to arrive, but is not delivered.
+                // A frame begins to arrive in the buffer, but is never delivered.
                 5 => {
                     filling.memory().write(u32::MAX);
                     let (next, found) = rotation.replace(filling);
@@ -316,7 +316,7 @@ fn with_two_receive_buffers_a_frame_during_a_read_is_given_up() {
     assert_eq!(rotated, Rotated::Handed);
     let read = rotation.read().expect("a frame waits");
 
-    // The commit task still reads the first frame when the second and the third frame come.
+    // The commit task is still reading the first frame when the second and the third frame arrive.
     let mut filling = filling;
     for frame in 2..=3 {
         filling.memory().write(frame);
@@ -326,7 +326,7 @@ fn with_two_receive_buffers_a_frame_during_a_read_is_given_up() {
         assert_eq!((filling.memory().name, filling.memory().words), (2, [0; WORDS]));
         assert_eq!((read.memory().name, read.memory().words), (0, [1; WORDS]));
     }
-    // A frame that is not delivered does not touch the buffer that is being read either.
+    // A frame that is not delivered leaves the buffer that is being read unchanged, too.
     let (next, found) = rotation.replace(filling);
     assert_eq!(found, sound(1));
     filling = next;

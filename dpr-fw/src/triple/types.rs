@@ -85,7 +85,7 @@ pub struct Faulty<B> {
     stuck_bits: u32,
 }
 
-/// The results of one scrub or several.
+/// The sums of the results of one scrub or several.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Scrubbed {
     /// The number of buffers that were scrubbed.
@@ -127,7 +127,7 @@ impl<B> Filling<B> {
         Received { buffer: self.0, about }
     }
 
-    /// Gives up the frame that was being written.
+    /// Gives up the frame that was being written into this buffer.
     pub fn discard(self) -> Dirty<B> {
         Dirty(self.0)
     }

@@ -90,7 +90,8 @@ impl Explorer {
         let mut search = self.search.borrow_mut();
         let asked = search.asked;
         search.asked += 1;
-        // A digest from before the path's last choice equals the previous run's: that choice is the first that differs.
+        // Before its last choice, this run repeats the previous one. So a digest from that time equals the previous
+        // run's and is taken from there.
         if search.made < search.path.len() {
             if let Some(&known) = search.digests.get(asked) {
                 return known;

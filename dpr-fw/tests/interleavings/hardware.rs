@@ -142,7 +142,7 @@ struct Left {
 impl Hardware {
     pub(crate) fn new(bounds: &Bounds) -> Self {
         Self {
-            // RAM begins with a value that is no generation.
+            // The model's RAM begins with a value that stands for no generation.
             ram: [[0xEE; 2]; BUFFERS],
             held_back: [None; BUFFERS],
             stuck: None,
@@ -307,7 +307,7 @@ impl Hardware {
 
     fn select(&mut self) {
         self.left.transactions -= 1;
-        // The flight controller requests the two windows in turn.
+        // The flight controller requests its two windows in turn: the whole map and the upper half.
         let asks = if self.asked == Window::Whole { Window::UpperHalf } else { Window::Whole };
         let Some((buffer, window)) = self.txd else { broken("the SPIS is given no image") };
         self.semaphore = Semaphore::Spis;

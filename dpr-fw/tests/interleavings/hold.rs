@@ -20,19 +20,19 @@ const SHORTEST: u8 = 1;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mutation {
     None,
-    /// The compare for the answer is set without checking whether its value has already passed.
+    /// Mutation: the compare for the answer is set without checking whether its value has already passed.
     PassedNotChecked,
-    /// The compare for the answer is set before the transfer is set up.
+    /// Mutation: the compare for the answer is set before the transfer is set up.
     ComparedBeforeSetUp,
-    /// The compare's event is cleared after the compare is set, which may lose an event.
+    /// Mutation: the compare's event is cleared after the compare is set, which may lose an event.
     EventClearedLast,
-    /// A transfer is stopped although the compare that starts it is still ahead.
+    /// Mutation: a transfer is stopped although the compare that starts it is still ahead.
     AbortNotParked,
-    /// The task raises chip select, which only the end of a transfer should do.
+    /// Mutation: the task raises chip select, which only the end of a transfer should do.
     DeselectedByTask,
-    /// The IRQ's edge stays unmasked while the port rests.
+    /// Mutation: the IRQ's edge stays unmasked while the port rests.
     EdgeNotMasked,
-    /// The end of a transfer stays masked after a rest.
+    /// Mutation: the end of a transfer stays masked after a rest.
     EndStaysMasked,
 }
 
@@ -221,8 +221,8 @@ impl Board {
             self.happen(steps[taken]);
         }
         if *self.resting.borrow() {
-            // When the budget's window has ended, the first call to check in ends the rest and handles the events that
-            // wait.
+            // Once the budget's window has ended, the first call to check in ends the rest. It then handles the events
+            // that wait.
             *self.wants_rest.borrow_mut() = false;
             *self.called_to_check_in.borrow_mut() = true;
             self.wake();

@@ -62,32 +62,34 @@ struct Bounds {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mutation {
     None,
-    /// The newer one of two waiting frames is read first.
+    /// Mutation: the newer one of two waiting frames is read first.
     RotationOrder,
     NoScrub,
-    /// A scrub does not report the stuck bit that it found, so the buffer stays in use.
+    /// Mutation: a scrub does not report the stuck bit that it found, so the buffer stays in use.
     FaultyUsedAgain,
-    /// A store to the image may come after the release of that image.
+    /// Mutation: a store to the image may come after the release of that image.
     NoFenceBeforeRelease,
-    /// The received bytes may be loaded before the end of the transaction is known.
+    /// Mutation: the received bytes may be loaded before the end of the transaction is known.
     NoFenceAfterEnd,
-    /// FRESH rises when the image is published, before the commit task has taken back the image that the SPIS has.
+    /// Mutation: FRESH rises when the image is published, before the commit task has taken back the image that the SPIS
+    /// has.
     FreshBeforeTaken,
-    /// FRESH rises after the image is released instead of before.
+    /// Mutation: FRESH rises after the image is released instead of before.
     FreshAfterRelease,
-    /// The event END is read before the semaphore.
+    /// Mutation: the event END is read before the semaphore.
     EndBeforeSemaphore,
-    /// An image that was announced during a transaction is released without a check whether it has expired.
+    /// Mutation: an image that was announced during a transaction is released without a check whether it has expired.
     ExpiryNotAskedAgain,
     ReleasedAfterExpiry,
     NoSecondCompare,
-    /// The event of the expiry timer's compare is cleared before the timer.
+    /// Mutation: the event of the expiry timer's compare is cleared before the timer.
     EventClearedBeforeTimer,
-    /// No pause masks the end of a transaction, so that each end calls the SSI task.
+    /// Mutation: no pause masks the end of a transaction, so that each end calls the SSI task.
     NoPause,
-    /// A pause begins although its compare is not set, so that the pause never ends.
+    /// Mutation: a pause begins although its compare is not set, so that the pause never ends.
     PauseWithoutEnd,
-    /// A new pause begins without clearing the event of the previous pause's end, which then ends the new pause.
+    /// Mutation: a new pause begins without clearing the event of the previous pause's end, which then ends the new
+    /// pause.
     OldPauseEndKept,
 }
 

@@ -27,7 +27,7 @@ pub(crate) fn tick() -> u32 {
 
 /// What has raised the interrupt of TIMER1.
 pub(crate) enum Beat {
-    /// A beat; the value is true at the tick.
+    /// A beat has begun; `is_tick` is true if this beat is a tick.
     Began {
         is_tick: bool,
     },

@@ -34,7 +34,8 @@ const LEAD: usize = 1;
 static ARMED: AtomicU32 = AtomicU32::new(0);
 const SELECT: u32 = 1 << 12;
 
-/// How often the end event is polled. That takes longer than the 1 µs in which one byte is sent.
+/// The greatest number of polls for the end of a one-byte transfer. They take longer than the 1 µs in which one byte is
+/// sent.
 const BYTE_POLLS: u32 = 50;
 
 /// Sends the transmit command for the frame of beat `beat`, if its [`Ticket`] is armed. [`FrontEndPort::arm`] has set

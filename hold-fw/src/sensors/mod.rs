@@ -102,7 +102,7 @@ pub struct Readings {
     pub fault: bool,
 }
 
-/// The driver of both sensors, with the bus and a delay.
+/// The driver of the climate sensor and the accelerometer, with their bus and a delay.
 #[derive(Debug)]
 pub struct Sensors<B, D> {
     bus: B,
@@ -246,7 +246,7 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
         let count = if level.full { FIFO } else { usize::from(level.sample_count).min(FIFO) };
         let data = &mut data[..count];
         sensor.read_data(data)?;
-        // Two empty readings in a row mean that the sensor was reset. After the set-up a single one may occur.
+        // Two empty readings in a row mean that the sensor was reset. A single one may occur after the set-up.
         if core::mem::replace(&mut self.empty, count == 0) && count == 0 {
             return Err(Faulty);
         }

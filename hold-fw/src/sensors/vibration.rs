@@ -138,7 +138,7 @@ mod tests {
         assert!(vibration.rms().is_some());
         vibration.clear();
         assert_eq!(vibration.rms(), None);
-        // Samples of a second ago are dropped at each reading, even if the reading brings no sample.
+        // Each reading drops the samples of a second ago, even if the reading brings no sample.
         let mut vibration = second(|_| [0, 0, 62]);
         (0..4).for_each(|_| vibration.take(&[]));
         assert_eq!(vibration.rms(), None);

@@ -88,7 +88,7 @@ impl Side {
         transfer.min(timer).min(self.chip.next_event().unwrap_or(u64::MAX))
     }
 
-    /// Advances to time `at`, ns. Returns whether an interrupt occurs, at the end of a transfer or of a delay, or by an
+    /// Advances the time to `at`, ns. Returns whether an interrupt occurs: at the end of a transfer or delay, or by an
     /// edge of IRQ.
     fn advance(&mut self, at: u64) -> bool {
         let timer = self.timer > self.now && self.timer <= at;

@@ -8,7 +8,7 @@ use std::{collections::VecDeque, vec, vec::Vec};
 
 const FREE: Bus = Bus { scl: true, sda: true, busy: false };
 
-/// A fault at one order of a cycle.
+/// A fault that is injected at one order of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
     /// The receiver holds the clock low, so no further event comes. Until then a read has brought this number of bytes.

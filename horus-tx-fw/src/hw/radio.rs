@@ -140,7 +140,7 @@ static FRAME: [AtomicU32; Profile::<RECEIVERS>::SIZE / 4] =
     [const { AtomicU32::new(0) }; Profile::<RECEIVERS>::SIZE / 4];
 static SHORT_OUT: [AtomicU8; Short::MAX] = [const { AtomicU8::new(0) }; Short::MAX];
 static SHORT_IN: [AtomicU8; Short::MAX] = [const { AtomicU8::new(0) }; Short::MAX];
-/// The byte to which DMA writes all bytes that come in during a load.
+/// During a load, DMA writes all bytes that come in to this byte, because nobody reads them.
 static DISCARD: AtomicU8 = AtomicU8::new(0);
 
 pub(super) fn memory() -> [Range<u32>; 4] {

@@ -36,7 +36,7 @@ pub fn kept_exclusions(reason: ResetReason) -> u8 {
 pub fn note_reason() -> ResetReason {
     let reason = reset::reason(reset_flags());
     let [magic, count] = &RESETS;
-    // When the supply has come on, the memory of the two words holds arbitrary values.
+    // After power-on the memory of these two words holds arbitrary values.
     if magic.load(Ordering::Relaxed) != MAGIC || reason == ResetReason::PowerOn {
         magic.store(MAGIC, Ordering::Relaxed);
         count.store(0, Ordering::Relaxed);

@@ -88,7 +88,7 @@ impl UartSource {
         self.uart().cr1().modify(|_, w| w.ue().set_bit());
     }
 
-    /// Starts the DMA stream at the start of the receiver's ring.
+    /// Starts the DMA stream, which writes from the start of the receiver's ring.
     ///
     /// # Safety
     ///

@@ -96,8 +96,8 @@ impl Place {
         let outward = self.across * self.cosine - north * self.sine;
         let away = libm::sqrtf(outward * outward + east * east);
         let ahead = outward >= 0.0;
-        // This is the tangent of half the change in longitude. Beyond the pole it is that of half of what the change
-        // lacks to 180°; at the pole it is 0 / tiny.
+        // Here `half_turn` is the tangent of half the change in longitude. Beyond the pole it is that of half of what
+        // the change lacks to 180°; at the pole it is 0 / tiny.
         let half_turn = east / at_least(away + if ahead { outward } else { -outward }, f32::MIN_POSITIVE);
         let turn = 2.0 * arc_tangent(half_turn);
         let (turn, bulge) =
@@ -273,7 +273,7 @@ mod tests {
             }
         }
 
-        /// The computed distance of two places is never less than half of the true one, however far apart they are.
+        /// The computed distance between two places is at least half of the true distance, however far apart they are.
         #[test]
         fn places_that_are_far_apart_are_far_apart(here in anywhere(), there in anywhere()) {
             let found = length(here.place().to(&there.place(), [0.0; 2]).map(f64::from));

@@ -118,10 +118,10 @@ pub struct Input {
     pub fix: Fix,
     /// The time from the arrival of the position to the tick, ms; below 0 if the position arrived after the tick.
     pub since_arrival_ms: i32,
-    /// The time from the position's time of week to its arrival, ms, modulo [`WEEK_MS`]. It may be on any clock, since
+    /// The position's arrival minus its time of week, ms, modulo [`WEEK_MS`]. The arrival may be on any clock, since
     /// only differences between receivers count.
     pub lag_ms: u32,
-    /// Pitch, yaw and roll, rad, if they are valid.
+    /// The angles pitch, yaw and roll, rad, if they are valid.
     pub attitude: Option<[f32; 3]>,
     /// Acceleration front, right and down, m/s², if it is valid.
     pub acceleration: Option<[f32; 3]>,
@@ -306,7 +306,7 @@ fn mask_of<T, const N: usize>(items: &[T; N], is: impl Fn(&T) -> bool) -> u8 {
     items.iter().enumerate().fold(0, |mask, (index, item)| mask | u8::from(is(item)) << index)
 }
 
-/// Returns that of the `items` which belongs to the first receiver in `mask`; for an empty mask, the first of all.
+/// Returns the item of the first receiver in `mask`. If `mask` is empty, returns the first item of all.
 fn first<T: Copy, const N: usize>(mask: u8, items: &[T; N]) -> T {
     (0..N).rev().fold(items[0], |found, index| if has(mask, index) { items[index] } else { found })
 }

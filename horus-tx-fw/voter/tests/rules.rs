@@ -133,7 +133,7 @@ fn the_age_of_a_message_follows_from_its_lag_behind_the_others() {
         ([90, 100, 130], [40, 50, 80]),
         ([130, 90, 100], [80, 40, 50]),
         ([100, 150, 50], [50, 100, 0]),
-        // The next rows have a time of week that is farther from the others than the voter accepts.
+        // In the next rows, one time of week is farther from the others than the voter accepts.
         ([100, 151, 49], [50, 50, 50]),
         ([100, 400_000, 110], [40, 50, 50]),
         ([400_000, 100, 110], [50, 40, 50]),
@@ -159,7 +159,7 @@ fn of_two_receivers_the_middle_lies_between_them() {
         let east = distance(place(&once(report)), degrees(&GOOD));
         assert!((east - 0.040 * latency).abs() < 0.012, "{east} m");
     }
-    // The positions move by 2.5 ms of flight, 10 cm. A position's resolution adds an error of 11 mm.
+    // The positions move by 2.5 ms of flight, which is 10 cm. The resolution of a position adds an error of 11 mm.
     let still = GOOD.moved(0.0, 2.0);
     let one = once([one, Report { lag_ms: 105, ..still }]);
     let other = once([Report { lag_ms: 100, ..still }, other]);
@@ -560,7 +560,7 @@ fn altitude(verdict: &Verdict) -> Option<f64> {
 #[test]
 fn an_altitude_needs_a_quorum_of_members_that_have_one() {
     let high = GOOD.raised(500.0);
-    // The quorum of one or two receivers is one receiver.
+    // With one or two receivers, the quorum is one receiver.
     assert_eq!(altitude(&once([FLAT])), None);
     assert_eq!(altitude(&once([FLAT, high])), Some(1_012.345));
     // Two receivers have a 2D fix, so they state no altitude; the third is 500 m off in height.

@@ -2,7 +2,7 @@
 use super::{EXPIRY_MS, HoldObject};
 use crate::{PortStatusBits, Rejection};
 
-/// The DPR's state about the hold's frames.
+/// What the DPR keeps about the frames of the hold.
 ///
 /// A frame is accepted if it is an intact [object of a hold](HoldObject::verify) and its timestamp differs from that of
 /// the last accepted object. So a hold that hangs and repeats its object does not seem alive. The last object is shown

@@ -30,7 +30,7 @@ pub(crate) enum Event {
     Line(u8),
     /// The flight controller clocks fewer bytes: only this number.
     Cut(usize),
-    /// The first bytes of the answer, this many, are from the previous image.
+    /// The first bytes of the answer, as many as this value says, come from the previous image.
     Torn(usize),
     /// The bytes of MISO are shifted by one bit, as after an extra clock edge.
     Slipped,
@@ -393,13 +393,13 @@ fn clocks() -> Tape {
     world.tape
 }
 
-/// Records that an intact object in a requested window shows that the DPR is not silent, and that other bytes do not.
+/// Records that an intact object in a requested window shows that the DPR answers, and that other bytes do not.
 fn windows_and_silence() -> Tape {
     let mut world = started::<3>(|world| world.port = port(true));
     let layout = Layout::for_receivers(3).expect("a profile");
     let mut places: Vec<_> = (0..=3).filter_map(|index| layout.in_image(index)).collect();
     places.extend([layout.port_status(), layout.uplink::<BaseStation>(), layout.uplink::<FlightController>()]);
-    // One more window has Link-Status without Reported-Position, and another one no whole object.
+    // Two more windows are requested: Link-Status without Reported-Position, and a range without any whole object.
     places.extend([0..32, 33..95]);
     for place in places {
         for _ in 0..10 {

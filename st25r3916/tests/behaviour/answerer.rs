@@ -37,7 +37,7 @@ fn receive(rig: &mut Rig, answerer: &mut Answerer) {
     assert_eq!(rig.buffer[1..=64], payload);
 }
 
-/// Prepares an answer with this payload. Returns the event that follows.
+/// Prepares an answer with this payload to the frame that was delivered. Returns the event that follows.
 fn prepare(rig: &mut Rig, answerer: &mut Answerer, payload: &[u8]) -> AnswererEvent {
     rig.payload = payload.to_vec();
     let step = answerer.answer(payload.len()).expect("a frame was delivered");
@@ -159,7 +159,7 @@ fn an_answer_whose_instant_has_passed_is_given_up() {
     assert_eq!(prepare(&mut rig, &mut answerer, &[1; 128]), AnswererEvent::Loaded);
     rig.log();
     receive(&mut rig, &mut answerer);
-    // The clear removes the head of the answer that was given up. It comes between the status and the unmasking.
+    // The clear removes the first bytes of the answer that was given up. It comes between the status and the unmasking.
     assert_eq!(rig.log()[..3], ["59 00 00 00 00 00 00 00", "DB", "D1"]);
     assert!(rig.chip.sent.is_empty());
     works_again(&mut rig, &mut answerer);

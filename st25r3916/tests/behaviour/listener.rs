@@ -414,7 +414,7 @@ fn two_frames_300_microseconds_apart_are_both_received() {
         let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
         for _ in 0..5 {
             let end = rig.chip.frame(rig.chip.now + 4_000, &payload(184, 1));
-            // After the gap come preamble and sync of the second frame: 64 bits, 151 µs.
+            // After the gap of 300 µs come the preamble and the sync of the second frame: 64 bits, 151 µs.
             rig.chip.frame(end + 300 + 151, &payload(180, 2));
             assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 184, flags: CLEAN });
             assert_eq!(rig.buffer[1..=184], payload(184, 1));
@@ -428,7 +428,7 @@ fn two_frames_300_microseconds_apart_are_both_received() {
 #[test]
 fn a_frame_that_begins_before_the_re_arm_is_received_not_cleared() {
     for config in BOTH {
-        // The model of the chip leaves its receiver on after a frame's end.
+        // The model of the chip leaves its receiver unmasked after a frame's end.
         let chip = Chip { end_masks_receiver: false, ..Chip::new(Variant::B) };
         let (mut rig, mut listener) = listening(chip, config);
         rig.chip.frame(rig.chip.now + 1_000, &payload(100, 1));
@@ -458,7 +458,7 @@ fn a_sync_just_before_the_clear_costs_at_most_its_own_frame() {
                     assert_eq!(len, 120);
                     assert_eq!(rig.buffer[1..=120], payload(120, 2));
                 }
-                // Clearing the FIFO has damaged the frame, as its flags show.
+                // The clear of the FIFO has damaged the frame, which the frame's flags show.
                 ListenerEvent::Frame { flags, .. } => assert!(flags.contains(FrameFlags::LENGTH)),
                 other => assert!(matches!(other, ListenerEvent::Dropped(_)), "{other:?}"),
             }
@@ -745,7 +745,8 @@ fn a_start_in_the_middle_of_frames_hears_the_next_whole_one() {
             rig.chip.at(0, Happening::Irq(TIMER, EON));
             for cycle in 0..6 {
                 rig.chip.frame(shift + cycle * 10_000, &payload(244, cycle as usize));
-                // A chip whose receiver is unmasked in the middle of a frame reports errors.
+                // A real chip whose receiver is unmasked in the middle of a frame reports errors, and so does this
+                // model.
                 rig.chip.at(shift + cycle * 10_000 + 2_000, Happening::Irq(ERROR, 0x30));
             }
             let mut listener = Listener::new(config);
@@ -1077,7 +1078,7 @@ fn a_listener_that_hears_nothing_is_brought_up_anew_ever_more_rarely() {
             assert!((after * 9 / 10..=after + 20).contains(&waited), "{waited} ms");
             before = *instant;
         }
-        // The last bring-up came after the longest interval. The interval does not grow any more.
+        // The last bring-up came after the longest interval, so the interval does not grow any more.
         let instants = silences(&mut rig, &mut listener, 2, field);
         assert!((7_200..=8_020).contains(&(instants[1] - instants[0])), "{instants:?}");
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
@@ -1095,7 +1096,7 @@ fn a_listener_that_hears_nothing_is_brought_up_anew_ever_more_rarely() {
 #[test]
 fn no_back_off_of_earlier_faults_delays_the_bring_up_for_silence() {
     let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
-    // After so many faults, a further fault would be followed by a back-off of 64 ms.
+    // Ten faults in a row raise the back-off to 64 ms, which a further fault would be followed by.
     rig.chip.miso = Miso::StuckLow;
     assert_eq!(rig.listener(&mut listener), ListenerEvent::Fault(Fault::Reset));
     for _ in 0..9 {

@@ -38,7 +38,7 @@ pub(crate) enum Happening {
     /// The chip's own frame on the air ends.
     TransmitEnd,
     PowerUpReset,
-    /// The receiver is unmasked without a command.
+    /// The receiver becomes unmasked, although no command unmasked it.
     Unmask,
 }
 

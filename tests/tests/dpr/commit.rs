@@ -20,7 +20,8 @@ use rtic_core::Mutex;
 
 use super::frames::{Case, CASES, CLASSES, SIZE};
 
-/// The number of a frame's bytes, LEN included, that have arrived at the listener's three reads of its FIFO.
+/// For each of the listener's three reads of its FIFO, the number of the frame's bytes, LEN included, that have
+/// arrived.
 const READS: [usize; 3] = [16, SIZE + 3 - st25r3916::listener::BODY, SIZE + 3 - st25r3916::listener::TAIL];
 /// The number of cycles before the timed one; the sequence is found with the fourth.
 const CYCLES_BEFORE: u32 = 6;

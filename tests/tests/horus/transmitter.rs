@@ -33,7 +33,7 @@ struct Wires {
     started: Option<Started>,
     /// The bytes that the last transfer has clocked in from the chip, and their number.
     response: ([u8; Short::MAX], usize),
-    /// Whether the interrupt pin reads high, once.
+    /// Whether the next read of the interrupt pin finds it high. Later reads find it low.
     irq: bool,
     ticket: Ticket,
     loads: u32,

@@ -101,7 +101,7 @@ impl Field {
     }
 }
 
-/// An object, with those of its fields that were found so far.
+/// An object of the map, with those of its fields that were found so far.
 pub(crate) struct Object {
     pub(crate) name: &'static str,
     pub(crate) title: &'static str,
@@ -232,7 +232,7 @@ pub(super) fn structs() -> Result<String> {
     Ok(all()?.iter().map(Object::structure).collect())
 }
 
-/// Adds the fields of a value type. Each is found in an object in which only that field is set.
+/// Adds the fields of a value type. To find a field, an object is sealed in which only that field is set.
 macro_rules! fields {
     ($object:ident, $blank:expr, $seal:expr; $($name:ident: $value:expr, $unit:literal, $what:literal;)*) => {
         $object$(.field(

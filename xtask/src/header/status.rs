@@ -21,7 +21,7 @@ pub(crate) enum Code {
     Number,
     /// The code is a value of the enumeration of this name.
     Enumeration(&'static str),
-    /// The code is an age, counted in steps.
+    /// The code is an age, stated in steps of a fixed duration.
     Age,
 }
 

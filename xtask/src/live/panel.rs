@@ -210,8 +210,8 @@ impl Inner {
                 },
             }
         }
-        // Only the last of several episodes on the air has effect, so each episode contains all present faults of
-        // the air.
+        // Among several episodes on the air only the last has effect, so each episode has all faults of the air that
+        // are present.
         let air = AirFaults {
             lost: if self.lasts(Thing::Frames, now) { LOST } else { 0.0 },
             bit_error: if self.lasts(Thing::Bits, now) { BIT_ERROR } else { 0.0 },

@@ -269,7 +269,7 @@ fn a_fault_from_the_panel_is_one_gapless_chain_of_episodes() {
     assert!(episodes.len() > 15 && joined(&episodes), "{episodes:?}");
     command(server.address(), "/well?what=silent-2");
     assert_eq!(fly(200..300), [], "the last one comes to its end");
-    // A fault of the panel must end before the run does.
+    // A fault that the panel injects must end before the run does.
     command(server.address(), "/break?what=field");
     let episodes = fly(300..600);
     assert!(joined(&episodes) && episodes.last().unwrap().1 == 59_400_000_000, "{episodes:?}");

@@ -77,7 +77,7 @@ impl Feeding {
     }
 }
 
-/// CSW of the AHB-AP in its bank 0, by address bits A\[3:2\] (ADIv5.2 C2.6).
+/// The address of CSW in bank 0 of the AHB-AP, by address bits A\[3:2\] (ADIv5.2 C2.6).
 const CSW: u8 = 0x0;
 /// TAR of the AHB-AP in its bank 0.
 const TAR: u8 = 0x4;
@@ -270,7 +270,7 @@ impl ArmDebugSequence for Watched {
         self.library.debug_device_unlock(interface, default_ap, permissions)
     }
 
-    /// Halts the core from this step until it is started.
+    /// Keeps the core halted from this step on until it is started.
     fn debug_core_start(
         &self,
         interface: &mut dyn ArmDebugInterface,

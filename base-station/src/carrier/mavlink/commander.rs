@@ -32,7 +32,7 @@ pub const GIVES_UP_US: u64 = 5_000_000;
 /// [age](profile::hold::COMMAND_AGE_MS) at which the DPR no longer hands an uplink to the hold.
 pub const SETTLES_US: u64 = 2_000 * profile::hold::COMMAND_AGE_MS as u64;
 
-/// The state of a command.
+/// The state of a command to a hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum CommandState {
     /// The command is sent, and its outcome is not known.
@@ -87,7 +87,7 @@ pub struct CommandRecord {
     pub number: u16,
     /// The command.
     pub command: HoldCommand,
-    /// The state of the command.
+    /// The state of the command to the hold.
     pub state: CommandState,
     /// The instant at which the command was given, µs.
     pub since_us: u64,
@@ -136,7 +136,7 @@ struct Line {
     /// The instant at which the next uplink is due, µs.
     due_us: u64,
     last: Option<CommandRecord>,
-    /// [`HoldState::strange`] when the last command was given.
+    /// The value of [`HoldState::strange`] at the time when the last command was given.
     strange: u64,
 }
 

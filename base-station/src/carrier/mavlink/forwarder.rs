@@ -53,7 +53,7 @@ pub struct Rates {
     pub standard_us: u64,
 }
 
-/// 10 Hz within 3 kB/s, without standard messages.
+/// The default rates: 10 Hz within 3 kB/s, without standard messages.
 impl Default for Rates {
     fn default() -> Self {
         Self { bytes_per_s: 3_000, period_us: 100_000, standard_us: 0 }

@@ -19,7 +19,7 @@ use super::signing::{self, Verifier};
 use super::tunnel::Tunnel;
 use crate::{Bundle, Who};
 
-/// A message with objects.
+/// A received message that carries objects.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Received {
     /// MAVLink's system id, which identifies the drone.
@@ -163,7 +163,7 @@ enum Begin {
     Short,
     /// The bytes are no message, or a TUNNEL with a wrong checksum.
     None { bad_crc: bool },
-    /// The bytes begin with a message whose checksum is right.
+    /// The bytes begin with a message that has a right checksum.
     Message(Box<MAVLinkV2MessageRaw>),
 }
 

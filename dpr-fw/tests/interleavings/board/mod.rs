@@ -44,7 +44,7 @@ pub(crate) enum Task {
 const ROTATION_CEILING: u8 = Task::Receive as u8;
 const MAILBOX_CEILING: u8 = Task::Ssi as u8;
 
-/// The digest of each of five pieces of state that a task may hold has a fixed index.
+/// The indices of the digests of five pieces of state, each of which a task may hold.
 const MAILBOX: usize = 0;
 const ROTATION: usize = 1;
 const SSI: usize = 2;
@@ -111,7 +111,7 @@ impl OneRun {
         Self(At::new(explorer, bounds))
     }
 
-    /// Runs the board until no event is left that could happen.
+    /// Runs the model of the board until no event is left that could happen.
     pub(crate) fn run(&self) {
         self.0.run();
     }

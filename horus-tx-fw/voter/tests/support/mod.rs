@@ -221,7 +221,7 @@ impl Moves for Level {
     }
 }
 
-/// The result shown last, and the row of later results that are held back, each with its tick.
+/// The result that was shown last, and the row of later results that are held back, each with its tick.
 #[derive(Clone, Debug)]
 struct Jumps<T> {
     shown: Option<(u32, T)>,
@@ -235,7 +235,7 @@ impl<T> Default for Jumps<T> {
 }
 
 impl<T: Moves> Jumps<T> {
-    /// Returns `found` if its jump is small enough, or old enough, to be shown at `now`, and `may_show` allows it.
+    /// Returns `found` if it may be shown at `now`: its jump is small enough or old enough, and `may_show` is true.
     fn judge(&mut self, now: u32, found: Option<T>, may_show: bool, narrow: &mut bool) -> Option<T> {
         let Some(found) = found else {
             self.held.clear();

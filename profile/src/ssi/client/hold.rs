@@ -27,7 +27,7 @@ pub enum HoldShown {
 }
 
 impl HoldShown {
-    /// Every case, in the order of the numbers.
+    /// All cases, in the order of their numbers.
     pub const ALL: [Self; 3] = [Self::Absent, Self::Old, Self::Valid];
 }
 
@@ -60,7 +60,7 @@ pub struct HoldTrack {
 }
 
 impl HoldTrack {
-    /// The state before a Hold-Status was read.
+    /// Returns the state in which no Hold-Status was read yet.
     #[must_use]
     pub const fn new() -> Self {
         Self { last: None, looked_us: None }

@@ -28,7 +28,7 @@ fn setup(name: &str) -> Option<Setup> {
     Some(Setup { writes: true, relays: true, hold: Some(hold), log, ..setup })
 }
 
-/// Returns the levels of the hold's lock output, from its first one on.
+/// Returns the levels of the hold's lock output in the order of the log, from the first one on.
 fn locks(setup: &Setup) -> Vec<bool> {
     let log = Log::read(BufReader::new(File::open(setup.log.as_ref().unwrap()).unwrap())).unwrap();
     let locks = log.events.iter().filter_map(|event| match &event.what {
@@ -52,7 +52,7 @@ fn speaks() -> Option<Speaks> {
     Some(Voice::with_commands)
 }
 
-/// Waits until the station may command the hold. The station must have received Hold-Status for a while before.
+/// Waits until the station may command the hold, which it may only after it has received Hold-Status for a while.
 fn ready(page: SocketAddr) {
     until(page, "a hold", |drone| drone["hold"]["values"]["seconds"].as_u64() >= Some(3));
 }
@@ -145,7 +145,7 @@ fn with_loss_each_command_is_done_once_or_shown_as_lost() {
             states.push((command, last["state"].as_str().unwrap().to_owned()));
             took.push(last["after_ms"].as_u64().unwrap());
         }
-        // By now it is known of each command whether it was done or given up.
+        // At this point every command is known to be done or given up.
         let (status, _) = ask(page, "POST", "/hold?drone=1&command=lock", "Origin: http://example.org\r\n");
         assert_eq!(status, 403);
     });

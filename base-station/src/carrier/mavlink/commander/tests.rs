@@ -185,7 +185,7 @@ fn a_restart_of_the_hold_loses_a_command_that_waits() {
     scene.command(HoldCommand::Lock).unwrap();
     scene.fly(2 * SECOND);
     assert_eq!(scene.state(), CommandState::Done);
-    // The radio loses every message before the hold restarts, so the command does not reach the hold.
+    // The radio loses every message, and then the hold restarts. So the hold never receives the command.
     scene.loss = 100;
     scene.fly(250_000);
     scene.command(HoldCommand::Unlock).unwrap();
@@ -195,7 +195,7 @@ fn a_restart_of_the_hold_loses_a_command_that_waits() {
     assert_eq!(scene.state(), CommandState::Pending);
     scene.loss = 0;
     scene.stored.clear();
-    // By now one object of the restarted hold has arrived.
+    // Within 110 ms one object of the restarted hold arrives.
     scene.fly(110_000);
     assert_eq!(scene.state(), CommandState::Lost);
     let stored = scene.stored.len();
