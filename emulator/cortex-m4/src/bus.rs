@@ -28,7 +28,7 @@ pub enum Purpose {
     Fetch,
     /// An instruction loads or stores data.
     Data,
-    /// An instruction loads data relative to the program counter (over the D-Code bus).
+    /// An instruction loads data relative to the program counter, over the D-Code bus.
     Literal,
     /// The core fetches an exception vector.
     Vector,

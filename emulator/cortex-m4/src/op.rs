@@ -38,8 +38,8 @@ pub(crate) struct Op {
 const _: () = assert!(size_of::<Op>() <= 16);
 
 impl Op {
-    /// Whether an interrupt need not wait for the end of this load/store multiple (TRM 3.9.1). It must wait for one
-    /// that loads PC, which may be an exception return.
+    /// Whether an interrupt may cut this load/store multiple short (TRM 3.9.1). It may not if PC is loaded, because
+    /// that may be an exception return.
     pub(crate) const fn is_multiple(&self) -> bool {
         match self.what {
             Do::Ldm { list, .. } => list >> 15 == 0,
@@ -174,7 +174,7 @@ pub(crate) enum Long {
 
 /// An operation. `d` is the destination, `n` and `m` are operands, `a` is an addend, and `t` is a register to load or
 /// store.
-// Each variant is on one line; rustfmt would give each field a line.
+// Each variant stays on one line, because rustfmt would give each field a line.
 #[rustfmt::skip]
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Do {

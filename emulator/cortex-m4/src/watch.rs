@@ -27,9 +27,9 @@ impl Watch {
         self.record.len()
     }
 
-    /// Completes the record after a burst up to `cycle`; `before` changes were recorded before it. A change ends a
-    /// burst, so at most one is new. Its cycle is known only now, since an instruction's cycles are counted after its
-    /// execution.
+    /// Completes the record after a burst up to `cycle`. `before` is the number of changes that were recorded before
+    /// the burst. A change ends a burst, so at most one is new. Its cycle is known only now, because an instruction's
+    /// cycles are counted after its execution.
     #[inline]
     pub(crate) fn complete(&mut self, before: usize, cycle: u64) {
         if self.record.len() > before

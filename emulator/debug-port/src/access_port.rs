@@ -103,7 +103,7 @@ impl MemoryAp {
 
     pub(super) fn write(&mut self, register: u8, value: u32, target: &mut impl Target) -> bool {
         match register {
-            // A write of an unsupported size to CSW leaves the size unchanged (ADI C2.6.4).
+            // If a write of CSW has an unsupported size, the size stays as it was (ADI C2.6.4).
             CSW => {
                 let kept = if value & 7 > 2 { CSW_WRITABLE & !7 } else { CSW_WRITABLE };
                 self.csw = self.csw & !kept | value & kept;
@@ -126,7 +126,7 @@ impl MemoryAp {
     }
 }
 
-/// The shift, in bits, of the byte lane that carries an access of this address and width.
+/// Returns the position, in bits, of the byte lane that carries an access of this address and width.
 const fn shift(address: u32, width: Width) -> u32 {
     8 * (address & 3 & !(width.bytes() - 1))
 }

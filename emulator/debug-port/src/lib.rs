@@ -141,7 +141,7 @@ pub struct DebugPort<B: Board, C: Cost> {
     latest: u16,
     control: u32,
     select: u32,
-    /// The result of the last read of an access port.
+    /// The result of the last read of an access port, which the next read returns.
     read_buffer: u32,
     resend: u32,
     memory_ap: MemoryAp,
@@ -340,7 +340,7 @@ where
         self.reset_debug();
     }
 
-    /// Gives the debug registers their power-on values, if the last reset resets them.
+    /// Gives the debug registers their power-on values if the last reset was one that resets them.
     fn reset_debug(&mut self) {
         /// Writes that reset DHCSR, FP_CTRL (both with their keys) and DEMCR (ARMv7-M C1.6.2, C1.11.3, C1.6.5).
         const RESET: [(u32, u32); 3] = [(0xE000_EDF0, 0xA05F_0000), (0xE000_2000, 2), (0xE000_EDFC, 0)];
@@ -398,7 +398,7 @@ where
     }
 
     fn transfer(&mut self, request: Request) -> Ack {
-        // A transfer contains zero bits, so it ends a sequence of ones that could become a line reset.
+        // The transfer's zero bits end a sequence of ones that could have become a line reset.
         self.ones = 0;
         self.since_reset = u32::MAX;
         self.answer(request)
@@ -417,7 +417,7 @@ where
     }
 
     fn pass(&mut self, ns: u64) {
-        // The board's time stands still while the microcontroller is held in reset.
+        // While the microcontroller is held in reset, the board's time stands still.
         if self.held {
             return;
         }

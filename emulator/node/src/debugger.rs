@@ -45,7 +45,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.side.part.pin(pin)
     }
 
-    /// Fills `to` from `address` on, up to the first byte that nothing answers, and returns the number of bytes read.
+    /// Fills `to` from `address` on, up to the first byte at which nothing answers. Returns the number of bytes read.
     /// Memory is read directly. A word of a peripheral or of the core's own space is read on a copy of core and board,
     /// so the read has no side effects.
     #[must_use]

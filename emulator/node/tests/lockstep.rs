@@ -175,7 +175,7 @@ fn receiving() -> emulator_node::Firmware {
     main.store(SPIS1 + 0x544, BLOCK + 0x100).store(SPIS1 + 0x548, BYTES);
     main.store(SPIS1 + 0x200, 1 << 2).store(SPIS1 + 0x304, 1 << 1).store(SPIS1 + 0x500, 2).enable(4);
     main.store(SPIS1 + 0x24, 1).wait_for(SPIS1 + 0x128, 0).store(SPIS1 + 0x128, 0).store(SPIS1 + 0x28, 1);
-    // The receiver waits until the sender, whose core starts on its slow oscillator, is in its idle loop.
+    // The sender's core starts on its slow oscillator. The receiver waits until the sender is in its idle loop.
     main.mov(0, 4_000);
     let again = main.here();
     main.raw(&[0x3801]).branch_if(thumb::If::NotEqual, again);

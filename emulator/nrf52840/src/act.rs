@@ -30,7 +30,7 @@ pub(crate) enum Act {
         pin: Pin,
         level: bool,
     },
-    /// The part holds a pin in another state.
+    /// The part holds a pin in a new state.
     Pad {
         pin: Pin,
         pad: Pad,

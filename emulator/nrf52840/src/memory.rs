@@ -38,9 +38,9 @@ pub(crate) struct Memory {
     pub(crate) uicr: Flash,
     pub(crate) ficr: Flash,
     pub(crate) ram: Ram,
-    /// Whether flash was programmed or erased and the core was not yet told.
+    /// Whether flash was programmed or erased, and the core has yet to be told.
     pub(crate) code_changed: bool,
-    /// The AHB slaves of the RAM that EasyDMA has accessed, by bit (see [`slave`]).
+    /// The AHB slaves of RAM that EasyDMA has accessed, one bit each (see [`slave`]).
     dma_slaves: u16,
 }
 

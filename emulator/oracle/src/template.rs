@@ -12,7 +12,7 @@ pub(crate) struct Fields {
 }
 
 impl Fields {
-    /// The value of a field, 0 if the pattern does not have it.
+    /// Returns the value of a field, 0 if the pattern does not have the field.
     #[must_use]
     pub(crate) fn get(&self, name: char) -> u32 {
         self.value[name as usize]
@@ -25,7 +25,7 @@ pub(crate) type Template = (&'static str, fn(&Fields) -> bool);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Instruction {
     Narrow(u16),
-    /// The first halfword is in the upper bits.
+    /// A 32-bit instruction, with its first halfword in the upper bits.
     Wide(u32),
 }
 

@@ -43,8 +43,8 @@ pub(crate) fn fault(fault: Fault) -> Op {
     op(Do::Fault(fault), 2, Block::Same)
 }
 
-/// Makes an [`Op`] that stands for a breakpoint, a semihosting call or an instruction that is not decoded yet. Its size
-/// and its cost are 0, so neither the program counter nor time moves.
+/// Makes an [`Op`] for a breakpoint, a semihosting call or an instruction that is not decoded yet. It has size 0 and
+/// cost 0, so that neither the program counter nor time moves.
 pub(crate) const fn place(what: Do) -> Op {
     Op { what, size: 0, least: 0, most: 0, block: Block::Same }
 }

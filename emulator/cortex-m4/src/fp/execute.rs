@@ -128,7 +128,7 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    // The masks show the compiler that the index is in range.
+    // The mask shows the compiler that the index is in range.
     #[inline]
     fn s(&self, register: u8) -> u32 {
         self.s[usize::from(register & 31)]

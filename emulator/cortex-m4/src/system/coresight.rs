@@ -1,5 +1,5 @@
 //! ITM, TPIU, ETM and ROM table, as far as start-up code uses them: identification, locks, and registers that read
-//! back. There is no trace output: stimulus ports are always ready, and their data is lost.
+//! back. The model has no trace output: stimulus ports are always ready, and data written to them is lost.
 
 /// The unlock key of CoreSight components, ARM ARM appendix D2.
 const UNLOCK: u32 = 0xC5AC_CE55;

@@ -102,7 +102,7 @@ impl Dwt {
     }
 
     pub(crate) fn pause(&mut self, cycle: u64, paused: bool) {
-        // CYCCNT keeps its value and continues from it.
+        // CYCCNT keeps its value, and counts on from it.
         let now = self.cycle_count(cycle);
         self.set_count(now, false, cycle);
         self.paused = paused;
@@ -175,7 +175,7 @@ impl Dwt {
         })
     }
 
-    /// The addresses at which a PC match is a debug event, each with the number of low address bits that are ignored.
+    /// Returns the addresses at which a PC match is a debug event, each with the number of low address bits to ignore.
     pub(crate) fn pc_matches(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
         self.comparators
             .iter()

@@ -56,7 +56,8 @@ pub(crate) struct System {
     config: Config,
 }
 
-/// The part's share of the external private peripheral bus (ARM ARM B3.1), between the ETM and the ROM table.
+/// The addresses of the external private peripheral bus that the part may use (ARM ARM B3.1), between the ETM and the
+/// ROM table.
 const EXTERNAL: std::ops::Range<u32> = 0xE004_2000..0xE00F_F000;
 
 impl System {
@@ -218,7 +219,7 @@ impl<C: Cost> Core<C> {
     pub(crate) fn system_read<B: Bus>(&mut self, bus: &mut B, access: &Access) -> Result<u32, Fault> {
         let address = access.address & !3;
         let debugger = access.purpose == Purpose::Debugger;
-        // Unprivileged code can read only the ITM here (ARM ARM B3.1.1, C1.7.1).
+        // Unprivileged code can read only the ITM in this space (ARM ARM B3.1.1, C1.7.1).
         if !access.privileged && !debugger && address >> 12 != 0xE_0000 {
             return Err(Fault::BusData(access.address));
         }
@@ -282,8 +283,8 @@ impl<C: Cost> Core<C> {
             let shift = 8 * (access.address & 3);
             let mask = if access.width == Width::Byte { 0xFF } else { 0xFFFF };
             value = (value & mask) << shift;
-            // In CFSR ones clear bits, so a narrow write must not copy the other bits. A narrow write of a priority
-            // keeps its neighbours.
+            // A narrow write of a priority must keep the bytes beside it. In CFSR ones clear bits, so a narrow write
+            // must not copy the other bits.
             if address != 0xE000_ED28 && address >> 12 == 0xE_000E {
                 value |= self.scs_read(address & 0xFFF, true).unwrap_or(0) & !(mask << shift);
             }
@@ -399,8 +400,8 @@ impl<C: Cost> Core<C> {
         self.system.dwt.watching
     }
 
-    /// The addresses at which the FPB or the DWT has a breakpoint. [`Self::hardware_breakpoint`] must be called before
-    /// the instruction there.
+    /// Returns the addresses at which the FPB or the DWT has a breakpoint. The run loop must call
+    /// [`Self::hardware_breakpoint`] before it executes the instruction there.
     pub(crate) fn fpb_breakpoints(&self) -> impl Iterator<Item = u32> {
         let matches = self.system.dwt.pc_matches();
         self.system

@@ -54,14 +54,14 @@ impl Region {
 #[repr(align(16))]
 struct Span {
     first: u32,
-    /// The last address minus the first.
+    /// The difference between the last address and the first.
     extent: u32,
-    /// The rights of privileged code. The rights of unprivileged code are [`UNPRIVILEGED`] bits higher.
+    /// The rights of privileged code. Those of unprivileged code are [`UNPRIVILEGED`] bits higher.
     rights: u32,
 }
 
 impl Span {
-    /// Makes a span without any address whose highest four bits are `place`.
+    /// Makes a span that contains no address whose highest four bits are `place`.
     const fn elsewhere(place: u32) -> Self {
         Self { first: (place ^ 8) << 28, extent: 0, rights: 0 }
     }
@@ -126,7 +126,7 @@ impl Mpu {
     /// Computes the spans. Rights change only where a region, an eighth of a region or an area of the default map
     /// begins or ends.
     fn work_out(&mut self) {
-        // The default map has eight areas. Each region adds its two ends and the seven addresses between its eighths.
+        // The default map has eight areas. A region has two ends, and seven addresses between its eighths.
         let mut edges = [0_u32; 8 + 8 * 9];
         let mut count = 0;
         let mut add = |edge: u32| {
@@ -175,7 +175,7 @@ impl Mpu {
         rights
     }
 
-    /// Looks up the span of `address` and keeps it in `near`.
+    /// Looks up the span of `address`, and keeps the span in `near`.
     #[cold]
     #[inline(never)]
     fn approach(&mut self, address: u32) -> Span {
@@ -334,7 +334,7 @@ mod tests {
             }
             for pair in ends[1..ends.len() - 1].chunks(2) {
                 assert_eq!(pair[0].wrapping_add(1), pair[1], "no address is left out");
-                // The two words are on both sides of a span's end.
+                // The two words are before and after the end of a span.
                 assert!(!mpu.opens(pair[0], 2, false, true) && !mpu.opens(pair[0], 2, true, false));
             }
         }
