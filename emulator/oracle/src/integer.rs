@@ -190,7 +190,8 @@ pub(crate) const FP_CONVERT: &[Template] = &[
     ("111011101111 0001 1111 1010 0001 0000", any),
 ];
 
-/// Whether the number of fraction bits, `size` minus imm4:i, is not negative. In imm4:i, i is the lowest bit.
+/// Whether the number of fraction bits, `size` minus imm4:i, is not negative. The field has i as its first bit, and
+/// imm4 behind it.
 fn fraction(f: &Fields, size: u32) -> bool {
     let i = f.get('i');
     ((i & 0xF) << 1 | i >> 4) <= size

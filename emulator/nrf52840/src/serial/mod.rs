@@ -148,7 +148,7 @@ pub(crate) const fn mode(config: u32) -> SpiMode {
 struct Transfer {
     tx: Buffer,
     rx: Buffer,
-    /// The byte that is being exchanged. The next field is the cycle at which it ends.
+    /// The byte that is being exchanged. The next field is the PCLK16M tick at which it begins.
     byte: u8,
     ends: u64,
     stopping: bool,

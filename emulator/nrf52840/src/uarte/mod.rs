@@ -94,7 +94,7 @@ pub(crate) struct Uarte {
     rxd: [u32; 3],
     txd: [u32; 3],
     tx: Option<Buffer>,
-    /// The byte that is being sent. The next field is the cycle at which it began.
+    /// The byte that the transmitter is sending.
     byte: u8,
     tx_from: u64,
     tx_sent: u64,
