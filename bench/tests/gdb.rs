@@ -221,7 +221,7 @@ fn a_debugging_session_leaves_the_run_unchanged_on_every_clock() {
                 assert_eq!(gdb.ask(&format!("m{address},40")).len(), 0x80, "{address}");
             }
             (0..40).for_each(|number| assert!(gdb.ask(&format!("p{number:x}")).len() >= 8));
-            // The watchpoint over the images halts at a store, then at any access, then at a load.
+            // A watchpoint over the images halts the core three times: at a store, at any access, and at a load.
             assert_eq!(gdb.ask(&format!("z1,{commit:x},2")), "OK");
             let watched = format!("{images:x},{size:x}");
             for (kind, name) in [(2, "watch:"), (4, "awatch:"), (3, "rwatch:")] {
@@ -466,7 +466,7 @@ fn a_session_of_the_real_gdb_leaves_the_run_as_it_is() {
         "print $s0",
         // The editor extension cortex-debug sends these commands when it attaches.
         "monitor halt",
-        // The commit's code in RAM, and the flash that it was copied from.
+        // These commands read the images in RAM, and the first words of flash.
         &format!("x/4xw {images:#x}"),
         "x/2xw 0",
         &format!("watch *(unsigned *)({images:#x} + 8)"),

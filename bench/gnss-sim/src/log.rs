@@ -32,7 +32,7 @@ use std::path::{Path, PathBuf};
 
 use crate::ubx::{self, Frame, NavPvt, WEEK_MS};
 
-/// The instant at which a log's first byte is sent, ns after reset: late enough for the firmware to receive it.
+/// The instant at which a log's first byte is sent, ns after reset. HORUS has started by then and receives it.
 pub const FIRST_BURST_NS: u64 = 100_000_000;
 
 /// The longest pause between two epochs, ms, to which longer ones are shortened.
@@ -241,7 +241,7 @@ impl Log {
         self.counts
     }
 
-    /// All bytes, as recorded.
+    /// Returns all bytes of the log, as recorded.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes

@@ -179,7 +179,8 @@ impl Receiver {
         self
     }
 
-    /// Returns the receiver with a solution every `period_ms` milliseconds; it refuses every other period.
+    /// Makes the receiver compute a solution every `period_ms` milliseconds and refuse any other period, and returns
+    /// it.
     ///
     /// # Panics
     ///
@@ -358,7 +359,7 @@ struct Generated {
     configuration: Configuration,
     output: Output,
     solutions: u32,
-    /// The state before the next burst, from which that burst can be calculated again.
+    /// The state of a receiver before its next burst. It is kept so that the burst can be calculated again.
     before: Option<Box<Generated>>,
     flight: Arc<Flight>,
     noise: ChaCha8Rng,

@@ -16,7 +16,7 @@ fn receiver(index: usize, port: Port) -> Receiver {
     Receiver::generated(index, 1, Arc::new(Flight::new(1, 60.0))).connected_by(port)
 }
 
-/// UBX-CFG-VALSET with these keys and values, each value in the size that its key requires.
+/// Returns UBX-CFG-VALSET with these keys and values. Each value has the size that its key requires.
 fn valset(layers: u8, items: &[(u32, u64)]) -> Vec<u8> {
     let mut payload = vec![0, layers, 0, 0];
     for (key, value) in items {

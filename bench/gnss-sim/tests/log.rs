@@ -25,7 +25,7 @@ fn log(pieces: &[&[u8]]) -> Result<Log, LogError> {
     Log::from_bytes("made.ubx", pieces.concat())
 }
 
-/// For each burst, the time from the first burst, ms, and its length, bytes.
+/// Returns for each burst its time after the first burst, ms, and its length, bytes.
 fn schedule(log: &Log) -> Vec<(u64, usize)> {
     log.bursts().map(|(at, bytes)| ((at - FIRST_BURST_NS) / 1_000_000, bytes.len())).collect()
 }
@@ -134,7 +134,7 @@ fn only_fixes_that_a_receiver_vouches_for_are_positions() {
 
 #[test]
 fn a_position_is_the_float_nearest_to_its_decimal_number() {
-    // This longitude shows a product with 1e-7 from a quotient by 1e7: they differ in the last bit.
+    // This longitude tells apart the quotient by 1e7 and the product with 1e-7: they differ in the last bit.
     let log = log(&[&pvt(1_000, -22_402_964).encode()]).expect("it holds a position");
     let position = log.positions()[0];
     assert_eq!(position.longitude().to_bits(), (-2.240_296_4_f64).to_bits());

@@ -256,7 +256,7 @@ pub const MAX_MISSED: u32 = 25;
 /// The greatest difference between the time that passed between two cycles and the step of their timestamps, to which
 /// one part in [`STEP_TOLERANCE_SHARE`] of the step is added: docs/design.md#sequence.
 pub const STEP_TOLERANCE: u64 = 2_500_000;
-/// One part in this number of the step, 2 %, is added to [`STEP_TOLERANCE`].
+/// The share of the step that is added to [`STEP_TOLERANCE`]: one part in this number, 2 %.
 pub const STEP_TOLERANCE_SHARE: u64 = 50;
 /// The greatest difference between 10 ms and the time between two cycles in the search (docs/design.md#sequence).
 pub const SEARCH_TOLERANCE: u64 = 500_000;

@@ -51,7 +51,7 @@ pub struct Context {
     window: Window,
     frame: Option<Frame>,
     reading: Option<Reading>,
-    /// Only [`Context::take`] leaves `None` here while it runs: the record of the air reads the context.
+    /// It is `None` only within [`Context::take`], which lends it out because the record of the air reads this context.
     air: Option<Box<Air>>,
 }
 

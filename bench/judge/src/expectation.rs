@@ -193,7 +193,7 @@ const FORGOTTEN: u64 = 300_000_000;
 #[derive(Clone, Debug)]
 pub struct Expectation {
     layout: Layout,
-    /// The possible states; there is always at least one.
+    /// The possible states of the DPR; there is always at least one.
     states: Vec<State>,
     /// The instant, ns, until which the listener may miss frames because its carrier has just returned.
     armed: u64,
@@ -387,7 +387,7 @@ mod tests {
 
     #[test]
     fn a_samples_age_at_its_last_bit_is_slot_plus_air_time() {
-        // Each number of receivers has its slots, µs, in `profile::air`.
+        // For each number of receivers, the slots of its frames, µs, are those of `profile::air`.
         for (receivers, slots) in [(1, vec![70]), (2, vec![80]), (3, vec![100]), (5, vec![120, 4_130])] {
             let layout = Layout::for_receivers(receivers).unwrap();
             for (number, slot) in slots.into_iter().enumerate() {

@@ -25,7 +25,7 @@ pub enum State {
         /// The object's values.
         values: Values,
     },
-    /// The bytes are 0x00 or 0xFF throughout, so there is no object.
+    /// The object's place holds 0x00 or 0xFF throughout, so there is no object.
     Vacant,
     /// The bytes are neither an intact object nor empty; the reason is given.
     Unsound(Rejection),

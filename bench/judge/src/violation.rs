@@ -2,7 +2,7 @@
 
 macro_rules! violations {
     ($($(#[$doc:meta])* $name:ident = $words:literal,)*) => {
-        /// A fault that a run of the link must not show. The rule that finds it is in [`crate::rules`].
+        /// A fault that a run of the link must not show. A rule of [`crate::rules`] finds it.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum Violation {
             $($(#[$doc])* $name,)*
@@ -30,7 +30,8 @@ violations! {
     /// tick.
     // Shows TIME-1.
     NoTick = "HORUS does not tick",
-    /// The time between two ticks varies, or differs from 10 ms by more than the error of a clock without its crystal.
+    /// The time between two ticks varies too much, or differs from 10 ms by more than a clock without its crystal may
+    /// be off.
     // Shows TIME-1.
     TickIrregular = "the tick is not constant",
     /// A tick was not followed by the frames of its cycle.
@@ -126,7 +127,7 @@ violations! {
     FreshShort = "FRESH is too short",
     /// The processor kept the SSI's buffers longer than the bound, so no transaction could be served.
     HeldBack = "the SSI was held back too long",
-    /// Two transactions in a row found the DPR busy. While the DPR puts in a new image, only one may find it busy.
+    /// Two transactions in a row found the DPR busy. Only one may, while the DPR puts in a new image.
     // Shows SSI-1.
     BusyTwice = "two transactions in a row met the DPR busy",
     /// Nothing can be read although the DPR runs, because its images expire and no new one replaces them.
@@ -154,7 +155,7 @@ violations! {
     /// An object is shown that is older than an object with the same identifier shown before.
     // Shows IMG-7.
     Regression = "old data shown after new",
-    /// The bytes that one transaction read come from several images, even within an object.
+    /// The bytes that a transaction read come from several images, even those of a single object.
     // Shows IMG-7.
     Torn = "a torn read",
     /// The bytes of an object are neither intact nor empty nor torn.

@@ -158,7 +158,7 @@ pub struct Trial {
 /// A campaign that has been run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Campaign {
-    /// The campaign's trials, in order of their instants.
+    /// The trials of the campaign, in order of their instants.
     pub trials: Vec<Trial>,
 }
 

@@ -74,7 +74,7 @@ use stm32f429::Stm32f429;
 pub use upset::{Targets, Upset};
 pub use wires::{WireFault, Wires};
 
-/// A fault that lasts as long as its [`Episode`], or that occurs at the episode's beginning.
+/// A fault. It lasts as long as its [`Episode`], or it occurs once, at the episode's beginning.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
     /// A fault of the air between the link's two antennas.

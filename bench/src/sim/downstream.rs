@@ -57,9 +57,10 @@ pub(super) struct Link<C: Cost> {
     air_faults: Vec<(u64, AirFaults)>,
     dpr_events: BoardEvents,
     recorder: Recorder,
-    /// The instant at which FRESH rose, while it is not yet known which image the next transaction would read.
+    /// The instant at which FRESH rose. It waits here until it is known which image the next transaction would read.
     announced: Option<u64>,
-    /// The beginning, ns, of HORUS's unfinished transaction with a receiver, whose bytes are logged when it ends.
+    /// The beginning, ns, of HORUS's unfinished transaction with a receiver. The transaction's bytes are logged when it
+    /// ends.
     untold_since: u64,
     /// The bytes that a transaction would read now; `None` if a transaction is under way or the SPIS has no buffers.
     offer: Option<Vec<u8>>,
@@ -416,7 +417,7 @@ impl<C: Cost> Link<C> {
             if self.selected || at <= self.deselected {
                 self.offered(None);
             } else if self.offer.is_some() {
-                // If the SPIS already has an image, this rise announces it.
+                // The SPIS already has an image, which this rise of FRESH announces.
                 self.offered(self.offer.clone());
             }
         } else {
@@ -624,7 +625,7 @@ impl<C: Cost> Downstream<Dpr, C> for Link<C> {
     }
 }
 
-/// The counters of both firmwares and the loads of both cores at the end of a run.
+/// Reads the counters of both firmwares, and the loads of both cores, at the end of a run.
 pub(super) fn evidence<C: Cost>(horus: &Node<Horus, C>, dpr: &Node<Dpr, C>, receivers: usize) -> Vec<What> {
     let mut evidence = vec![];
     evidence.extend(super::telemetry::counters(horus, dpr, receivers));

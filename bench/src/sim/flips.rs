@@ -1,4 +1,4 @@
-//! Flips every bit of every register of both front ends once.
+//! Flips every bit in the registers of both front ends, each bit once.
 //!
 //! Each flip happens on a separate copy of a bench whose link is up, and the copy runs on for [`FOR_NS`]. The outcome
 //! has the time in which the flight controller read no valid and new data, and what Link-Status reported in that time.

@@ -116,7 +116,7 @@ pub struct Setup {
     pub factory_settings: bool,
     /// The errors of the crystals.
     pub crystals: Crystals,
-    /// The settings of both boards' front ends, except for their crystals, seeds and supplies.
+    /// The settings of both boards' front ends. Their crystals, seeds and supplies are set elsewhere.
     pub front_ends: FrontEndConfig,
     /// The injected faults.
     pub faults: Faults,

@@ -164,7 +164,7 @@ impl Receiver {
     pub(crate) fn frame_ends(&mut self, core: &mut Core, fifo: &mut Fifo, at: u64, bits: u32) {
         let Some(frame) = self.frame.as_mut().filter(|frame| !frame.has_ended()) else { return };
         if !frame.locked && at < frame.header_end() {
-            // A frame that broke off before the end of its sync cannot be detected.
+            // The frame broke off before the end of its sync, so the receiver cannot detect it.
             return self.signal_lost(core, fifo, at);
         }
         frame.ends(at, bits);

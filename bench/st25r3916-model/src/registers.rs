@@ -226,7 +226,7 @@ impl Registers {
         self.a[i]
     }
 
-    /// Returns registers `i` (the higher byte) and `i + 1` of space A as one number.
+    /// Returns two registers of space A as one number: `i` is the higher byte, `i + 1` the lower one.
     pub(crate) fn a16(&self, i: usize) -> u16 {
         u16::from_be_bytes([self.a[i], self.a[i + 1]])
     }

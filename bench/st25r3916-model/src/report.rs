@@ -36,7 +36,7 @@ pub enum Kind {
     ConstantMeasurement(u8),
     /// An SPI mode byte was sent that the data sheet does not define.
     UnknownModeByte(u8),
-    /// A register whose function is not modelled was set to another value than its reset value.
+    /// A register whose function is not modelled was set to a value other than its reset value.
     UnmodelledRegister(Space, u8),
     /// Bits that are not modelled were set in a register that is modelled otherwise: space, address, bits.
     UnmodelledBits(Space, u8, u8),

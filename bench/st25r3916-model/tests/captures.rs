@@ -192,7 +192,7 @@ impl Tag {
         Self { answers, to_rxs: bit + config.nfc_a_start_latency_ns }
     }
 
-    /// Passes all answers of the tag to the chip before they begin.
+    /// Gives all answers of the tag to the chip beforehand, each with its own instant.
     fn speak(&self, chip: &mut Chip) {
         for (rxs, data) in &self.answers {
             let start = rxs - self.to_rxs;

@@ -347,7 +347,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("IWDG: never reloaded", &[instead(IWDG, 0xAAAA, 0)], Expected::Nothing, |seen| {
         seen.watchdog() && !seen.frames.is_empty() && seen.log.contains("reset: watchdog")
     }),
-    // Without the timer's interrupt HORUS does not poll receivers 2 and 3.
+    // Without the interrupt of the timer HORUS does not poll the receivers 2 and 3.
     row(
         "IWDG: prescaler and reload stay locked, and TIM2's interrupt is not enabled",
         &[instead(IWDG, 0x5555, 0), never_iser(0, 0x1000_0000)],

@@ -61,7 +61,7 @@ fn seconds(text: &str) -> Result<f64, String> {
     seconds.ok_or_else(|| "expected a number of seconds from 0.000001 to 86400".to_owned())
 }
 
-/// The files for the bytes that a firmware sends from the pins of UARTs.
+/// Files, one for each UART pin, into which the bytes go that a firmware sends.
 #[derive(Default)]
 pub(crate) struct Files {
     files: BTreeMap<Pin, (String, BufWriter<File>)>,

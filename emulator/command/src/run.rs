@@ -23,7 +23,7 @@ const TRACE_STEP: u64 = 1_000_000;
 /// answers of a script go to standard output, and everything else to standard error.
 ///
 /// Returns the run's status, 0 if the run has passed. With a script the status is 0 or 1. Without a script it is that
-/// of [`emulator_node::Outcome::status`], and 1 in place of 0 after findings.
+/// of [`emulator_node::Outcome::status`], except that a run with findings never has status 0.
 ///
 /// # Errors
 ///

@@ -49,7 +49,7 @@ pub(crate) fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (O
         );
         return (Some(says), outcome.status());
     }
-    // The run fails if the emulator has found an error, even if the firmware reports success.
+    // If the emulator has found an error, the run fails even if the firmware reports success.
     (None, if outcome.status() == 0 && !outcome.passed() { 1 } else { outcome.status() })
 }
 

@@ -17,7 +17,7 @@ use crate::{Bus, Fault, decode};
 
 /// The number of address bits within a page.
 pub(crate) const BITS: u32 = 10;
-/// The number of halfwords of a page. Each has its own entry, since an instruction may begin at any of them.
+/// The number of halfwords of a page. Each has its own entry, because an instruction may begin at any halfword.
 const SLOTS: usize = 1 << (BITS - 1);
 /// The number of times that a page may be decoded anew as a whole because a byte in it was written.
 const MOST_REWRITES: u32 = 64;

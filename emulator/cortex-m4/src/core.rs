@@ -18,7 +18,7 @@ pub struct Config {
     pub priority_bits: u8,
     /// The address of the vector table after a reset.
     pub vector_table: u32,
-    /// The value of SYST_CALIB, with its NOREF and SKEW bits.
+    /// The value of the register SYST_CALIB, with its NOREF and SKEW bits.
     pub systick_calibration: u32,
     /// The core cycles of one tick of SysTick's external reference clock, 0 where there is none (NOREF). The STM32F4
     /// has HCLK/8.
@@ -133,7 +133,7 @@ pub struct Core<C: Cost> {
     /// The address of the last word of code that was fetched, from which wait states are counted. An odd value means
     /// that there is none.
     pub(crate) fetched: u32,
-    /// The cycle before which the core executes nothing, since the bus stalls it.
+    /// The cycle before which the core executes nothing. The part sets it while the bus stalls the core.
     pub(crate) stalled_until: u64,
     /// The breakpoint or semihosting call that the core has reached. [`Core::run`] returns it.
     pub(crate) paused: Option<Exit>,

@@ -17,7 +17,8 @@ use crate::fp::FpOp;
 pub(crate) enum Block {
     /// The instruction behaves in an IT block as it does outside.
     Same,
-    /// The instruction keeps the flags in an IT block: 16-bit data-processing instructions set them only outside.
+    /// In an IT block the instruction leaves the flags as they are; outside a block it sets them. This holds for 16-bit
+    /// data processing.
     KeepsFlags,
     /// The instruction may only be the last one of an IT block, as branches may.
     Last,

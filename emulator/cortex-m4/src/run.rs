@@ -96,7 +96,8 @@ impl<C: Cost> Core<C> {
                 due = bus.due().min(self.system_due());
             }
             if self.cut > 0 {
-                // The instruction was cut short for an exception that did not come. The rest of its cycles pass now.
+                // An exception should have interrupted the instruction but did not come. The remaining cycles of the
+                // instruction pass now.
                 self.cycle += std::mem::take(&mut self.cut);
                 continue;
             }

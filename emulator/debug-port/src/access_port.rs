@@ -24,7 +24,7 @@ const BD3: u8 = 0x1C;
 const BASE: u8 = 0xF8;
 const IDR: u8 = 0xFC;
 
-/// The value of CSW after a reset (TRM): accesses are permitted, and their size is a word.
+/// The value of CSW after a reset (TRM). It permits accesses, of a word each.
 const CSW_RESET: u32 = 0x4380_0042;
 const CSW_WRITABLE: u32 = 1 << 29 | 1 << 25 | 3 << 4 | 7;
 /// The bits of TAR that its automatic increment changes (ADI C2.2.2).

@@ -131,7 +131,7 @@ const SYSTEM_POWER_ACK: u32 = 1 << 31;
 const CONTROL_KEPT: u32 = 0x00FF_FF00 | DEBUG_POWER_REQUEST | SYSTEM_POWER_REQUEST;
 const DLCR: u32 = 0x40;
 
-/// A board with the debug port of its microcontroller.
+/// A board together with the debug port of its microcontroller.
 #[derive(Clone, Debug)]
 pub struct DebugPort<B: Board, C: Cost> {
     node: Node<B, C>,
@@ -363,7 +363,7 @@ where
             && (byte[0] >> bit & 1 != 0) != value
         {
             byte[0] ^= 1 << bit;
-            // The write succeeds, because a byte was just read from the same address.
+            // A byte was just read from this address, so the write must succeed.
             self.node.write(u64::from(address), &byte).expect("memory");
         }
     }

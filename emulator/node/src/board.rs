@@ -86,7 +86,7 @@ impl<P: Part> Board for Bare<P> {
     type Part = P;
 }
 
-/// A board as its part sees it: an [`Outside`] that converts the part's cycles into nanoseconds.
+/// A board from the view of its part: an [`Outside`] that converts the part's cycles into nanoseconds.
 #[derive(Debug)]
 pub struct View<'a, B> {
     pub(super) board: &'a mut B,

@@ -150,7 +150,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.read(self.address_of(symbol)?, to)
     }
 
-    /// A digest of all that the firmware could see: registers, RAM, time, instructions.
+    /// Returns a digest of everything that the firmware could observe: registers, RAM, time, instructions.
     #[must_use]
     pub fn digest(&self) -> u64 {
         let mut digest = Digest::new();

@@ -22,7 +22,7 @@ pub enum Error {
         /// The segment's length in bytes.
         length: usize,
     },
-    /// The flash contents that a part should keep do not have the size of its flash.
+    /// The flash contents that a part should keep have another size than the part's flash.
     #[error("{length} bytes are not what the {part} keeps")]
     OtherFlash {
         /// The name of the part.

@@ -31,7 +31,7 @@ pub enum FindingKind {
     LogOverrun,
     /// The RTT control block, or the data of a channel, is invalid.
     LogCorrupt,
-    /// The firmware restarted again and again, and did nothing else.
+    /// The firmware did nothing but restart, again and again.
     RestartLoop,
     /// The firmware ended the run itself with a status other than zero.
     ExitStatus,

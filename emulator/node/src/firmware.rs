@@ -104,7 +104,7 @@ impl Firmware {
         let mut functions = Vec::new();
         for symbol in file.symbols() {
             let Ok(name) = symbol.name() else { continue };
-            // Disassemblers use the symbols `$t` and `$d` to tell code from data. They name nothing.
+            // The symbols `$t` and `$d` only tell disassemblers where code and data begin, so they are left out.
             if name.is_empty() || name.starts_with('$') || symbol.is_undefined() {
                 continue;
             }

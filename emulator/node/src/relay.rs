@@ -70,7 +70,7 @@ pub trait Downstream<B: Board, C: Cost = Fast> {
         let _ = node;
     }
 
-    /// The next instant (virtual ns) at which an actor beside the board acts on it, `u64::MAX` for never.
+    /// The next instant (virtual ns) at which an actor beside the board acts on the board, `u64::MAX` for never.
     fn next_at(&self) -> u64 {
         u64::MAX
     }

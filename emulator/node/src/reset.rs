@@ -28,7 +28,7 @@ impl ResetAt {
     }
 }
 
-/// A cause outside the part that restarts it, see [`Node::restart`].
+/// The cause of a restart from outside the part, see [`Node::restart`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FromOutside {
     /// The reset pin was pulled low for a moment. RAM keeps its contents.

@@ -1,4 +1,4 @@
-//! SEGGER RTT as a debug probe reads it, and the defmt stream within it.
+//! Reads SEGGER RTT as a debug probe does, and the defmt stream in it.
 //!
 //! A firmware keeps a control block called `_SEGGER_RTT`: the magic, the numbers of up and down channels, then 24 bytes
 //! for each channel {name, buffer, size, write offset, read offset, flags}. The probe reads an up channel from the read

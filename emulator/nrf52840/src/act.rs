@@ -10,7 +10,7 @@ use crate::pin::Pin;
 /// A peripheral ID. It is also the number of the peripheral's interrupt, if it has one (PS 6.1).
 pub(crate) type Id = usize;
 
-/// The ID of P0 and P1 in this model. They have none in the part.
+/// The ID of P0 and P1 in this model. The real part gives them none.
 pub(crate) const GPIO: Id = 0x30;
 pub(crate) const COMP: Id = 0x13;
 

@@ -251,7 +251,7 @@ impl Instance for ClockPower {
                 self.ct_due = None;
                 self.block.raise(CTSTOPPED, cx);
             }
-            // CONSTLAT and LOWPWR change only the latency of a wake-up, which is zero here.
+            // CONSTLAT and LOWPWR only change the latency of a wake-up. In this model the latency is zero.
             0x078 | 0x07C => {}
             _ => return false,
         }

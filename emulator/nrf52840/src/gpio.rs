@@ -244,7 +244,7 @@ impl Gpio {
         }
     }
 
-    /// Resets every register. The outside goes on driving its pins.
+    /// Resets every register. Levels that are driven from outside stay.
     pub(crate) fn restart(&mut self, now: Cycle, out: &mut Outbox) {
         let Self { outside, levels, pads, .. } = *self;
         *self = Self { outside, levels, pads, ..Self::default() };

@@ -159,7 +159,7 @@ impl Class {
 
 /// Appends one to eight random instructions from `table`.
 fn from(table: &[Template], case: &mut Case, random: &mut Random) {
-    // An instruction may use an earlier one's result, because there are few registers.
+    // There are few registers, so that instructions often use each other's results.
     let mut registers: Vec<u32> = (0..13).chain([14]).collect();
     random.shuffle(&mut registers);
     registers.truncate(7);

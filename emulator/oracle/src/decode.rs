@@ -108,7 +108,7 @@ fn object(code: &[u8]) -> Vec<u8> {
     elf.resize(16, 0);
     let half = |elf: &mut Vec<u8>, value: u16| elf.extend(value.to_le_bytes());
     let word = |elf: &mut Vec<u8>, value: u32| elf.extend(value.to_le_bytes());
-    // The two fields are ET_REL (a relocatable file) and EM_ARM.
+    // The two header fields are ET_REL (a relocatable file) and EM_ARM.
     half(&mut elf, 1);
     half(&mut elf, 40);
     for value in [1, 0, 0, headers_at, 0x0500_0000] {

@@ -23,7 +23,7 @@ pub(crate) fn it_block(case: &mut Case, random: &mut Random) {
     }
 }
 
-/// The registers for data, which hold no address in these cases.
+/// The registers for data. In these cases they never hold an address.
 const DATA: [u32; 8] = [0, 1, 2, 3, 4, 8, 9, 12];
 
 fn filler(code: &mut Code, random: &mut Random) {

@@ -1,4 +1,4 @@
-//! Encodings as bit patterns, and random instances of them.
+//! Encodings of instructions as bit patterns, and random instances of such patterns.
 //!
 //! A pattern has 16 or 32 characters, each `0`, `1` or a letter; blanks do not count. The bits with the same letter are
 //! one field, most significant bit first. A capital letter stands for a core register (3 or 4 bits), any other letter

@@ -213,7 +213,7 @@ pub struct Stm32f429 {
     listened: [u8; id::SCHEDULED],
     hungry: u64,
     listening: [u8; 2],
-    /// The two streams that exchange bytes with each SPI, where there are such streams.
+    /// For each SPI, the two streams that exchange its bytes, if there are such streams.
     pairs: [Option<frames::Pair>; 6],
     /// The interrupt lines of TIM9 to TIM14, which share lines with TIM1 and TIM8. All other lines are in the next
     /// field.

@@ -148,7 +148,7 @@ impl Part for Stm32f429 {
         if self.flash_offset(address).is_some() {
             return self.flash.wait_states(address, access.purpose == Purpose::Fetch, bound);
         }
-        // Assumed, since no manual has figures: an active DMA controller takes the RAM or the bridge for one cycle.
+        // No manual has figures. Assumed: an active DMA controller takes the RAM or the bridge for one cycle.
         let contention = u32::from(bound == Bound::Worst && self.dma.iter().any(Dma::is_active));
         match address {
             0x4000_0000..0x4002_0000 => {

@@ -123,7 +123,8 @@ impl TaskWatch {
         &self.tasks
     }
 
-    /// Takes the changes since the last call. At most 4096 changes of the active exception may have come since then.
+    /// Takes the changes since the last call. Since then at most 4096 changes of the active exception may have
+    /// happened.
     pub fn take(&mut self, node: &mut dyn AnyNode) -> Vec<TaskChange> {
         let mut marks = vec![];
         let mut sleeps = node.take_sleeps().into_iter().peekable();

@@ -52,7 +52,7 @@ struct Newest {
     /// The number of consecutive profiles in sequence up to this one, and the instant, ns, at which the first of them
     /// arrived.
     row: (u32, u64),
-    /// Whether the first profile of this sequence is the first that arrived in the run.
+    /// Whether this sequence of profiles began with the first profile of the run.
     first: bool,
     at: u64,
 }

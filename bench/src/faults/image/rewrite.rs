@@ -289,7 +289,7 @@ const fn is_relative(first: u16) -> bool {
     table || load || first & 0xFB5F == 0xF20F
 }
 
-/// Whether the instruction at `pc` can be moved to another address without a change of its effect.
+/// Whether the instruction at `pc` has the same effect at any other address.
 fn can_move<B: Board, C: Cost>(node: &Node<B, C>, pc: u32) -> bool {
     let (one, two) = halves(node, pc);
     let encoding = if is_wide(one) { &[one, two][..] } else { &[one] };

@@ -98,7 +98,7 @@ pub enum ReceiverFault {
         /// The error of the forward acceleration, cm/s².
         cm_s2: i32,
     },
-    /// The receiver reports an accuracy of [`UNDERSTATED_MM`], whatever its true error.
+    /// The receiver states an accuracy of [`UNDERSTATED_MM`] although its error is larger.
     Understates,
     /// A field of the receiver's NAV-PVT messages has an impossible value.
     Absurd(Absurd),
@@ -475,7 +475,7 @@ impl LineFaults {
                 _ => ubx::frame(0x0A, 0x04, &[self.rng.byte(); CHUNK - ubx::OVERHEAD]),
             };
             let on_line = OnLine::clean(now, receiver, &bytes);
-            // The next frames begin as soon as these end, so the line is never idle.
+            // The next frames begin as soon as these end. The line is therefore busy all the time.
             active.next = now + on_line.frames.iter().map(UartFrame::ns).sum::<u64>();
             taken.push(on_line);
         }

@@ -274,7 +274,7 @@ struct UnderWay {
     miso: Vec<u8>,
 }
 
-/// Carries out transactions on the SSI, one at a time. The [module](self) describes it.
+/// Carries out transactions on the SSI, one after the other. The [module](self) describes how.
 #[derive(Clone, Debug)]
 pub struct SsiMaster {
     crystal: Crystal,

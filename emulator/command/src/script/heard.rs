@@ -13,7 +13,7 @@ struct Sent {
     bytes: Vec<u8>,
     /// The instant of each byte that the firmware sent, ns.
     at: Vec<u64>,
-    /// The number of bytes in which the present line's text has already been looked for.
+    /// The number of bytes that were already searched for the text of the present line.
     searched: usize,
 }
 
@@ -21,7 +21,7 @@ struct Sent {
 pub(super) struct Heard {
     lines: VecDeque<(u64, String)>,
     sent: BTreeMap<Pin, Sent>,
-    /// For each watched pin, its level, and its edges: the instant (ns) and the level from then on.
+    /// For each watched pin its level, and its edges: each with the instant (ns), and the level from then on.
     pins: BTreeMap<Pin, (bool, VecDeque<(u64, bool)>)>,
     restarts: VecDeque<u64>,
 }
@@ -65,7 +65,8 @@ impl Heard {
         }
     }
 
-    /// Returns the instant (ns) at which the firmware did this. Later searches begin after that instant.
+    /// Returns the instant (ns) at which the firmware carried out `deed`; `None` if it has not. Later searches begin
+    /// after that instant.
     pub(super) fn find(&mut self, deed: &Deed, run: &mut dyn AnyRun) -> Option<u64> {
         match deed {
             Deed::Edge(pin, level) => {

@@ -142,7 +142,7 @@ impl Script {
         self.ended == Some(Ok(()))
     }
 
-    /// Returns the script's verdict on a run with this outcome: what has failed, if anything.
+    /// Returns the verdict of the script on a run with this outcome: what has failed, if anything.
     pub(crate) fn verdict(&self, outcome: &Outcome) -> std::result::Result<(), String> {
         self.ended.clone().unwrap_or_else(|| Err("the script did not come to its end".to_owned()))?;
         let is_meant = |kind| self.exited && kind == FindingKind::ExitStatus;

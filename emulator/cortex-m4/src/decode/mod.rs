@@ -38,7 +38,7 @@ pub(crate) fn wide(address: u32, first: u16, second: u16) -> Op {
     op(what, 4, block(what))
 }
 
-/// Makes an operation that takes `fault` instead of doing anything.
+/// Makes an operation that takes `fault` and does nothing else.
 pub(crate) fn fault(fault: Fault) -> Op {
     op(Do::Fault(fault), 2, Block::Same)
 }
@@ -88,7 +88,7 @@ fn block(what: Do) -> Block {
     }
 }
 
-/// A branch on a condition (ARM ARM A7.3) other than the one that always passes.
+/// A branch on a condition (ARM ARM A7.3), but not on the condition "always".
 fn branch_if(condition: u8, target: u32) -> Do {
     match condition {
         0 => Do::BEq { target },

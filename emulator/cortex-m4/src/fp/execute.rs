@@ -160,7 +160,7 @@ impl<C: Cost> Core<C> {
         self.set_s(d, result);
     }
 
-    /// Executes VFMA and its relatives, which round once.
+    /// Executes VFMA and its relatives, which round only the final result.
     #[inline]
     fn fused(&mut self, d: u8, n: u8, m: u8, addend_sign: u32, factor_sign: u32) {
         let (addend, factor) = (self.s(d) ^ addend_sign, self.s(n) ^ factor_sign);

@@ -262,7 +262,7 @@ impl<C: Cost> Core<C> {
                 && address & 0xFFF < 0x80
                 && self.system.coresight.itm_privilege >> (address >> 5 & 3) & 1 == 0;
             let trigger = address == 0xE000_EF00 && self.system.scb.ccr & CCR_USERSETMPEND != 0;
-            // Unprivileged code can write only those registers of the ITM that are stimulus ports open to it (ARM ARM
+            // Unprivileged code can write only the ITM's stimulus ports, and only those that are open to it (ARM ARM
             // C1.7.1).
             if address >> 12 == 0xE_0000 && !stimulus {
                 return Ok(());

@@ -79,7 +79,7 @@ pub(crate) struct Mpu {
     number: u32,
     count: u32,
     regions: [Region; 8],
-    /// The spans of all addresses, in rising order. Empty if they must be computed again.
+    /// The spans of all addresses, in rising order. The list is empty if it must be computed again.
     spans: Vec<Span>,
     /// For each value of the address's highest four bits, the span that was last looked up.
     near: [Span; 16],
@@ -223,7 +223,7 @@ impl Mpu {
         self.control & ENABLE != 0
     }
 
-    /// Whether the MPU is on at this execution priority. In NMI and HardFault it is off unless HFNMIENA is set.
+    /// Whether the MPU is on at this execution priority. It is off in NMI and HardFault unless HFNMIENA is set.
     fn applies(&self, priority: i32) -> bool {
         self.enabled() && (priority >= 0 || self.control & HFNMIENA != 0)
     }

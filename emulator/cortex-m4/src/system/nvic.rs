@@ -37,7 +37,7 @@ pub(crate) struct Nvic {
     /// The levels of the inputs when the core last checked them. NMI is bit 2.
     level: Set,
     implemented: Set,
-    /// The priorities by exception number. Reset, NMI and HardFault have fixed priorities, which are not here.
+    /// The priorities by exception number. Those of Reset, NMI and HardFault are fixed and not in this list.
     priority: [u8; 256],
     pub(crate) priority_mask: u8,
     group: u8,
@@ -236,7 +236,7 @@ impl Nvic {
         self.refresh();
     }
 
-    /// Ends the active state of an exception. The exception is pending again if its line is still high.
+    /// Ends the active state of an exception. If the exception's line is still high, the exception is pending again.
     pub(crate) fn deactivate(&mut self, number: u16) {
         let (word, bit) = bit(number);
         self.active[word] &= !bit;

@@ -8,7 +8,7 @@
 //! | Reset state | JTAG and SWD pins as in 8.3.2 |
 //! | Alternate functions | The whole of DS9405's table for the peripherals that are modelled |
 //!
-//! `registers` handles accesses to registers, and this module the pads.
+//! `registers` handles accesses to the registers, and this module models the pads.
 //!
 //! An input of a peripheral reads the pad of the pin in alternate mode with that function. If no pin has it, the
 //! peripheral's module documents what the peripheral reads.

@@ -109,7 +109,7 @@ pub(crate) struct I2c {
     due: Cycle,
     /// Whether the next byte is not acknowledged, because the DMA has signalled EOT_1.
     is_last: bool,
-    /// Whether an unexpected stop came while a start was requested. The start is then never generated.
+    /// Whether an unexpected stop came while a start was requested, so that the start is never generated.
     start_lost: bool,
     /// Whether SR1 was read, the first step of the clearing sequences.
     status_read: bool,

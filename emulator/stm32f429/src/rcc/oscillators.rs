@@ -95,7 +95,7 @@ impl Rcc {
             let by_hse = self.system == 1 || self.system == 2 && self.pllcfgr & PLLSRC != 0;
             self.cr &= !(HSEON | HSERDY);
             if by_hse {
-                // 7.2.7: the system switches to HSI. The PLL is switched off if HSE drives it and the system uses it.
+                // The system switches to HSI (7.2.7). The PLL is switched off if HSE drives it and the system uses it.
                 self.cr |= HSION | HSIRDY;
                 if self.system == 2 {
                     self.cr &= !(PLLON | PLLRDY);

@@ -337,7 +337,7 @@ impl Cycle {
     fn close(&mut self, now: u64, in_time: bool) {
         let run = &mut self.run;
         let Some(tick) = &mut run.tick else { return };
-        // A frame on the air is logged at its end, so it still counts as under way.
+        // A frame is logged only at its end, so the last frame of the cycle may still be on the air.
         let under_way = run.commands.iter().filter(|command| command.at >= tick.at).count();
         let (sent, wanted) = (tick.sent(), self.layout.frames());
         if in_time && !tick.cut_off && sent + tick.others + under_way < wanted {

@@ -169,7 +169,8 @@ impl Rule for LinkStatus {
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Hearing) => self.may_have_missed(event.at),
             What::FieldHeard { on } if *on != self.field.0 => self.field = (*on, event.at),
             What::Fresh { high: true, offered } => {
-                // A further rise of FRESH for the same image does not publish it. Rule `ssi` reports the rise.
+                // FRESH has risen a second time for the same image, which is no publication. Rule `ssi` reports this
+                // rise.
                 let offered = offered.as_ref().map_or(&[][..], |bytes| &bytes.0);
                 if context.window().offset() == 0 && !offered.is_empty() && offered == self.offered {
                     return;
@@ -277,7 +278,7 @@ impl LinkStatus {
             Some(candidates)
         };
         self.last.clone_from(&reading.miso);
-        // An image that replaces a damaged one states the same time as the damaged one.
+        // The image replaces a damaged image, and so states the same time as that one.
         let mut of_the_start = None;
         if !disturbances.excuse(Excuse::UnsoundImage, published) {
             if let Some(words) = self.time.wrong(values.timestamp, published, dpr.since) {

@@ -206,7 +206,7 @@ impl Shown {
         let mut objects = objects.fold(0, |mask, (index, ..)| mask | 1 << index);
         let mut timestamp = delivery.timestamp;
         if let Some(before) = self.due.back_mut() {
-            // Any frame may make the DPR publish a new image, which replaces the one before.
+            // Each frame may make the DPR publish a new image, which replaces the one before.
             before.until = before.until.min(ended);
             if delivery.received == Certainty::Must && delivery.completes(&before.frame) {
                 objects |= before.objects;

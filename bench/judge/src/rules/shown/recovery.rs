@@ -20,7 +20,7 @@ use crate::{Event, Findings, Violation, What, bounds};
 /// The length, ns, of the end of a run in which disturbances are not measured: longer than any recovery takes.
 const TAIL: u64 = 400_000_000;
 
-/// Disturbances that count as one, because there was no recovery between them.
+/// Several disturbances that count as one, because the link did not recover between them.
 #[derive(Clone, Copy, Debug)]
 struct Causes {
     /// The instant, ns, at which the last of the disturbances ended.

@@ -79,8 +79,7 @@ struct Truth {
     tiny: bool,
     /// Whether the exact magnitude is 2^128 or more.
     huge: bool,
-    /// Whether the result is a sum of terms of opposite signs. If such a sum is zero, the rounding mode decides its
-    /// sign.
+    /// Whether the result is a sum of terms of opposite signs. If this sum is zero, the rounding mode decides its sign.
     opposite: bool,
 }
 
