@@ -188,7 +188,7 @@ fn a_stuck_bit_of_the_dprs_ram_is_shown_in_time() {
     let took = until(&mut node, 50 * MS, within, |node| link(node).ram_fault());
     eprintln!("the DPR's RAM: shown after {} ms", took / MS);
     assert!(dpr_counter(&node, "ram_errors") >= 1);
-    // A stuck bit must be reported from the first image after the next start on.
+    // After the next start, each image from the first one on must report a stuck bit.
     for sticks in [true, false] {
         if !sticks {
             node.input(|part, _, _| part.stick(None));

@@ -233,7 +233,7 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     }
     assert!(shown.len() >= at_least, "{} positions shown", shown.len());
     let mut held = held.positions().iter().map(|position| {
-        // The correct value is the float64 nearest to the decimal number in the message.
+        // The right value is the float64 that is nearest to the decimal number in the message.
         [
             f64::from(position.latitude_1e7) / 1e7,
             f64::from(position.longitude_1e7) / 1e7,

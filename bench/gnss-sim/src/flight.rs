@@ -163,8 +163,8 @@ impl Flight {
         speed.ramp(climbed, acceleration, speed_reached);
         speed.ramp(brake, braking, -speed_reached);
 
-        // A leg takes about 15 s and ends in a turn, alternately wide and narrow, in opposite directions. On a long
-        // flight the path closes after sixteen legs, because two of them turn the aircraft by 45° on average.
+        // A leg takes about 15 s and ends in a turn. Wide and narrow turns alternate, in opposite directions. Two legs
+        // turn the aircraft by 45° on average, so the path of a long flight closes after sixteen legs.
         let mut course = Plan::starting_at(draw(-PI, PI));
         let side = if draw(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
         let legs = (cruise / 15.0).ceil().max(2.0);
@@ -200,7 +200,7 @@ impl Flight {
         &self.plane
     }
 
-    /// The length of the flight, s, with the time on the ground at both ends.
+    /// The length of the flight, s. It includes the time on the ground before take-off and after landing.
     #[must_use]
     pub fn planned_seconds(&self) -> f64 {
         self.planned

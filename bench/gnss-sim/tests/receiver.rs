@@ -100,7 +100,7 @@ fn positions_are_the_flights_within_what_the_receiver_promises() {
         {
             let worst = errors.iter().map(|e| e[axis].abs()).fold(0.0, f64::max);
             assert!(worst < 4.0 * bias + 5.0 * white + 0.2, "{index} {axis}: {worst}");
-            // White noise appears in the differences of successive errors, and must be as large as specified.
+            // The differences of successive errors show the white noise, which must be as large as specified.
             let steps: Vec<_> = errors.windows(2).map(|e| e[1][axis] - e[0][axis]).collect();
             let deviation = (steps.iter().map(|s| s * s).sum::<f64>() / steps.len() as f64 / 2.0).sqrt();
             assert!((white * 0.8..white * 1.6 + 0.05).contains(&deviation), "{index} {axis}: {deviation}");

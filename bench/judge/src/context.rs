@@ -157,7 +157,7 @@ impl Context {
         &self.air().expectation
     }
 
-    /// Returns the frame that the current event brought to the DPR's antenna, if any.
+    /// Returns the frame that has just reached the DPR's antenna, if the current event brings one.
     ///
     /// # Panics
     ///

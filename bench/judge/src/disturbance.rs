@@ -115,7 +115,7 @@ pub enum Harm {
     /// The board's front end does not answer, and the firmware can tell: every bit that is read is the same, or the
     /// interrupt line stays high.
     Silent,
-    /// The front end answers, but does not report what happens on the air.
+    /// The front end answers its board, but does not report what happens on the air.
     Deaf,
 }
 
@@ -172,7 +172,7 @@ pub enum Memory {
 /// Something that would be a violation, and that the judge does not report while a disturbance excuses it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Excuse {
-    /// A transmit command may have no frame, a frame may be missing or break off, and HORUS's field may drop.
+    /// A transmit command may stay without a frame, a frame may be missing or break off, and HORUS's field may drop.
     Sending,
     /// HORUS's firmware may use its front end against the data sheet, because it cannot read from the front end.
     HorusFrontEndUse,
@@ -187,7 +187,7 @@ pub enum Excuse {
     Settings,
     /// The disturbed receiver may state a wrong position or none, and may be excluded for that.
     Position,
-    /// HORUS's statements about its receivers, its vote and its inputs may differ from their present values.
+    /// HORUS may report receivers, vote and inputs otherwise than they are.
     Content,
     /// The DPR may fail to receive or process a frame that reaches its antenna. It may show any cycle that it received.
     Hearing,

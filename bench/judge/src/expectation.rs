@@ -52,7 +52,8 @@ pub struct Delivery {
     pub ended: u64,
     /// The frame's number in its cycle, from 0.
     pub number: usize,
-    /// The instant, ns, at which the frame's sample was taken, by the constants of the profile.
+    /// The instant, ns, at which the frame's sample was taken. It follows from the frame's end and the slots of the
+    /// profile.
     pub sampled: u64,
     /// The timestamp of the frame's first valid object, ms.
     pub timestamp: Option<u32>,
@@ -104,7 +105,7 @@ struct State {
     frames: u8,
     /// Whether the last cycle is shown.
     shown: bool,
-    /// Whether the last cycle had the timestamp of the cycle before it.
+    /// Whether the last cycle had the same timestamp as the cycle before it.
     frozen: bool,
 }
 
@@ -337,7 +338,7 @@ impl Expectation {
         (must.unwrap_or(0), may.unwrap_or(0))
     }
 
-    /// Returns whether the last cycle repeated the timestamp of the cycle before it.
+    /// Returns whether the last cycle had the same timestamp as the cycle before it.
     #[must_use]
     pub fn frozen(&self) -> Certainty {
         Certainty::of(self.states.iter().map(|state| state.frozen))

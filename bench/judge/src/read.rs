@@ -27,7 +27,7 @@ pub enum State {
     },
     /// The object's place holds 0x00 or 0xFF throughout, so there is no object.
     Vacant,
-    /// The bytes are neither an intact object nor empty; the reason is given.
+    /// The bytes are neither an intact object nor empty. The text says why.
     Unsound(Rejection),
 }
 

@@ -71,8 +71,9 @@ violations! {
     /// Reported-Position does not follow from the receivers that agree, or its status is wrong.
     // Shows VOTE-2, VOTE-3, STA-4, STA-5, STA-6.
     ReportedWrong = "Reported-Position is not what the receivers that agree say",
-    /// HORUS shows a voted position that has no majority of receivers, or that jumps. A position jumps if it is farther
-    /// from the last one than an aircraft can have flown. HORUS may show it only after it has lasted for a second.
+    /// HORUS shows a voted position that has no majority of receivers, or one that jumps. A position jumps if it is
+    /// farther from the last one than an aircraft can have flown. HORUS may show such a position only after it has
+    /// lasted for a second.
     // Shows VOTE-1, VOTE-4.
     VoteWrong = "a voted position without a majority, or one that jumps",
     /// HORUS shows no voted position although a majority agrees and the position need not be held back.
@@ -85,8 +86,9 @@ violations! {
     /// HORUS shows as valid the position of a receiver whose dynamic model HORUS should have set long before.
     // Shows REC-7.
     NotAirborne = "a position of a receiver that does not navigate as airborne",
-    /// HORUS's state does not fit its inputs (relay, motor cut, emergency measure). The state does not show an input
-    /// that was active or contradicted itself for the debounce time, or shows what no input justifies.
+    /// HORUS's state does not fit its inputs (relay, motor cut, emergency measure). Either an input was active, or
+    /// contradicted itself, for the debounce time and the state does not show it. Or the state shows what no input
+    /// justifies.
     // Shows STA-1, STA-2.
     StateWrong = "HORUS's state is not what its inputs say",
     /// HORUS does not read the bytes that wait in a receiver on a bus.

@@ -228,7 +228,7 @@ impl Emission {
         self.leaving.pop_front_if(|(at, _)| *at <= now)
     }
 
-    /// Takes the instants (ns) of transmit commands that the firmware did not give. They may be in the future.
+    /// Takes the instants (ns) of transmit commands that the firmware did not give. An instant may be in the future.
     pub fn take_commands(&mut self) -> Vec<u64> {
         std::mem::take(&mut self.commands)
     }

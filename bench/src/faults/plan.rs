@@ -28,7 +28,7 @@ const MS: u64 = 1_000_000;
 /// The shortest and longest duration of an episode, ns.
 pub const LENGTH: (u64, u64) = (20_000_000, 400_000_000);
 
-/// The duration of a fault of the hold, ns, whose period is 100 ms.
+/// The duration, ns, of a fault of the hold. The hold exchanges frames once every 100 ms.
 pub const HOLD_LENGTH: (u64, u64) = (200_000_000, 2_000_000_000);
 
 /// The time from one fault of the hold to the next, ns, in every fourth gap. It is long enough for the judge to judge a
@@ -59,7 +59,7 @@ pub const START_HANG_LENGTH: (u64, u64) = (1_100_000_000, 1_200_000_000);
 /// (docs/design.md#start-and-supply).
 pub const WATCHDOG_STARTS: u64 = 2_000;
 
-/// A hang during a board's start begins at most this long after the reset, ns.
+/// The longest time, ns, from a board's reset until a hang that is drawn into its start.
 pub const STARTS: u64 = 20_000_000;
 
 /// The number of sags of each board's supply in a round. Each sag has its own course of voltage.

@@ -80,7 +80,7 @@ pub enum WireFault {
     AntennaAnswers,
     /// The radio to the base station transmits nothing.
     RadioDrop,
-    /// One bit of each profile on the radio is inverted, each time another one.
+    /// One bit of each profile on the radio is inverted. It is another bit in each profile.
     RadioBit,
     /// The second half of each profile on the radio is the second half of the profile before.
     RadioMix,
@@ -337,8 +337,8 @@ impl Wires {
         self.faults.contains(&WireFault::AntennaAnswers)
     }
 
-    /// Changes `bytes`, which the flight controller sent, to what the base station receives. Returns `false` if nothing
-    /// arrives.
+    /// Changes the bytes that the flight controller sent to those that the base station receives. Returns `false` if
+    /// nothing arrives.
     pub fn radio(&mut self, bytes: &mut Vec<u8>) -> bool {
         if bytes.is_empty() {
             return true;

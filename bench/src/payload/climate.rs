@@ -34,7 +34,7 @@ pub struct Climate {
     at: u64,
     heats: bool,
     cools: bool,
-    /// How long heater and cooler have been on since the last call of [`Climate::take_on`], ns.
+    /// The times, ns, for which heater and cooler have been on since the last call of [`Climate::take_on`].
     on: [u64; 2],
 }
 

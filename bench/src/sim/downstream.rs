@@ -53,7 +53,8 @@ pub(super) struct Link<C: Cost> {
     base_faults: Vec<BaseFault>,
     wires: Wires,
     faults: Timeline,
-    /// The present faults of the air, each with the instant (ns) of its beginning. Only the last one has an effect.
+    /// The present faults of the air, each with the instant (ns) of its beginning. Only the one that began last has an
+    /// effect.
     air_faults: Vec<(u64, AirFaults)>,
     dpr_events: BoardEvents,
     recorder: Recorder,
@@ -72,7 +73,7 @@ pub(super) struct Link<C: Cost> {
     trace: Option<Vec<Mark>>,
     tasks: Option<TaskWatch>,
     sweeping: Option<Sweeping>,
-    /// HORUS's log lines that are later than the DPR's present instant, because HORUS runs ahead.
+    /// HORUS's log lines from instants that the DPR has yet to reach, because HORUS runs ahead.
     horus_lines: VecDeque<LogLine>,
 }
 
@@ -169,7 +170,7 @@ impl<C: Cost> Link<C> {
         self.recorder.release(known);
     }
 
-    /// Records the base station's display at `now` (ns) if a record is due or the alarms have changed.
+    /// Records what the base station displays at `now` (ns), if a record is due or the alarms have changed.
     fn note_station(&mut self, now: u64) {
         let drone = self.base.drone();
         let calm = self.base_faults.contains(&BaseFault::Calm);
@@ -413,7 +414,8 @@ impl<C: Cost> Link<C> {
         if high {
             self.offered(None);
             self.announced = Some(at);
-            // FRESH rose while a transaction was under way, even if that transaction ended at the same instant.
+            // FRESH rose while a transaction was under way. This also holds if the transaction ended at the same
+            // instant.
             if self.selected || at <= self.deselected {
                 self.offered(None);
             } else if self.offer.is_some() {

@@ -80,7 +80,7 @@ impl Feed {
         }
     }
 
-    /// Restarts the receiver at `at` (ns) without its saved settings.
+    /// Restarts the receiver at `at` (ns). Settings that it has not saved are lost.
     fn lose_settings(&mut self, at: u64) {
         self.answers.clear();
         self.deaf_until = at + STARTS;

@@ -63,7 +63,7 @@ impl Receiver {
         self.frame.as_ref().is_some_and(|frame| frame.locked)
     }
 
-    /// Whether the receiver is masked, by D0 or by the end of a frame.
+    /// Whether the receiver is masked. D0 masks it, and so does the end of a frame.
     pub(crate) fn masked(&self) -> bool {
         self.unmasked_since.is_none()
     }

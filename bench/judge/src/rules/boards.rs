@@ -83,7 +83,7 @@ pub struct Boards {
     faulted: Vec<(Board, u64, String)>,
     /// The board and the instant, ns, of the last restart that was not asked for.
     restarted: Option<(Board, u64)>,
-    /// The instant, ns, by which each hung board must have restarted; `None` once reported.
+    /// The instant, ns, by which each hung board must have restarted; `None` after a late restart was reported.
     restart_due: [Option<u64>; 2],
     /// For each board, how long its core has been stopped, ns, and the instant, ns, since which it is stopped at
     /// present.

@@ -36,7 +36,7 @@ const TICKS: usize = 256;
 struct Last {
     timestamp: u32,
     reason: Option<ResetReason>,
-    /// The sample's tick, ns, and the number of HORUS's start in which that tick came.
+    /// The sample's tick, ns, and the number of HORUS's starts at that tick.
     tick: (u64, u64),
     /// How much, ns, the station may overstate the age of this sample and of later ones.
     late: u64,

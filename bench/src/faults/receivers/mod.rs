@@ -52,7 +52,7 @@ pub enum ReceiverFault {
     Beginnings,
     /// The receiver sends whole UBX messages that HORUS has not requested, without a pause.
     Unasked,
-    /// The receiver sends new data, but always with the time of week of its last message before the fault.
+    /// The receiver sends new data, but the time of week stays that of its last message before the fault.
     Frozen,
     /// The receiver sends at this bit rate, bit/s.
     WrongBaud(u32),
@@ -79,7 +79,7 @@ pub enum ReceiverFault {
         /// The error upwards, m.
         up: i32,
     },
-    /// The receiver's position moves north at this speed, but its velocity does not, as with slow spoofing.
+    /// The receiver's position moves north at this speed, but its stated velocity does not, as with slow spoofing.
     Drifts {
         /// The speed, mm/s.
         mm_s: u32,
@@ -285,7 +285,8 @@ struct Line {
     /// The present faults in order of their beginnings. Only the last one has an effect.
     faults: Vec<Active>,
     last_itow: Option<u32>,
-    /// Longitude, latitude and height in the receiver's last burst without a fault, in the units of NAV-PVT.
+    /// The position in the receiver's last burst without a fault: longitude, latitude and height, in the units of
+    /// NAV-PVT.
     last_position: Option<[i32; 3]>,
     /// Delayed bursts, in order of time.
     waiting: VecDeque<OnLine>,
@@ -490,7 +491,7 @@ fn damaged(at_ns: u64, receiver: usize, frames: Vec<UartFrame>) -> OnLine {
     on_line
 }
 
-/// The UART frame of `byte` with a high or a low stop bit; the latter is sent as a ninth data bit.
+/// Returns the UART frame of `byte` with a high or a low stop bit. A low one is sent as a ninth data bit.
 const fn with_stop(byte: u8, high: bool) -> UartFrame {
     let frame = UartFrame::eight_n_one(byte, GNSS_BAUD);
     if high { frame } else { UartFrame { bits: 9, ..frame } }

@@ -13,7 +13,7 @@ pub enum Outcome {
     Repeated,
     /// Every byte is 0xFF: the DPR was busy.
     Busy,
-    /// Link-Status or an object is neither intact nor vacant, so the flight controller uses nothing of the image.
+    /// Link-Status or an object is neither intact nor vacant. The flight controller then uses nothing of the image.
     BadCrc,
 }
 

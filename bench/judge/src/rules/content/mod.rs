@@ -299,7 +299,7 @@ pub struct Content {
     models: Models,
     vote: Vote,
     voter: Voter,
-    /// Whether a disturbance since HORUS's last start may have changed HORUS's vote.
+    /// Whether a disturbance may have changed HORUS's vote since HORUS's last start.
     unjudged: bool,
 }
 

@@ -47,12 +47,13 @@ use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 /// The number of frames, and of rises of FRESH, that are kept, because a transaction may be long.
 const REMEMBERED: usize = 64;
 
-/// The uncertainty of the age, ns: the DPR's clock, its detection of a frame's end, and HORUS's front end (2.3 µs).
+/// The tolerance of the age that Link-Status states, ns: the DPR's clock, its detection of a frame's end, and HORUS's
+/// front end (2.3 µs).
 const INSTANTS: u64 = 30_000;
 
 const AGE_UNIT: u64 = 100_000;
 
-/// The tolerance, ns, of the second for which Link-Status reports a restart: the commit and the crystals.
+/// The tolerance, ns, of the second for which Link-Status reports a restart. The commit and the crystals need it.
 const RESTART_BAND: u64 = 2_000_000;
 
 /// A Reported-Position that the DPR accepted, or may have accepted.
@@ -128,7 +129,7 @@ pub struct LinkStatus {
     baseline: Option<Baseline>,
     time: Time,
     reasons: Reasons,
-    /// Whether HORUS's field is at the DPR's antenna, and the instant, ns, of the last change.
+    /// Whether there is a field at the DPR's antenna, and since which instant, ns.
     field: (bool, u64),
     /// The bytes of the last judged transaction; the same bytes are not judged twice.
     last: Vec<u8>,

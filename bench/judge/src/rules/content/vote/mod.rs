@@ -161,7 +161,7 @@ impl Cycle<'_> {
         self.related(receiver, others, Relation::Agree) == others
     }
 
-    /// Returns the largest subset in which every two receivers certainly agree.
+    /// Returns the largest subset of which every two receivers certainly agree.
     fn largest(&self, of: Set) -> Set {
         let sets = (0..1 << self.seen.len()).filter(|set: &Set| set & !of == 0);
         let agree = |set: &Set| each(*set).all(|receiver| self.agrees_with_all(receiver, *set));
@@ -297,7 +297,7 @@ impl Vote {
             .then(|| format!("{} excluded after a restart, and was not before it", names(excluded & !may)))
     }
 
-    /// Returns whether the judge has seen the cycle before cycle `number` (from 1).
+    /// Returns whether the cycle before `number` (from 1) is the last one that the judge has seen.
     pub(super) fn follows(&self, number: u64) -> bool {
         self.last.0 + 1 == number
     }
