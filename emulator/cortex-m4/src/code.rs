@@ -19,7 +19,7 @@ use crate::{Bus, Fault, decode};
 pub(crate) const BITS: u32 = 10;
 /// The number of halfwords of a page. Each has its own entry, because an instruction may begin at any halfword.
 const SLOTS: usize = 1 << (BITS - 1);
-/// The number of times that a page may be decoded anew as a whole because a byte in it was written.
+/// The number of times that a whole page may be decoded anew because a byte in it was written.
 const MOST_REWRITES: u32 = 64;
 /// The number of entries in the index of pages, a power of two.
 const INDEX: usize = 256;

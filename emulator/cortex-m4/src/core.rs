@@ -128,7 +128,7 @@ pub struct Core<C: Cost> {
     pub(crate) owed: u64,
     /// The cycle at which lazy preservation last saved the floating-point state.
     pub(crate) preserved_fp: u64,
-    /// N, Z, C and V before an instruction in an IT block that must not change them.
+    /// N, Z, C and V before an instruction in an IT block that must leave them as they are.
     pub(crate) kept_flags: Flags,
     /// The address of the last word of code that was fetched, from which wait states are counted. An odd value means
     /// that there is none.

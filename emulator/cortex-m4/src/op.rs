@@ -261,7 +261,7 @@ pub(crate) enum Do {
     LoadReg { format: Format, t: u8, n: u8, m: u8, amount: u8 },
     Store { format: Format, index: Index, t: u8, n: u8, imm: u32 },
     StoreReg { format: Format, t: u8, n: u8, m: u8, amount: u8 },
-    /// A load of two words. An `n` of 15 is the literal form, whose base is the instruction's address plus 4,
+    /// A load of two words. If `n` is 15, this is the literal form, whose base is the instruction's address plus 4,
     /// word-aligned.
     Ldrd { index: Index, t: u8, t2: u8, n: u8, imm: u32 },
     Strd { index: Index, t: u8, t2: u8, n: u8, imm: u32 },

@@ -78,7 +78,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Records a change of IPSR that was neither an entry nor a return; `before` is its former value.
+    /// Records a change of IPSR that came from neither an entry nor a return. `before` is the value that IPSR had.
     pub(crate) fn exception_changed_from(&mut self, before: u16) {
         if self.ipsr != before {
             self.exception_changed();

@@ -12,7 +12,7 @@ fn watchpoint(address: u32, length: u32, reads: bool, writes: bool) -> Watchpoin
     Watchpoint { address, length, reads, writes }
 }
 
-/// For each stop at the watchpoint: the program counter, the address of the access, and whether it was a write.
+/// Returns the program counter, the address of the access, and whether it was a write, for each stop at the watchpoint.
 fn stops<C: Cost>(watchpoint: Watchpoint) -> Vec<(u32, u32, bool)> {
     let mut rig = Rig::<C>::with_clock(ACCESSES);
     rig.set(0, RAM + 0x40).set(1, 7).set(3, RAM + 0x80);

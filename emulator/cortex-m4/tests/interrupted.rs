@@ -138,8 +138,8 @@ fn a_program_that_is_interrupted_anywhere_computes_the_same() {
     }
 }
 
-/// Returns the longest time from the rise of line 0 to its handler's write, the number of such writes, and the
-/// program's duration.
+/// Returns three figures: the longest time from the rise of line 0 to its handler's write, the number of such writes,
+/// and the duration of the program.
 fn multiples<C: Cost>(period: u64, before: u64) -> (u64, u64, u64) {
     let mut board = Board::new(MULTIPLES);
     for (vector, handler) in [(0x40, HIGH), (0x44, LOW)] {

@@ -193,7 +193,7 @@ where
             self.since_reset = 0;
             if self.line != Line::Jtag {
                 self.line = Line::Reset;
-                // A line reset selects the banks of power-up, but keeps flags and power requests (ADI B4.3.3).
+                // A line reset selects the banks as at power-up, but keeps flags and power requests (ADI B4.3.3).
                 self.select &= !0xF;
             }
         }
@@ -300,7 +300,7 @@ where
         (self.select >> 24) as u8
     }
 
-    /// Reads a register of the selected access port; one that does not exist reads zero (ADI B2.2.11).
+    /// Reads a register of the selected access port. An access port that does not exist reads zero (ADI B2.2.11).
     fn access_read(&mut self, register: u8) -> Option<u32> {
         match self.selected() {
             0 if !self.node.part().is_open() => Some(0),
@@ -342,7 +342,7 @@ where
 
     /// Gives the debug registers their power-on values if the last reset was one that resets them.
     fn reset_debug(&mut self) {
-        /// Writes that reset DHCSR, FP_CTRL (both with their keys) and DEMCR (ARMv7-M C1.6.2, C1.11.3, C1.6.5).
+        /// The writes that reset DHCSR and FP_CTRL (both with their keys) and DEMCR (ARMv7-M C1.6.2, C1.11.3, C1.6.5).
         const RESET: [(u32, u32); 3] = [(0xE000_EDF0, 0xA05F_0000), (0xE000_2000, 2), (0xE000_EDFC, 0)];
         if self.node.resets().last().is_some_and(|reset| B::Part::resets_debug(reset.cause)) {
             for (address, value) in RESET {
@@ -351,7 +351,8 @@ where
         }
     }
 
-    /// Whether a debugger can access `address`. A reset that is held leaves only the private peripheral space.
+    /// Returns whether a debugger can access `address`. While reset is held, only the private peripheral space is
+    /// accessible.
     fn reachable(&self, address: u32) -> bool {
         !self.held || address >> 20 == 0xE00
     }

@@ -48,7 +48,7 @@ pub enum Error {
         /// The requested name.
         symbol: String,
     },
-    /// A function of the image does not contain the bytes that were looked for exactly once.
+    /// The bytes that were looked for are not in a function of the image, or are there more than once.
     #[error("{function} holds {bytes:02x?} at {found}: is it another build of the firmware?")]
     NoPlace {
         /// The name of the function.

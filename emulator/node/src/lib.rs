@@ -105,7 +105,7 @@ pub struct Node<B: Board, C: Cost = Fast> {
     lowest: u32,
     debugged: bool,
     told_halt: bool,
-    /// The exceptions that became active, each with its instant in ns; `None` if they are not recorded.
+    /// The exceptions that became active, each with its instant in ns; `None` while they are not recorded.
     tasks: Option<Vec<(u64, u16)>>,
     resets: Vec<ResetAt>,
     probe_at: u64,

@@ -218,7 +218,7 @@ struct Frames {
 }
 
 impl Frames {
-    /// Calls `line` with every frame that `bytes` complete. Returns the number of frames that did not decode.
+    /// Calls `line` with every frame that `bytes` complete. Returns the number of frames that could not be decoded.
     fn take(
         &mut self,
         table: &defmt_decoder::Table,

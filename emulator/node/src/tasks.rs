@@ -17,7 +17,7 @@ const IPR: u32 = 0xE000_E400;
 const SHPR: u32 = 0xE000_ED18;
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// Begins or ends the record of active exceptions and of sleep. It begins with the present state.
+    /// Starts or ends the record of active exceptions and of sleep. The record's first entry is the present state.
     pub fn watch_tasks(&mut self, on: bool) {
         self.core.watch_exceptions(on);
         let now = self.now();

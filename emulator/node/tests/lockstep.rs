@@ -160,8 +160,8 @@ fn sending() -> emulator_node::Firmware {
     firmware("sending", &main, &[(59, &done), (9, &answered)])
 }
 
-/// The receiver's firmware: SPIS1 receives the block. At first and after each END, a pulse on P1.05 signals that the
-/// receiver is ready.
+/// The receiver's firmware: SPIS1 receives the block. A pulse on P1.05 says that the receiver is ready, first at the
+/// start and then after each END.
 fn receiving() -> emulator_node::Firmware {
     const SPIS1: u32 = 0x4000_4000;
     const P1: u32 = 0x5000_0300;

@@ -20,7 +20,7 @@ fn counter<B: Board>(node: &mut Node<B>) -> u32 {
     node.word(u64::from(COUNTER)).unwrap()
 }
 
-/// Counts TIM2 updates in RAM and sleeps. The timer runs on the 16 MHz internal oscillator.
+/// Returns a firmware that counts TIM2 updates in RAM and sleeps. The timer runs on the 16 MHz internal oscillator.
 fn ticking() -> emulator_node::Firmware {
     let mut main = Thumb::at(MAIN);
     main.tim2_every(160_000).idle();

@@ -120,7 +120,8 @@ impl ClockPower {
         }
     }
 
-    /// Sets the registers after a restart for `reason`. A `gentle` restart keeps the retained registers.
+    /// Sets the registers after a restart for `reason`. If the restart is `gentle`, the retained registers keep their
+    /// values.
     pub(crate) fn restarted(&mut self, before: &Self, reason: u32, gentle: bool) {
         self.reset_reason = before.reset_reason | reason;
         if gentle {

@@ -266,7 +266,7 @@ impl Gpio {
     }
 }
 
-/// The port of an offset, and the same register's offset in port 0.
+/// Returns the port to which an offset belongs, and the offset of the same register in port 0.
 #[inline]
 fn port_of(offset: u32) -> (usize, u32) {
     if (0x804..0xA80).contains(&offset) { (1, offset - 0x300) } else { (0, offset) }

@@ -158,7 +158,7 @@ impl Memory {
     }
 }
 
-/// The part's revision in Nordic's numbering: 3 for build codes Fxx and later.
+/// The part's revision as Nordic numbers it: 3 for build codes Fxx and later.
 fn revision(settings: &Settings) -> u32 {
     if settings.build_code[2] >= b'F' { 3 } else { 2 }
 }

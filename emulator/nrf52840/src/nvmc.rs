@@ -119,7 +119,7 @@ impl Instance for Nvmc {
                         self.occupy(ERASE_PAGE, cx);
                         cx.memory.erase(UICR_BASE, PAGE);
                     }
-                    // A page is erased when its partial erases add up to the time of a whole erase.
+                    // A page is erased as soon as its partial erases together take the time of a whole erase.
                     0x518 => {
                         let ms = if self.partial_ms == 0 { 10 } else { self.partial_ms };
                         let part = cycles(u64::from(ms) * 1_000_000);

@@ -73,7 +73,7 @@ pub(crate) fn quoted(bytes: &[u8]) -> String {
     format!("\"{text}\"")
 }
 
-/// A line without its comment, which begins with `#` outside a text.
+/// Returns a line without its comment. A comment begins with a `#` that is outside a text.
 pub(crate) fn code(line: &str) -> &str {
     let (mut in_text, mut escaped) = (false, false);
     let is_comment = |letter: char| {
@@ -102,7 +102,7 @@ fn tokens(line: &str) -> Result<Vec<Token>, String> {
     Ok(tokens)
 }
 
-/// The bytes of a text behind its opening quotation mark, and what follows the closing one.
+/// Reads a text from behind its opening quotation mark. Returns its bytes, and what follows the closing mark.
 fn text(line: &str) -> Result<(Vec<u8>, &str), String> {
     let mut bytes = vec![];
     let mut letters = line.char_indices();

@@ -184,7 +184,7 @@ pub(super) fn multiply_add(addend: u32, a: u32, b: u32, fpscr: &mut u32) -> u32 
     exact::multiply_add(addend, a, b, fpscr)
 }
 
-/// Compares as VCMP and, if `signals`, as VCMPE: sets N, Z, C and V of FPSCR.
+/// Compares like VCMP, or like VCMPE if `signals`: sets N, Z, C and V of FPSCR.
 #[inline]
 pub(super) fn compare(a: u32, b: u32, signals: bool, fpscr: &mut u32) {
     let (x, y) = (f32::from_bits(a), f32::from_bits(b));

@@ -116,7 +116,7 @@ pub(crate) enum FpOp {
         d: u8,
         m: u8,
     },
-    /// VMOV of an immediate. `imm8` is as encoded, and A6.4.1 expands it.
+    /// VMOV of an immediate. `imm8` is the encoded value, which A6.4.1 expands.
     VmovImmediate {
         d: u8,
         imm8: u8,

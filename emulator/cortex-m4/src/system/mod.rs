@@ -340,7 +340,7 @@ impl<C: Cost> Core<C> {
         self.system.mpu.data(address, write, privileged, priority)
     }
 
-    /// Whether the MPU is off or opens all of these bytes, so that accesses need no check.
+    /// Returns whether accesses to these bytes need no check, because the MPU is off or opens all of them.
     #[inline(always)]
     pub(crate) fn mpu_opens(&mut self, address: u32, bytes: u32, write: bool, privileged: bool) -> bool {
         self.system.mpu.opens(address, bytes, write, privileged)

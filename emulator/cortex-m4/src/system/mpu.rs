@@ -48,8 +48,8 @@ impl Region {
     }
 }
 
-/// A range of addresses that all have the same rights while the MPU applies. Its size of sixteen bytes lets a shift
-/// find a span in a list.
+/// A range of addresses that all have the same rights while the MPU applies. A span has sixteen bytes, so a shift finds
+/// it in a list.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(16))]
 struct Span {
@@ -81,7 +81,7 @@ pub(crate) struct Mpu {
     regions: [Region; 8],
     /// The spans of all addresses, in rising order. The list is empty if it must be computed again.
     spans: Vec<Span>,
-    /// For each value of the address's highest four bits, the span that was last looked up.
+    /// The span that was last looked up, for each value of the address's highest four bits.
     near: [Span; 16],
 }
 

@@ -49,7 +49,7 @@ pub(crate) struct Nvic {
     pub(crate) best_priority: i16,
     /// The highest group priority of the active exceptions.
     pub(crate) active_priority: i16,
-    /// Whether an exception became pending since this flag was last cleared, for SCR.SEVONPEND.
+    /// Whether an exception has become pending since this flag was last cleared. SCR.SEVONPEND needs it.
     pub(crate) newly_pending: bool,
 }
 
@@ -264,7 +264,7 @@ impl Nvic {
         (low | high) as u32
     }
 
-    /// The implemented lines from 32 * `index` on whose bits are set in `value`, as a set.
+    /// Returns a set of implemented lines: those from 32 * `index` on whose bits are set in `value`.
     fn named(&self, index: u32, value: u32) -> Set {
         let mut set = [0; 4];
         let first = 16 + 32 * index;

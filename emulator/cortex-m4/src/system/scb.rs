@@ -118,7 +118,7 @@ fn identification(offset: u32) -> Option<u32> {
     })
 }
 
-/// The active and pending bits of SHCSR, each row with the exception, its active bit and its pending bit (ARM ARM
+/// The active and pending bits of SHCSR. Each row has the exception, its active bit and its pending bit (ARM ARM
 /// B3.2.13).
 const HANDLERS: [(u16, Option<u32>, Option<u32>); 7] = [
     (nvic::MEM_MANAGE, Some(0), Some(13)),

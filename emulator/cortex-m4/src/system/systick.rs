@@ -47,7 +47,7 @@ impl SysTick {
         self.control & ENABLE != 0 && !self.paused
     }
 
-    /// Counts up to `cycle`. Returns whether the counter reached zero with TICKINT set.
+    /// Counts up to `cycle`. Returns whether the counter has reached zero while TICKINT is set.
     pub(crate) fn advance(&mut self, cycle: u64) -> bool {
         if !self.counting() || cycle <= self.at {
             return false;

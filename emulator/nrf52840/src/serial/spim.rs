@@ -37,7 +37,7 @@ impl Serial {
         })
     }
 
-    /// Converts between a byte and its bit order on the wire, first bit highest.
+    /// Reverses the order of a byte's bits if needed, so that the first bit on the wire is the highest.
     pub(super) fn on_the_wire(&self, byte: u8) -> u8 {
         if self.config & 1 == 0 { byte } else { byte.reverse_bits() }
     }

@@ -250,7 +250,7 @@ impl Serial {
         }
     }
 
-    /// Reports a write to a register of transfers while the CPU does not hold the semaphore.
+    /// Reports a write to a register of transfers, if the CPU does not hold the semaphore.
     pub(super) fn guard(&self, offset: u32, cx: &mut Cx<'_>) {
         if self.enable == SPIS && !matches!(self.semaphore, Semaphore::Cpu) {
             cx.misuse("a buffer register written without the semaphore, at offset", offset);

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// The maximum number of acts that one access or one instant may set off. More come from an endless loop.
+/// The maximum number of acts that one access or one instant may set off. Only an endless loop sets off more.
 const LOOP_LIMIT: u32 = 100_000;
 
 impl Soc {

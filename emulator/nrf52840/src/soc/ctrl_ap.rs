@@ -23,7 +23,8 @@ use crate::clocks::cycles;
 use crate::memory::{FLASH_BYTES, PAGE, UICR_BASE};
 
 const UICR_APPROTECT: u32 = UICR_BASE + 0x208;
-/// HwDisabled, which opens the hardware's half of the protection. Parts before build code Fxx need the erased value.
+/// HwDisabled, the value that opens the hardware's half of the protection. Parts before build code Fxx need the erased
+/// value.
 const HW_DISABLED: u8 = 0x5A;
 const ERASED: u8 = 0xFF;
 

@@ -90,8 +90,8 @@ impl Soc {
         self.carry(outside);
     }
 
-    /// Restarts the part (PS 5.3, *Reset behavior*). State that the cause does not reset is kept, and the outside goes
-    /// on driving its pins.
+    /// Restarts the part (PS 5.3, *Reset behavior*). State that the cause does not reset is kept. The outside continues
+    /// to drive its pins.
     pub(crate) fn restart<O: Outside>(&mut self, at: Cycle, cause: Reset, outside: &mut O) {
         self.now = self.now.max(at);
         self.out.pc = None;

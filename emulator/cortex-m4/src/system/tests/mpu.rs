@@ -40,7 +40,7 @@ fn without_a_region_only_privileged_code_with_privdefena_gets_through() {
 fn access_permissions_are_those_of_the_table() {
     let (mut core, mut board) = machine();
     write(&mut core, &mut board, CTRL, 1);
-    // Each row: AP, privileged read and write, unprivileged read and write.
+    // Each row has AP and four rights: privileged read and write, and unprivileged read and write.
     for (ap, expected) in [
         (0, [false, false, false, false]),
         (1, [true, true, false, false]),
