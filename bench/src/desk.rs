@@ -14,7 +14,8 @@ use emulator_node::Node;
 /// One of the two boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Desk {
-    /// nRF52840-DK. Its microcontroller has build code AAF0, so the debug port of a new one is locked.
+    /// The nRF52840-DK. Its microcontroller has build code AAF0, so the debug port is locked while the microcontroller
+    /// is new.
     Dpr,
     /// NUCLEO-F429ZI.
     Horus,

@@ -12,9 +12,9 @@ use crate::faults::plan::LAST_BEFORE_END;
 use crate::faults::{Episode, Fault, Faults, Kind, PowerFault};
 use crate::sim::{Debugged, Error, Observer, Outcome, Setup};
 
-/// Runs the link to its end with the debugger on `connection` at the board called `side`. The board is halted at
-/// power-on until the debugger lets it run. An error of the connection is passed to `lost`, and the run continues
-/// without a debugger.
+/// Runs the link to its end. The debugger on `connection` works at the board called `side`, which is halted at power-on
+/// until the debugger lets it run. An error of the connection is passed to `lost`, and the run continues without a
+/// debugger.
 ///
 /// # Errors
 ///

@@ -21,7 +21,7 @@ use st25r3916_model::{Air, AirEvent, AirFaults, Config};
 
 const MS: u64 = 1_000_000;
 
-/// The number of bytes that are generated for a millisecond of a line: more than it carries at 460 800 baud.
+/// The number of bytes that are generated for each millisecond: more than a line carries at 460 800 baud.
 const A_MILLISECOND: usize = 47;
 
 /// Noise that is the same in every run, from a linear congruential generator (Knuth's MMIX).
@@ -76,7 +76,7 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
         for pair in commands.windows(2) {
             assert!((pair[1] - pair[0]).abs_diff(10 * MS) <= TICK_TO_COMMAND_JITTER, "{babble:?}: {pair:?}");
         }
-        // The front end adds its own scatter between the command and the first bit.
+        // The front end adds a scatter of its own between the transmit command and the first bit.
         let scatter = TICK_TO_COMMAND_JITTER + Config::default().transmit_scatter_ns;
         for pair in starts.windows(2) {
             assert!((pair[1] - pair[0]).abs_diff(10 * MS) <= scatter, "{babble:?}: {pair:?}");
@@ -214,7 +214,8 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
             Conduct::Lies => 75..=90,
             // The uplink object is new only the first time. Each repetition counts as a violation.
             Conduct::ReplaysUplink => 74..=74,
-            // Each image for which the flight controller makes more transactions than granted counts as one violation.
+            // An image grants a number of transactions. Each image for which the flight controller makes more counts as
+            // one violation.
             Conduct::Hammers | Conduct::ZeroBytes | Conduct::TogglesCsn | Conduct::BackToBack => images..=images + 1,
             // Zeros request nothing, and further bytes behind a request are no violation.
             _ => 0..=0,

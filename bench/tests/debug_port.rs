@@ -324,7 +324,7 @@ fn the_reset_pin_holds_the_part_and_its_debug_registers_answer_meanwhile() {
 
 #[test]
 fn only_a_pin_reset_clears_the_debug_registers_of_an_nrf52840() {
-    // A pin reset locks the port, so the microcontroller must be erased to be inspected.
+    // A pin reset locks the debug port. A tool must then erase the microcontroller before it can inspect it.
     let erase = |tool: &mut Tool| {
         tool.write_access(1, 0x04, 1);
         tool.0.pass(170 * MS);

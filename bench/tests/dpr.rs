@@ -70,7 +70,8 @@ fn link_status_tells_each_reason_of_the_last_reset_apart() {
         (status.reset_reason(), status.unasked_reset())
     };
     assert_eq!(told(&mut node), (Some(ResetReason::PowerOn), false), "at first");
-    // No two successive resets have the same reason, so a reported reason cannot be that of an earlier reset.
+    // Successive resets have different reasons. A reason that is reported wrongly from an earlier reset would therefore
+    // show.
     let resets = [
         (Reset::Pin, ResetReason::Pin),
         (Reset::Watchdog, ResetReason::Watchdog),
@@ -220,7 +221,7 @@ fn a_revision_3_parts_debug_port_is_opened_if_uicr_allows_it() {
         let Some(mut node) = boards::dpr_on(settings) else { return };
         node.write(UICR_APPROTECT, &u32::to_le_bytes(uicr)).unwrap();
         pass(&mut node, 50 * MS);
-        // If the hardware's protection word is 0x5A, only the firmware can open the port.
+        // With the hardware's protection word at 0x5A, the firmware alone decides whether the debug port is open.
         let software = node.part().debug_port_open(0x5A);
         assert_eq!(software, opened, "{build_code:?} with {uicr:#x}");
         assert_eq!(node.part().debug_port_open(uicr), opened, "{build_code:?} with {uicr:#x}");

@@ -61,7 +61,7 @@ fn a_kind_of_fault_alone_is_injected_alone() {
         (Kind::Power, &["power"]),
         (Kind::Buffers, &["buffer"]),
         (Kind::Inputs, &["input"]),
-        // A hang during a start comes only after a drawn restart.
+        // A hang during a start is drawn together with a restart, which comes first.
         (Kind::Hang, &["hang", "dead task", "power horus", "power dpr"]),
         (Kind::Chips, &["horus front end register", "dpr front end register"]),
     ] {

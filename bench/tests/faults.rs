@@ -200,7 +200,7 @@ struct Reader {
     frame: Vec<u8>,
     /// For each frame's timestamp, the instant at which the frame's last bit ended.
     sent: std::collections::BTreeMap<u32, u64>,
-    /// Whether the air loses all frames while the task is damaged, because the task runs only then.
+    /// Whether the air loses all frames while the task is damaged. Some tasks run only if frames are missing.
     loses: bool,
     lost: bool,
     broken: Option<(u64, Repair)>,

@@ -216,12 +216,12 @@ fn a_debugging_session_leaves_the_run_unchanged_on_every_clock() {
                 distinct.insert(gdb.pc());
             }
             assert!(distinct.len() > 300, "{}", distinct.len());
-            // On silicon a read of these peripheral registers changes them.
+            // A read of these peripheral registers would change them on silicon.
             for address in ["40004400", "40000504", "40008540", "4001F500", "E000E010", "E000E100"] {
                 assert_eq!(gdb.ask(&format!("m{address},40")).len(), 0x80, "{address}");
             }
             (0..40).for_each(|number| assert!(gdb.ask(&format!("p{number:x}")).len() >= 8));
-            // The watchpoint over the images halts at a store, then at any access, then at a load.
+            // A watchpoint over the images halts the core three times: at a store, at any access, and at a load.
             assert_eq!(gdb.ask(&format!("z1,{commit:x},2")), "OK");
             let watched = format!("{images:x},{size:x}");
             for (kind, name) in [(2, "watch:"), (4, "awatch:"), (3, "rwatch:")] {
@@ -372,7 +372,7 @@ fn a_debugger_at_a_board_alone_leaves_its_run_unchanged() {
                     assert!(gdb.ask("c").contains("watch:"));
                     (0..50).for_each(|_| assert_eq!(&gdb.ask("s")[1..3], "05"));
                 }
-                // On silicon a read of these peripheral registers changes them.
+                // A read of these peripheral registers would change them on silicon.
                 assert_eq!(gdb.ask("m40004400,40").len(), 0x80);
                 assert!(gdb.monitor("time").contains(" ms of 100 ms"));
                 assert!(gdb.monitor("faults air").contains("no monitor command"));
@@ -466,7 +466,7 @@ fn a_session_of_the_real_gdb_leaves_the_run_as_it_is() {
         "print $s0",
         // The editor extension cortex-debug sends these commands when it attaches.
         "monitor halt",
-        // The commit's code in RAM, and the flash that it was copied from.
+        // These commands read the images in RAM, and the first words of flash.
         &format!("x/4xw {images:#x}"),
         "x/2xw 0",
         &format!("watch *(unsigned *)({images:#x} + 8)"),

@@ -375,7 +375,8 @@ fn a_receiver_excluded_before_the_watchdog_bites_is_still_excluded_after_it() {
     let (_, excluded, before) = sent[restarted - 1];
     assert!(excluded && before.state() == Some(HorusState::Monitoring), "{before:?}");
     assert_eq!(before.reset_reason(), Some(ResetReason::PowerOn));
-    // No receiver has sent a message since the restart. The exclusion must therefore be the one from before.
+    // The restart was so recent that no receiver has sent a message since. The exclusion must therefore be the earlier
+    // one.
     let (_, excluded, after) = sent[restarted];
     assert!(excluded && !after.position_valid(), "{after:?}");
     assert_eq!((after.state(), after.reset_reason()), (Some(HorusState::Starting), Some(ResetReason::Watchdog)));

@@ -239,7 +239,7 @@ fn a_pin_reset_and_a_brown_out_keep_ram_and_field() {
     for (fault, cause) in [(PowerFault::Pin, Reset::Pin), (PowerFault::BrownOut, Reset::BrownOut)] {
         let Some(mut node) = boards::horus() else { return };
         emitted(&mut node, 55 * MS);
-        // This address is below the stack in use, so the firmware does not use it.
+        // This address is below the stack in use, where the firmware has nothing.
         node.write(0x2000_0010, b"kept").unwrap();
         fault.begin(&mut node);
         assert_eq!(causes(&node), [cause]);

@@ -123,7 +123,7 @@ fn a_bit_that_flips_in_the_dprs_flash_withholds_all_objects() {
     let Some(mut node) = boards::dpr() else { return };
     field_on(&mut node);
     run(&mut node, 40 * MS);
-    // The bit is in an unused vector of the vector table. The memory protection unit forbids access to it.
+    // The bit is in an unused vector of the vector table, which the memory protection unit lets nobody access.
     let table = Upset::Flash { address: 0xFC, bit: 2 };
     let last = Upset::Flash { address: address(&node, "__program_crc") - 4, bit: 30 };
     let within = u64::from(dpr::FLASH_DETECT_US) * US;
@@ -188,7 +188,7 @@ fn a_stuck_bit_of_the_dprs_ram_is_shown_in_time() {
     let took = until(&mut node, 50 * MS, within, |node| link(node).ram_fault());
     eprintln!("the DPR's RAM: shown after {} ms", took / MS);
     assert!(dpr_counter(&node, "ram_errors") >= 1);
-    // A stuck bit must be reported from the first image after the next start on.
+    // After the next start, each image from the first one on must report a stuck bit.
     for sticks in [true, false] {
         if !sticks {
             node.input(|part, _, _| part.stick(None));

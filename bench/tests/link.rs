@@ -116,7 +116,7 @@ fn every_wire_of_the_trace_moves_and_no_instant_comes_before_another() {
         assert!(falls.len() >= 5, "{board}: {falls:?}");
         assert!(falls.iter().all(|after| (29..=33).contains(after)), "{board}: {falls:?}");
     }
-    // These three signals never change: this flight controller keeps MOSI low, and all exceptions belong to tasks.
+    // These three signals never change: this flight controller keeps MOSI low, and every exception belongs to a task.
     let still = ["dpr.tasks.dpr_other", "horus.tasks.horus_other", "ssi.ssi_mosi"];
     let unmoved: Vec<&str> = waves.iter().filter(|(_, changes)| changes.len() < 2).map(|(name, _)| &**name).collect();
     assert_eq!(unmoved, still);
@@ -178,7 +178,7 @@ fn lost_frames_are_missed_counted_and_their_successors_arrive() {
     assert_eq!(report.violations, [""; 0]);
     assert!(report.air.frames_lost >= 3, "{:?}", report.air);
     assert_eq!(report.dpr.frames_missed, report.air.frames_lost, "{report:?}");
-    // This seed loses none of the first four frames.
+    // With this seed none of the first four frames is lost, so the sequence is found as usual.
     assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4);
     assert_eq!(report.dpr.objects_rejected, SEARCHED * 4);
     assert_eq!(report.ssi.bad_crc, 0);
@@ -233,7 +233,7 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     }
     assert!(shown.len() >= at_least, "{} positions shown", shown.len());
     let mut held = held.positions().iter().map(|position| {
-        // The correct value is the float64 nearest to the decimal number in the message.
+        // The right value is the float64 that is nearest to the decimal number in the message.
         [
             f64::from(position.latitude_1e7) / 1e7,
             f64::from(position.longitude_1e7) / 1e7,

@@ -259,7 +259,8 @@ fn a_firmware_that_only_restarts_ends_the_run_with_the_reason() {
 
 #[test]
 fn a_firmware_that_its_watchdog_restarts_for_ever_ends() {
-    // The watchdog's first period is 512 ms. Only then does the reload value of 1 take effect.
+    // The watchdog's first period is 512 ms whatever its reload value is. The reload value of 1 takes effect after
+    // that.
     const IWDG: u32 = 0x4000_3000;
     let mut main = Thumb::at(MAIN);
     main.store(IWDG, 0x5555).store(IWDG + 8, 1).store(IWDG, 0xAAAA).store(IWDG, 0xCCCC).idle();
@@ -291,7 +292,7 @@ fn a_finding_has_its_instant_and_peripheral_despite_a_change_of_clock() {
     let again = main.here();
     main.raw(&[0x3801]).branch_if(thumb::If::NotEqual, again);
     let store = main.here() + 16;
-    // The program writes to a timer whose clock is off, and then switches to the 8 MHz crystal.
+    // The program writes to a timer whose clock is off. Then it makes the 8 MHz crystal its clock.
     main.store(thumb::TIM2, 1);
     main.store(RCC, 1 << 18 | 1 << 16 | 0x83).wait_for(RCC, 17).store(RCC + 8, 1).idle();
     let outcome = on_horus(&firmware("clocks", &main, &[]));
@@ -325,7 +326,7 @@ const BLOCK: u32 = 0x2000_1000;
 const NAMES: u32 = FLASH + 0x4000;
 const TEXTS: u32 = FLASH + 0x4100;
 
-/// One up channel of RTT in the test's firmware: its name, the contents of its buffer, and its mode.
+/// An RTT up channel of the firmware: its name, the contents of its buffer, and its mode.
 struct Up<'a>(&'a str, &'a [u8], u32);
 
 /// Returns a firmware whose RTT control block has these channels. Each has a buffer of 256 bytes, which `main` fills.

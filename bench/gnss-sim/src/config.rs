@@ -106,7 +106,7 @@ impl Port {
     }
 }
 
-/// A receiver's output, which follows from its configuration.
+/// The output of a receiver, as its configuration determines it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Output {
     /// The time from one solution to the next, ms.

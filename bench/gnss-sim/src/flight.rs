@@ -131,7 +131,7 @@ impl Flight {
             Uniform::new_inclusive(low, high).expect("the bounds of every draw are finite and ordered").sample(&mut rng)
         };
 
-        // Each phase takes a fixed share of a short flight, at most a given time in s. The cruise fills the rest of a
+        // Each phase takes a fixed share of a short flight, but at most a given time, s. The cruise fills the rest of a
         // long flight.
         let standing = (0.03 * planned).min(2.0);
         let climb = (0.22 * planned).min(28.0);
@@ -163,8 +163,8 @@ impl Flight {
         speed.ramp(climbed, acceleration, speed_reached);
         speed.ramp(brake, braking, -speed_reached);
 
-        // A leg takes about 15 s and ends in a turn, alternately wide and narrow, in opposite directions. On a long
-        // flight the path closes after sixteen legs, because two of them turn the aircraft by 45° on average.
+        // A leg takes about 15 s and ends in a turn. Wide and narrow turns alternate, in opposite directions. Two legs
+        // turn the aircraft by 45° on average, so the path of a long flight closes after sixteen legs.
         let mut course = Plan::starting_at(draw(-PI, PI));
         let side = if draw(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
         let legs = (cruise / 15.0).ceil().max(2.0);
@@ -200,7 +200,7 @@ impl Flight {
         &self.plane
     }
 
-    /// The length of the flight, s, with the time on the ground at both ends.
+    /// The length of the flight, s. It includes the time on the ground before take-off and after landing.
     #[must_use]
     pub fn planned_seconds(&self) -> f64 {
         self.planned
@@ -309,7 +309,7 @@ struct Pose {
 }
 
 impl Pose {
-    /// The acceleration in the body frame, rotated by the pitch first, then by the roll.
+    /// Returns the acceleration in the body frame, for an aircraft that is turned by its pitch and then by its roll.
     fn body_acceleration(&self) -> [f64; 3] {
         let [x, y, z] = self.acceleration;
         let (sr, cr) = (sin(self.roll), cos(self.roll));
@@ -329,7 +329,7 @@ fn wrap(angle: f64) -> f64 {
     angle - TAU * libm::round(angle / TAU)
 }
 
-/// A quantity over time: quintic ramps, with constant values between them.
+/// A quantity of the flight over time: it changes by quintic ramps, and is constant between them.
 #[derive(Debug, Clone)]
 struct Plan {
     initial: f64,

@@ -32,10 +32,10 @@ use std::path::{Path, PathBuf};
 
 use crate::ubx::{self, Frame, NavPvt, WEEK_MS};
 
-/// The instant at which a log's first byte is sent, ns after reset: late enough for the firmware to receive it.
+/// The instant at which a log's first byte is sent, ns after reset. HORUS has started by then and receives it.
 pub const FIRST_BURST_NS: u64 = 100_000_000;
 
-/// The longest pause between two epochs, ms, to which longer ones are shortened.
+/// The longest pause between two epochs, ms. A longer pause in the log is shortened to it.
 pub const GAP_MAX_MS: u32 = 5_000;
 
 /// The pause before an epoch whose time of week is not later than that of the epoch before, ms.
@@ -93,7 +93,7 @@ pub struct LogCounts {
     pub bytes: usize,
     /// The number of UBX messages with a right checksum.
     pub ubx: usize,
-    /// The number of NAV-PVT messages among the UBX messages, with and without a valid position.
+    /// The number of NAV-PVT messages, whether or not their position is valid.
     pub nav_pvt: usize,
     /// The number of NMEA sentences with a right checksum.
     pub nmea: usize,
@@ -147,7 +147,7 @@ impl RecordedPosition {
             Some(i32::from_le_bytes(frame.payload.get(offset..offset + 4)?.try_into().ok()?))
         };
         let byte = |offset: usize| frame.payload.get(offset).copied();
-        // 1 is dead reckoning, 2 2D, 3 3D, 4 GNSS and dead reckoning; 5 is time only.
+        // The fix types are: 1 dead reckoning, 2 2D, 3 3D, 4 GNSS and dead reckoning, 5 time only.
         let fixed = matches!(byte(20)?, 1..=4);
         let ok = byte(21)? & NavPvt::FLAG_FIX_OK != 0 && byte(78)? & NavPvt::FLAG3_INVALID_LLH == 0;
         (fixed && ok).then_some(())?;
@@ -241,7 +241,7 @@ impl Log {
         self.counts
     }
 
-    /// All bytes, as recorded.
+    /// Returns all bytes of the log, as recorded.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
@@ -324,7 +324,7 @@ fn nmea_at_start_of(bytes: &[u8]) -> Option<usize> {
 /// The length of the RTCM 3 message with a right CRC at the start of `bytes`, if there is one (RTCM 10403: 0xD3, 6 zero
 /// bits, 10 bits of length, CRC-24Q).
 fn rtcm_at_start_of(bytes: &[u8]) -> Option<usize> {
-    // CRC-24Q (polynomial 0x864CFB, start value 0) has LTE's name in the `crc` crate.
+    // The `crc` crate names CRC-24Q (polynomial 0x864CFB, start value 0) after LTE.
     const CRC_24Q: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_24_LTE_A);
     let [0xd3, high, low, ..] = *bytes else {
         return None;

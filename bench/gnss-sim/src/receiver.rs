@@ -3,8 +3,8 @@
 //! # Design
 //!
 //! A receiver is an iterator of [`Burst`]s in order of time. It calculates a burst on request and keeps only the state
-//! before the burst that is due, so a run of any length needs no memory. Its bit rate only keeps a burst from starting
-//! while the one before is on the line.
+//! before the burst that is due, so a run of any length needs no memory. The receiver's bit rate has one effect: a
+//! burst starts only when the one before has left the line.
 //!
 //! A generated receiver starts as if HORUS had configured it before; [`Receiver::with_factory_settings`] returns one
 //! that HORUS has yet to configure. A message to the receiver ([`Receiver::hear`]) may change its output; the next
@@ -12,13 +12,13 @@
 //!
 //! # The errors of a generated receiver
 //!
-//! - It calculates solutions for epochs that are multiples of its period in GPS time. Reset occurs at a random instant
-//!   of GPS time, so epochs are not aligned with the 10 ms cycle of HORUS.
-//! - Its clock drifts and is kept within ±0.5 ms of GPS time by steps of 1 ms, as in u-blox receivers. A solution is
-//!   for the instant at which that clock shows the epoch.
-//! - Its position has a wandering bias (first-order Gauss-Markov) and white noise. Its velocity, attitude and
-//!   acceleration have white noise; attitude and acceleration also have a constant error from the mounting.
-//! - A solution leaves the receiver 40 to 80 ms after its epoch, by model, with jitter.
+//! - The receiver calculates solutions for epochs that are multiples of its period in GPS time. Reset occurs at a
+//!   random instant of GPS time, so epochs are not aligned with the 10 ms cycle of HORUS.
+//! - The receiver's clock drifts. Steps of 1 ms keep it within ±0.5 ms of GPS time, as in u-blox receivers. A solution
+//!   is for the instant at which this clock shows the epoch.
+//! - The position has a wandering bias (first-order Gauss-Markov) and white noise. Velocity, attitude and acceleration
+//!   have white noise. Attitude and acceleration also have a constant error from the mounting.
+//! - A solution leaves the receiver 40 to 80 ms after its epoch, depending on the receiver's model, and with jitter.
 //!
 //! Receivers of an odd number have inertial sensors and send NAV-ATT and ESF-INS; the others only send NAV-PVT.
 
@@ -137,7 +137,7 @@ impl Model {
     }
 }
 
-/// A receiver: an iterator of its bursts in order. A clone with the same inputs yields the same bursts.
+/// A receiver, as an iterator of its bursts in order of time. A clone with the same inputs yields the same bursts.
 #[derive(Debug, Clone)]
 pub struct Receiver {
     source: Source,
@@ -179,7 +179,8 @@ impl Receiver {
         self
     }
 
-    /// Returns the receiver with a solution every `period_ms` milliseconds; it refuses every other period.
+    /// Makes the receiver compute a solution every `period_ms` milliseconds and refuse any other period, and returns
+    /// it.
     ///
     /// # Panics
     ///
@@ -358,7 +359,7 @@ struct Generated {
     configuration: Configuration,
     output: Output,
     solutions: u32,
-    /// The state before the next burst, from which that burst can be calculated again.
+    /// The state of a receiver before its next burst. It is kept so that the burst can be calculated again.
     before: Option<Box<Generated>>,
     flight: Arc<Flight>,
     noise: ChaCha8Rng,

@@ -25,7 +25,7 @@ fn log(pieces: &[&[u8]]) -> Result<Log, LogError> {
     Log::from_bytes("made.ubx", pieces.concat())
 }
 
-/// For each burst, the time from the first burst, ms, and its length, bytes.
+/// Returns for each burst its time after the first burst, ms, and its length, bytes.
 fn schedule(log: &Log) -> Vec<(u64, usize)> {
     log.bursts().map(|(at, bytes)| ((at - FIRST_BURST_NS) / 1_000_000, bytes.len())).collect()
 }
@@ -88,7 +88,7 @@ fn damaged_messages_neither_count_nor_tell_the_time() {
     damaged[30] ^= 0x10;
     let mut headless = pvt(9_500, 3).encode();
     headless[1] = 0x77;
-    // A frame that announces more bytes than follow must not hide the next message.
+    // A frame announces more bytes than follow. It must not hide the next message.
     let announced = [0xb5, 0x62, 0x01, 0x07, 0xff, 0xff];
     let log = log(&[&pvt(1_000, 1).encode(), &damaged, &headless, &announced, &pvt(1_100, 4).encode()])
         .expect("it holds positions");
@@ -134,7 +134,7 @@ fn only_fixes_that_a_receiver_vouches_for_are_positions() {
 
 #[test]
 fn a_position_is_the_float_nearest_to_its_decimal_number() {
-    // This longitude shows a product with 1e-7 from a quotient by 1e7: they differ in the last bit.
+    // This longitude tells apart the quotient by 1e7 and the product with 1e-7: they differ in the last bit.
     let log = log(&[&pvt(1_000, -22_402_964).encode()]).expect("it holds a position");
     let position = log.positions()[0];
     assert_eq!(position.longitude().to_bits(), (-2.240_296_4_f64).to_bits());
@@ -168,7 +168,7 @@ fn logs_that_cannot_be_played_say_why() {
 
 #[test]
 fn a_receiver_plays_the_log_without_overlap_on_its_line() {
-    // 10 kB every 100 ms exceed 460 800 bit/s, so bursts queue in order.
+    // 10 kB every 100 ms are more than a line of 460 800 bit/s can carry, so bursts queue in order.
     let big = ubx::frame(0x0a, 0x04, &[0x55; 10_000]);
     let log = log(&[&pvt(1_000, 1).encode(), &big, &pvt(1_100, 2).encode(), &big, &pvt(2_000, 3).encode()])
         .expect("it holds positions");

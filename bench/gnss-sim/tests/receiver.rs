@@ -25,7 +25,8 @@ fn bursts(index: usize, seed: u64, flight: &Arc<Flight>) -> Vec<Burst> {
 /// A receiver's solutions as the crate `ublox` reads them.
 #[derive(Debug, Default)]
 struct Seen {
-    /// For each position, the time of week (ms), latitude, longitude, height, and the burst's instant, ns after reset.
+    /// The positions: for each, the time of week (ms), latitude, longitude, height, and the burst's instant, ns after
+    /// reset.
     positions: Vec<(u32, f64, f64, f64, u64)>,
     /// The attitudes: (roll, pitch, heading), degrees.
     attitudes: Vec<[f64; 3]>,
@@ -99,7 +100,7 @@ fn positions_are_the_flights_within_what_the_receiver_promises() {
         {
             let worst = errors.iter().map(|e| e[axis].abs()).fold(0.0, f64::max);
             assert!(worst < 4.0 * bias + 5.0 * white + 0.2, "{index} {axis}: {worst}");
-            // White noise appears in the differences of successive errors, and must be as large as specified.
+            // The differences of successive errors show the white noise, which must be as large as specified.
             let steps: Vec<_> = errors.windows(2).map(|e| e[1][axis] - e[0][axis]).collect();
             let deviation = (steps.iter().map(|s| s * s).sum::<f64>() / steps.len() as f64 / 2.0).sqrt();
             assert!((white * 0.8..white * 1.6 + 0.05).contains(&deviation), "{index} {axis}: {deviation}");
@@ -170,7 +171,7 @@ fn the_clock_in_the_message_is_utc_at_the_time_of_week() {
 fn bursts_follow_one_another_without_overlap() {
     let flight = flight();
     for index in 1..=5 {
-        // At 9600 bit/s the line of a 25 Hz receiver is overloaded, and bursts queue in order.
+        // A receiver of 25 Hz sends more than a line of 9600 bit/s can carry, so its bursts queue in order.
         for bit_rate in [BIT_RATE, 9_600] {
             let receiver = Receiver::generated(index, 6, Arc::clone(&flight)).at_bit_rate(bit_rate);
             let mut idle = 0;

@@ -44,7 +44,7 @@ pub const START: u64 = 100_000_000;
 pub const TICK_TOLERANCE: u64 = 210_000;
 /// The largest spread, peak to peak, of the time between two ticks while HORUS runs without a restart.
 pub const TICK_WIDTH: u64 = 1_000;
-/// How long after a tick the judge reports the next tick as missing.
+/// How long after a tick the next tick must come, or else the judge reports it as missing.
 pub const TICK_MISSING: u64 = CYCLE + CYCLE / 2;
 /// The longest time from a transmit command to the first preamble bit. In recordings the front end takes 3 to 5 µs; its
 /// data sheet states no bound.
@@ -82,9 +82,9 @@ pub const SAMPLED_AFTER_TICK: u64 = 350_000;
 /// How long before a tick the last byte of a message must have arrived to be in that tick's objects for certain. HORUS
 /// reads a receive ring once a cycle at least, and parses the bytes in less than 2 ms.
 pub const MESSAGE_TAKEN: u64 = CYCLE + 2_000_000;
-/// A solution is valid until its age exceeds its receiver's period by this time: docs/design.md#validity.
+/// How much longer than its receiver's period a solution stays valid: docs/design.md#validity.
 pub const VALID_BEYOND_PERIOD: u64 = 150_000_000;
-/// A solution is stale once its age exceeds its receiver's period by this time: docs/design.md#validity.
+/// How much older than its receiver's period a solution is when it becomes stale: docs/design.md#validity.
 pub const STALE_BEYOND_PERIOD: u64 = 50_000_000;
 /// How long after a receiver's last message HORUS's status must state that messages arrive from this receiver:
 /// docs/design.md#status-words.
@@ -149,7 +149,7 @@ pub const fn quorum(receivers: usize) -> usize {
         _ => 3,
     }
 }
-/// The worst accuracies, horizontal and vertical, with which a position is valid, mm.
+/// The largest accuracies that a receiver may state for a valid position, horizontal and vertical, mm.
 pub const WORST_ACCURACY_MM: [u32; 2] = [30_000, 50_000];
 /// The greatest speed with which a position is valid, mm/s.
 pub const FASTEST_MM_S: u32 = 200_000;
@@ -218,7 +218,7 @@ pub const STATION_AGE_OFF: u64 = 120_000_000;
 pub const STATION_SETTLES: u64 = 1_500_000_000;
 /// The age, ns, beyond which the base station calls a position stale (docs/base-station.md).
 pub const STATION_STALE: u64 = 400_000_000;
-/// How long no profile must have arrived for the base station to call the drone silent.
+/// The silence, without any profile, after which the base station calls the drone silent.
 pub const STATION_SILENT: u64 = 1_000_000_000;
 
 // ---- The lines of the receivers
@@ -253,12 +253,13 @@ pub const PUBLICATION_PESSIMISTIC: u64 = 1_000_000;
 pub const SEALED_BEFORE_FRESH: u64 = 200_000;
 /// The number of cycles that may be missing between two cycles that are in sequence: docs/design.md#sequence.
 pub const MAX_MISSED: u32 = 25;
-/// The greatest difference between the time that passed between two cycles and the step of their timestamps, to which
-/// one part in [`STEP_TOLERANCE_SHARE`] of the step is added: docs/design.md#sequence.
+/// The greatest difference between two steps from cycle to cycle: the step in time, and the step of the timestamps. A
+/// share of the step is added, one part in [`STEP_TOLERANCE_SHARE`]: docs/design.md#sequence.
 pub const STEP_TOLERANCE: u64 = 2_500_000;
-/// One part in this number of the step, 2 %, is added to [`STEP_TOLERANCE`].
+/// The share of the step that is added to [`STEP_TOLERANCE`]: one part in this number, 2 %.
 pub const STEP_TOLERANCE_SHARE: u64 = 50;
-/// The greatest difference between 10 ms and the time between two cycles in the search (docs/design.md#sequence).
+/// In the search for the sequence, the greatest difference between 10 ms and the time between two cycles
+/// (docs/design.md#sequence).
 pub const SEARCH_TOLERANCE: u64 = 500_000;
 /// The number of consecutive cycles after which the sequence is found (docs/design.md#sequence).
 pub const SEARCH_CYCLES: u8 = 3;
@@ -270,10 +271,11 @@ pub const SEARCH_BAND: u64 = 100_000;
 /// The longest time from the carrier's return until the listener receives frames. A listener whose bring-up was
 /// interrupted or has failed is brought up anew.
 pub const ARMED: u64 = 50_000_000;
-/// How long no frame must arrive before the DPR may bring its front end up anew; the DPR waits for 0.5 s.
+/// The shortest silence, without any frame, after which the DPR may bring its front end up anew; the DPR waits for 0.5
+/// s.
 pub const SILENCE: u64 = 450_000_000;
-/// How long after the first frame that follows a silence of [`SILENCE`] the DPR may miss frames and Link-Status may
-/// still report a fault. A bring-up of the front end takes 12 ms.
+/// The time after the first frame that ends a [`SILENCE`], in which the DPR may miss frames and Link-Status may still
+/// report a fault. A bring-up of the front end takes 12 ms.
 pub const SILENCE_OVER: u64 = 2 * CYCLE;
 /// The shortest time between two frames in which a listener can receive both (docs/design.md#air-frame).
 pub const FRAME_GAP: u64 = 300_000;
@@ -287,8 +289,8 @@ pub const CLOCK_SHARE: u64 = 50;
 pub const CLOCK_WINDOW: u64 = 1_000_000_000;
 /// The greatest difference between two crystals, parts per million: 50 each, and as much again for the temperature.
 pub const CRYSTALS_PPM: u64 = 200;
-/// How long after a fault of a bit in one of the DPR's buffers that buffer may be in use. Three receive buffers and
-/// four images take turns, one in each cycle.
+/// The longest time for which one of the DPR's buffers may stay in use after a fault of a bit in it. Three receive
+/// buffers and four images take turns, one in each cycle.
 pub const BUFFER_REPLACED: u64 = 5 * CYCLE;
 /// The number of cycles in which the link must recover from a disturbance if no front end has to be brought up again.
 /// It covers a frame, the three cycles that find the sequence (docs/design.md#sequence), and the flight controller's
@@ -324,7 +326,7 @@ pub const SAFE_STATE: u64 = 1_000_000;
 /// The number of new cycles that may be read while a bit of a DPR buffer is stuck before Link-Status must report a RAM
 /// fault. By then each of the three receive buffers and four images has been used and scrubbed.
 pub const SCRUBBED_CYCLES: u32 = 8;
-/// How long after the end of a flight controller's misuse of the SSI the judge requires nothing of the DPR.
+/// The time after a flight controller's misuse of the SSI in which the judge requires nothing of the DPR.
 pub const MISUSE_OVER: u64 = 2 * CYCLE;
 /// The longest time from a frame's last bit until its image is readable, if the DPR reads the FIFO only at the frame's
 /// end: docs/design.md#timing. The DPR also does so if the frame's LEN was damaged.

@@ -1,4 +1,4 @@
-//! Tells when the active hold, its air and the DPR are free of disturbances and must work fully.
+//! When the active hold, its air and the DPR are free of disturbances, so that each must do its whole work.
 
 use crate::disturbance::HoldPart;
 use crate::{Board, Disturbance, Event, What};

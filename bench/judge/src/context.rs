@@ -51,7 +51,7 @@ pub struct Context {
     window: Window,
     frame: Option<Frame>,
     reading: Option<Reading>,
-    /// Only [`Context::take`] leaves `None` here while it runs: the record of the air reads the context.
+    /// It is `None` only within [`Context::take`], which lends it out because the record of the air reads this context.
     air: Option<Box<Air>>,
 }
 
@@ -157,7 +157,7 @@ impl Context {
         &self.air().expectation
     }
 
-    /// Returns the frame that the current event brought to the DPR's antenna, if any.
+    /// Returns the frame that has just reached the DPR's antenna, if the current event brings one.
     ///
     /// # Panics
     ///

@@ -45,7 +45,7 @@ pub enum Disturbance {
         /// How the flight controller misbehaves.
         conduct: Conduct,
     },
-    /// A wire that does not carry what was put on it.
+    /// A wire whose far end receives something else than its near end sends.
     Wire {
         /// The wire that is disturbed.
         wire: Wire,
@@ -81,7 +81,7 @@ pub enum Disturbance {
         /// Which memory is hit.
         memory: Memory,
     },
-    /// The active hold, or the air between it and the DPR's second front end. HORUS's link gets no excuse from it.
+    /// The active hold, or the air between it and the DPR's second front end. Nothing of HORUS's link is excused by it.
     Hold {
         /// What of the hold is disturbed.
         part: HoldPart,
@@ -115,7 +115,7 @@ pub enum Harm {
     /// The board's front end does not answer, and the firmware can tell: every bit that is read is the same, or the
     /// interrupt line stays high.
     Silent,
-    /// The front end answers, but does not report what happens on the air.
+    /// The front end answers its board, but does not report what happens on the air.
     Deaf,
 }
 
@@ -172,7 +172,7 @@ pub enum Memory {
 /// Something that would be a violation, and that the judge does not report while a disturbance excuses it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Excuse {
-    /// A transmit command may have no frame, a frame may be missing or break off, and HORUS's field may drop.
+    /// A transmit command may stay without a frame, a frame may be missing or break off, and HORUS's field may drop.
     Sending,
     /// HORUS's firmware may use its front end against the data sheet, because it cannot read from the front end.
     HorusFrontEndUse,
@@ -187,7 +187,7 @@ pub enum Excuse {
     Settings,
     /// The disturbed receiver may state a wrong position or none, and may be excluded for that.
     Position,
-    /// HORUS's statements about its receivers, its vote and its inputs may differ from their present values.
+    /// HORUS may report receivers, vote and inputs otherwise than they are.
     Content,
     /// The DPR may fail to receive or process a frame that reaches its antenna. It may show any cycle that it received.
     Hearing,
@@ -197,7 +197,8 @@ pub enum Excuse {
     UnsoundImage,
     /// A frame may become readable late after its last bit.
     Latency,
-    /// The DPR may not know a frame's length during the frame, and may read most of the frame after its last bit.
+    /// The DPR may be unable to read a frame's length during the frame, and may then read most of the frame after its
+    /// last bit.
     Length,
     /// The flight controller may make no transaction.
     Transactions,
@@ -219,7 +220,7 @@ pub enum Excuse {
     DprComplaints,
 }
 
-/// When an excuse ends.
+/// When an excuse ends, after which the judge reports its violation again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
     /// The excuse ends this many ns after the cause has gone, or earlier at the disturbed board's next start.
@@ -394,11 +395,11 @@ struct Valid {
 
 const EXCUSES: usize = Excuse::DprComplaints as usize + 1;
 
-/// The excuses that hold at present; see the [module](self).
+/// What the judge excuses at present; see the [module](self).
 #[derive(Clone, Debug, Default)]
 pub struct Disturbances {
     valid: Vec<Valid>,
-    /// For each kind of excuse, the instant, ns, until which it holds.
+    /// For each kind of excuse, the instant, ns, until which the judge excuses it.
     over: [u64; EXCUSES],
     /// The beginning and the end, ns, of the last period in which the DPR's front end did not answer.
     silent: (u64, u64),
@@ -692,7 +693,7 @@ mod tests {
         let off = What::Power { board: Board::Dpr, on: false };
         let disturbances = after(&[(BEGINS, injected(RECEIVE_BIT, BEGINS)), (ENDS, off)]);
         assert!(!disturbances.excuse(Excuse::RamFault, ENDS));
-        // Misuse of the SSI disturbs no board, so no start ends its excuses.
+        // Misuse of the SSI disturbs no board. Therefore no start of a board ends its excuses.
         let disturbances = after(&[(BEGINS, injected(MISUSE, ENDS)), (ENDS, reset(Board::Dpr))]);
         assert!(disturbances.excuse(Excuse::Service, ENDS));
     }

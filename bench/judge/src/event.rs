@@ -231,7 +231,7 @@ pub enum What {
     },
     /// The DPR's front end began to send, although a listener must never answer.
     Answer,
-    /// A receiver on a bus has bytes to send, which wait in it until HORUS reads them.
+    /// A receiver on a bus has bytes to send. They wait in the receiver until HORUS reads them.
     Offered {
         /// The receiver's number, from 0.
         receiver: usize,

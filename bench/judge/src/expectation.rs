@@ -52,7 +52,8 @@ pub struct Delivery {
     pub ended: u64,
     /// The frame's number in its cycle, from 0.
     pub number: usize,
-    /// The instant, ns, at which the frame's sample was taken, by the constants of the profile.
+    /// The instant, ns, at which the frame's sample was taken. It follows from the frame's end and the slots of the
+    /// profile.
     pub sampled: u64,
     /// The timestamp of the frame's first valid object, ms.
     pub timestamp: Option<u32>,
@@ -104,7 +105,7 @@ struct State {
     frames: u8,
     /// Whether the last cycle is shown.
     shown: bool,
-    /// Whether the last cycle had the timestamp of the cycle before it.
+    /// Whether the last cycle had the same timestamp as the cycle before it.
     frozen: bool,
 }
 
@@ -193,7 +194,7 @@ const FORGOTTEN: u64 = 300_000_000;
 #[derive(Clone, Debug)]
 pub struct Expectation {
     layout: Layout,
-    /// The possible states; there is always at least one.
+    /// The possible states of the DPR; there is always at least one.
     states: Vec<State>,
     /// The instant, ns, until which the listener may miss frames because its carrier has just returned.
     armed: u64,
@@ -337,7 +338,7 @@ impl Expectation {
         (must.unwrap_or(0), may.unwrap_or(0))
     }
 
-    /// Returns whether the last cycle repeated the timestamp of the cycle before it.
+    /// Returns whether the last cycle had the same timestamp as the cycle before it.
     #[must_use]
     pub fn frozen(&self) -> Certainty {
         Certainty::of(self.states.iter().map(|state| state.frozen))
@@ -387,7 +388,7 @@ mod tests {
 
     #[test]
     fn a_samples_age_at_its_last_bit_is_slot_plus_air_time() {
-        // Each number of receivers has its slots, µs, in `profile::air`.
+        // For each number of receivers, the slots of its frames, µs, are those of `profile::air`.
         for (receivers, slots) in [(1, vec![70]), (2, vec![80]), (3, vec![100]), (5, vec![120, 4_130])] {
             let layout = Layout::for_receivers(receivers).unwrap();
             for (number, slot) in slots.into_iter().enumerate() {

@@ -129,8 +129,8 @@ impl Voter {
         self.none += u64::from(!status.position_valid());
     }
 
-    /// Records whether a receiver (from 0) is excluded at the tick `at`, and its distance, m, from the other receivers:
-    /// along the ground and in height.
+    /// Records whether a receiver (from 0) is excluded at the tick `at`. Records its horizontal and vertical distance,
+    /// m, from the other receivers too.
     pub(crate) fn excluded(&mut self, receiver: usize, at: u64, excluded: bool, away: Option<(f64, Option<f64>)>) {
         let of_this = |exclusion: &Exclusion| exclusion.receiver == receiver + 1 && exclusion.until_ns.is_none();
         match self.exclusions.iter().rposition(of_this) {

@@ -2,8 +2,8 @@
 //!
 //! Boards, chips and their environment write one [`Log`]: what a logic analyser, an antenna and a debug probe would
 //! record, with the instant of each event. [`judge`] is a pure function of the log, so a log can be stored and judged
-//! again without a bench. This crate uses the wire format (`profile`) and the design's bounds ([`bounds`]), but nothing
-//! of how a firmware is made. A firmware's own counters supplement the observations from outside.
+//! again without a bench. This crate uses the wire format (`profile`) and the design's bounds ([`bounds`]), and knows
+//! nothing of the firmwares' code. A firmware's own counters supplement the observations from outside.
 //!
 //! # Where to add a violation
 //!

@@ -32,7 +32,7 @@ pub enum LogError {
     /// The file has no header.
     #[error("the log is empty")]
     Empty,
-    /// The log has a version of the format that this crate does not read.
+    /// The log has a version of the format that this crate cannot read.
     #[error("the log has format {found}, and this version reads format {}", Header::VERSION)]
     Version {
         /// The version of the file's format.

@@ -25,9 +25,9 @@ pub enum State {
         /// The object's values.
         values: Values,
     },
-    /// The bytes are 0x00 or 0xFF throughout, so there is no object.
+    /// The object's place holds 0x00 or 0xFF throughout, so there is no object.
     Vacant,
-    /// The bytes are neither an intact object nor empty; the reason is given.
+    /// The bytes are neither an intact object nor empty. The text says why.
     Unsound(Rejection),
 }
 

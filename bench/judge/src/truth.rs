@@ -30,7 +30,7 @@ pub struct SentFrame {
     objects: Vec<(usize, Vec<u8>)>,
 }
 
-/// The last frames that HORUS sent.
+/// The frames that HORUS sent last.
 #[derive(Clone, Debug, Default)]
 pub struct Truth {
     frames: VecDeque<SentFrame>,

@@ -2,7 +2,7 @@
 
 macro_rules! violations {
     ($($(#[$doc:meta])* $name:ident = $words:literal,)*) => {
-        /// A fault that a run of the link must not show. The rule that finds it is in [`crate::rules`].
+        /// A fault that a run of the link must not show. A rule of [`crate::rules`] finds it.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum Violation {
             $($(#[$doc])* $name,)*
@@ -30,7 +30,8 @@ violations! {
     /// tick.
     // Shows TIME-1.
     NoTick = "HORUS does not tick",
-    /// The time between two ticks varies, or differs from 10 ms by more than the error of a clock without its crystal.
+    /// The time between two ticks varies too much, or differs from 10 ms by more than a clock without its crystal may
+    /// be off.
     // Shows TIME-1.
     TickIrregular = "the tick is not constant",
     /// A tick was not followed by the frames of its cycle.
@@ -70,8 +71,9 @@ violations! {
     /// Reported-Position does not follow from the receivers that agree, or its status is wrong.
     // Shows VOTE-2, VOTE-3, STA-4, STA-5, STA-6.
     ReportedWrong = "Reported-Position is not what the receivers that agree say",
-    /// HORUS shows a voted position that has no majority of receivers, or that jumps. A position jumps if it is farther
-    /// from the last one than an aircraft can have flown. HORUS may show it only after it has lasted for a second.
+    /// HORUS shows a voted position that has no majority of receivers, or one that jumps. A position jumps if it is
+    /// farther from the last one than an aircraft can have flown. HORUS may show such a position only after it has
+    /// lasted for a second.
     // Shows VOTE-1, VOTE-4.
     VoteWrong = "a voted position without a majority, or one that jumps",
     /// HORUS shows no voted position although a majority agrees and the position need not be held back.
@@ -84,8 +86,9 @@ violations! {
     /// HORUS shows as valid the position of a receiver whose dynamic model HORUS should have set long before.
     // Shows REC-7.
     NotAirborne = "a position of a receiver that does not navigate as airborne",
-    /// HORUS's state does not fit its inputs (relay, motor cut, emergency measure). The state does not show an input
-    /// that was active or contradicted itself for the debounce time, or shows what no input justifies.
+    /// HORUS's state does not fit its inputs (relay, motor cut, emergency measure). Either an input was active, or
+    /// contradicted itself, for the debounce time and the state does not show it. Or the state shows what no input
+    /// justifies.
     // Shows STA-1, STA-2.
     StateWrong = "HORUS's state is not what its inputs say",
     /// HORUS does not read the bytes that wait in a receiver on a bus.
@@ -126,7 +129,7 @@ violations! {
     FreshShort = "FRESH is too short",
     /// The processor kept the SSI's buffers longer than the bound, so no transaction could be served.
     HeldBack = "the SSI was held back too long",
-    /// Two transactions in a row found the DPR busy. While the DPR puts in a new image, only one may find it busy.
+    /// Two transactions in a row found the DPR busy. Only one may, while the DPR puts in a new image.
     // Shows SSI-1.
     BusyTwice = "two transactions in a row met the DPR busy",
     /// Nothing can be read although the DPR runs, because its images expire and no new one replaces them.
@@ -154,7 +157,7 @@ violations! {
     /// An object is shown that is older than an object with the same identifier shown before.
     // Shows IMG-7.
     Regression = "old data shown after new",
-    /// The bytes that one transaction read come from several images, even within an object.
+    /// The bytes that a transaction read come from several images, even those of a single object.
     // Shows IMG-7.
     Torn = "a torn read",
     /// The bytes of an object are neither intact nor empty nor torn.

@@ -47,7 +47,8 @@ fn a_hang_of_the_dpr_excuses_what_it_does_not_serve() {
     for from in [250 * MS, 253 * MS, 256 * MS, 259 * MS] {
         let mut log = silent(&Plan::new(3, 60), from);
         assert_eq!(judged_at(&log, from), [], "{from}");
-        // After the last transaction the DPR does not become ready. This counts only if it was due before the hang.
+        // The DPR does not become ready after the last transaction. This counts only if it had to be ready before the
+        // hang.
         let horus = What::Hung { board: Board::Horus };
         let restart =
             log.events.iter().position(|event| event.at == RESTARTS && event.what == dpr_reset(true)).unwrap();

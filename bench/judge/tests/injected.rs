@@ -49,7 +49,7 @@ fn misuse_of_the_ssi_excuses_damaged_reads_until_shortly_after_it() {
         insert(&mut log, from, injected(MISUSE, until));
         assert_eq!(found(&log), violations, "{sooner}");
     }
-    // No excuse of another fault covers the damage.
+    // The disturbance is another one, whose excuse does not cover the damage.
     let mut log = read_by_wrong_clocks(from, over);
     insert(&mut log, from, injected(Disturbance::Air, until));
     assert_eq!(found(&log), [(Violation::Damaged, 30)]);

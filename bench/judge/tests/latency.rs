@@ -236,7 +236,7 @@ fn a_sample_dates_from_the_tick_just_before_its_first_frame() {
         let longest = samples(&plan).map_or(0, |samples| samples.max);
         assert_eq!(longest > bounds::CYCLE, measured, "{less}: {longest}");
     }
-    // The run has only one tick, between the two frames of the last cycle.
+    // The run has a single tick, which comes between the two frames of the last cycle.
     for (after, measured) in [(0, true), (1, false)] {
         let mut plan = Plan::new(5, 20);
         let began = started(&plan, cycle).unwrap();

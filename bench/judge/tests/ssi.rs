@@ -167,7 +167,7 @@ fn kept_selected_at_a_restart(restart: u64) {
     assert!(never(&log));
 }
 
-/// Returns the log of a run with the events `what` at `at`, in which the DPR does nothing until `back`.
+/// Returns the log of a run in which the DPR does nothing from `at` to `back`, where the events `what` come at `at`.
 fn restarted(at: u64, back: u64, what: &[What]) -> bench_judge::Log {
     restarted_in(&Plan::new(3, 60), at, back, what)
 }

@@ -53,7 +53,7 @@ impl Dpr {
         }
     }
 
-    /// Adds a second front end with this chip, which answers a hold, and returns the board.
+    /// Returns the board with a second front end of this chip, which answers a hold.
     #[must_use]
     pub fn with_hold_port(self, chip: Chip) -> Self {
         Self { hold_port: Some(FrontEnd::new(chip, HOLD_PORT, false)), ..self }

@@ -137,7 +137,7 @@ impl FrontEnd {
     /// The next instant, ns, at which the chip acts by itself or its antenna emits a delayed event.
     #[must_use]
     pub fn next_event(&self) -> u64 {
-        // Events of the antenna up to the present need no wake-up: the bench takes them before it advances time.
+        // The antenna's earlier events need no wake-up, because the bench takes them before it advances time.
         let held_back = Some(self.emission.next_at()).filter(|at| *at > self.chip.now());
         self.chip.next_event().unwrap_or(u64::MAX).min(held_back.unwrap_or(u64::MAX))
     }

@@ -1,8 +1,8 @@
 //! Campaigns of upsets. Each upset is tried on its own copy of a bench, and its effect is put into a class.
 //!
-//! A campaign runs a [`Subject`] and copies it at several instants. One copy, the reference, has no upset, and the copy
-//! of each trial has one. The trial's class follows from what the judge reports and the flight controller reads in
-//! both.
+//! A campaign runs a [`Subject`] and copies it at several instants. At each, one copy is the reference and has no
+//! upset, and each trial has a copy with an upset. The trial's class follows from a comparison of what the judge
+//! reports and the flight controller reads in the two.
 //!
 //! | class | what the flight controller read |
 //! |---|---|
@@ -63,7 +63,7 @@ pub struct Options {
 /// The class of an upset's effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Class {
-    /// The flight controller read the same bytes as without the upset.
+    /// The upset changed nothing that the flight controller read.
     Masked,
     /// The flight controller read other bytes than without the upset, but no invalid data were shown as valid.
     Detected,
@@ -158,7 +158,7 @@ pub struct Trial {
 /// A campaign that has been run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Campaign {
-    /// The campaign's trials, in order of their instants.
+    /// The trials of the campaign, in order of their instants.
     pub trials: Vec<Trial>,
 }
 

@@ -107,7 +107,7 @@ impl ChipFaults {
         self.present.iter().rev().find_map(|fault| of(*fault))
     }
 
-    /// Returns the level of the interrupt line with these faults, while the chip drives `level`.
+    /// Returns the level of the chip's interrupt line, which is `level` without these faults.
     #[must_use]
     pub fn irq(&self, level: bool) -> bool {
         let stuck = self.last(|fault| match fault {

@@ -178,7 +178,7 @@ impl Emission {
         if self.faults.contains(&FrontEndFault::Shortened) && whole > 4 {
             data[0] -= 1;
             bits = Some(8 * (whole as u64 - 1));
-            // The chip loads a frame's last bytes while it sends the first, so they may not be known yet.
+            // The chip loads a frame's last bytes only while it sends, so the bench may not know them yet.
             if data.len() >= whole {
                 shorten(data, whole);
             } else {
@@ -228,7 +228,7 @@ impl Emission {
         self.leaving.pop_front_if(|(at, _)| *at <= now)
     }
 
-    /// Takes the instants (ns) of transmit commands that the firmware did not give. They may be in the future.
+    /// Takes the instants (ns) of transmit commands that the firmware did not give. An instant may be in the future.
     pub fn take_commands(&mut self) -> Vec<u64> {
         std::mem::take(&mut self.commands)
     }

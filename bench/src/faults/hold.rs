@@ -33,7 +33,7 @@ pub enum Hostile {
     Blinks,
 }
 
-/// A difference between the run and its log that the judge has to report. No such fault is drawn.
+/// A difference between the run and its log, which the judge has to report. `--faults` draws no such fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Break {
     /// The hold's antenna sends no frames.
@@ -50,7 +50,7 @@ pub enum Break {
     SetPoint,
     /// The lock's pin has the opposite level.
     Lock,
-    /// The firmware uses a chip beside the hold's microcontroller against its data sheet.
+    /// The firmware of the hold uses one of the board's chips against its data sheet.
     Misuse,
 }
 

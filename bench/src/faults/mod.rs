@@ -26,8 +26,8 @@
 //!
 //! # Where to add a fault
 //!
-//! Most faults are a variant of an enumeration in one of the files above (`ReceiverFault`, `PowerFault` and so on). Its
-//! effect is in the same file, and a line in [`plan`] lets `--faults` draw it.
+//! Most faults are variants of an enumeration in one of the files above (`ReceiverFault`, `PowerFault` and so on). The
+//! fault's effect is in the same file. A line in [`plan`] makes `--faults` draw the fault.
 //!
 //! A fault of a new kind is a variant of [`Fault`] with its name, its side of the link ([`Fault::is_upstream`]) and its
 //! disturbance ([`Fault::disturbs`]), from which the judge knows what to excuse ([`bench_judge::disturbance`]). Three
@@ -74,7 +74,7 @@ use stm32f429::Stm32f429;
 pub use upset::{Targets, Upset};
 pub use wires::{WireFault, Wires};
 
-/// A fault that lasts as long as its [`Episode`], or that occurs at the episode's beginning.
+/// A fault. It lasts as long as its [`Episode`], or it occurs once, at the episode's beginning.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
     /// A fault of the air between the link's two antennas.
@@ -300,7 +300,7 @@ pub enum Turn {
     Ends(Episode),
 }
 
-/// The beginnings, changes and ends of one side's episodes, in order of time.
+/// The beginnings, changes and ends of the episodes on one side of the link, in order of time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Timeline {
     turns: VecDeque<(u64, Turn)>,

@@ -28,7 +28,7 @@ const MS: u64 = 1_000_000;
 /// The shortest and longest duration of an episode, ns.
 pub const LENGTH: (u64, u64) = (20_000_000, 400_000_000);
 
-/// The duration of a fault of the hold, ns, whose period is 100 ms.
+/// The duration, ns, of a fault of the hold. The hold exchanges frames once every 100 ms.
 pub const HOLD_LENGTH: (u64, u64) = (200_000_000, 2_000_000_000);
 
 /// The time from one fault of the hold to the next, ns, in every fourth gap. It is long enough for the judge to judge a
@@ -59,7 +59,7 @@ pub const START_HANG_LENGTH: (u64, u64) = (1_100_000_000, 1_200_000_000);
 /// (docs/design.md#start-and-supply).
 pub const WATCHDOG_STARTS: u64 = 2_000;
 
-/// A hang during a board's start begins at most this long after the reset, ns.
+/// The longest time, ns, from a board's reset until a hang that is drawn into its start.
 pub const STARTS: u64 = 20_000_000;
 
 /// The number of sags of each board's supply in a round. Each sag has its own course of voltage.
@@ -90,7 +90,7 @@ pub enum Kind {
     Hang,
     /// Bits of the registers of either front end's chip, which flip during the run.
     Chips,
-    /// The active hold, its sensors, and the air between it and the DPR.
+    /// The active hold, its sensors, and the air between hold and DPR.
     Hold,
 }
 
@@ -289,7 +289,7 @@ fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
 fn air() -> Vec<AirFaults> {
     let none = AirFaults::default();
     vec![
-        // At this bit error rate about one frame in three arrives whole, since a frame has about 2000 bits.
+        // A frame has about 2000 bits. At this bit error rate about one frame in three arrives whole.
         AirFaults { bit_error: 5e-4, ..none },
         AirFaults { lost: 0.4, ..none },
         // The DPR cannot distinguish a carrier without frames from a HORUS that sends nothing.
@@ -299,7 +299,7 @@ fn air() -> Vec<AirFaults> {
         AirFaults { truncated: 0.4, ..none },
         // An object's CRC detects every burst of up to 32 bits. These bursts are twice as long.
         AirFaults { burst: 0.4, burst_bits: 64, ..none },
-        // A frame takes half a cycle. Its repetition therefore comes before the next frame or collides with it.
+        // A frame takes half a cycle, so its repetition comes before the next frame or collides with it.
         AirFaults { repeated: 0.4, repeat_after_ns: (100_000, 12 * MS), ..none },
         // A frame is delayed by a fraction of a cycle, or by up to several cycles.
         AirFaults { delayed: 0.4, delay_ns: (MS, 45 * MS), ..none },
@@ -679,7 +679,7 @@ mod tests {
         }
         assert!(left(PowerFault::FrontEndOff, hang(900, Board::Dpr)));
         assert!(left(PowerFault::CrystalDead, hang(900, Board::Dpr)));
-        // The last of several starts counts.
+        // If a board starts several times, its last start counts.
         let mut faults = Faults::none();
         for at in [100, 2 * WATCHDOG_STARTS, 9 * WATCHDOG_STARTS] {
             faults.add(Episode { at, until: at, fault: Fault::Power(Board::Dpr, PowerFault::Pin) });

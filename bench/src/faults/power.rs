@@ -6,7 +6,8 @@ use super::Rng;
 
 const MS: u64 = 1_000_000;
 
-/// The voltages, µV, from which a supply can sag: the boards' 3.3 V, and the highest that both microcontrollers allow.
+/// The voltages, µV, from which a supply can sag: 3.3 V, as on the boards, and the highest that both microcontrollers
+/// allow.
 pub(crate) const RAILS_UV: [u32; 2] = [3_300_000, 3_600_000];
 
 /// A fault of a board's supply or reset pin. The front end shares the board's supply.
@@ -64,7 +65,7 @@ impl PowerFault {
     }
 }
 
-/// The voltages of a sagging supply, µV, each with its time from the beginning of the sag, ns.
+/// Returns the voltages of a sagging supply, µV, each with its time from the beginning of the sag, ns.
 ///
 /// One to four changes lead to other voltages: zero, one between the supervisors' thresholds, or any. A last change
 /// leads back. Each takes 1, 10 or 100 ms, as a ramp in steps of at most 20 mV or as one step.

@@ -20,7 +20,7 @@ pub enum InputFault {
 }
 
 impl InputFault {
-    /// All faults of a state input. The contact chatters faster than the cycle in one of them, and slower in another.
+    /// Returns all faults of a state input. In one the contact chatters faster than the cycle, in another slower.
     pub const ALL: [Self; 5] =
         [Self::Active, Self::BothHigh, Self::BothLow, Self::Chatters(3_700_000), Self::Chatters(13_000_000)];
 

@@ -20,7 +20,7 @@ pub enum WireFault {
     /// FRESH has an additional pulse of [`GLITCH_NS`]. It comes [`GLITCH_AFTER_NS`] after each pulse that the DPR
     /// drives.
     FreshGlitch,
-    /// Every edge of FRESH arrives later by this many ns.
+    /// Every edge of FRESH arrives late by this many ns.
     FreshLate(u64),
     /// TICK stays low, whatever HORUS drives.
     TickStuck,
@@ -53,7 +53,7 @@ pub enum WireFault {
         /// The object whose bytes read 0x00: 0 for Reported-Position, n for GPSn.
         object: usize,
     },
-    /// Every transaction repeats the last one before the fault, because a bridge in the line hangs.
+    /// The line hangs in a bridge: every transaction repeats the last one before the fault.
     MisoFrozen,
     /// Bits of an object or of Link-Status are inverted and its CRC is corrected, as a bridge in the line could do.
     MisoForged {
@@ -64,7 +64,7 @@ pub enum WireFault {
         /// The inverted bits.
         bits: u8,
     },
-    /// Bits of an object behind the image in the map are inverted and its CRC is corrected.
+    /// Bits of an object are inverted and its CRC is corrected. The object is in the map, but behind the image.
     MisoForgedPort {
         /// The changed object: 0 for Port-Status, 1 for the uplink of the base station, 2 for that of the flight
         /// controller, 3 for that of the hold.
@@ -80,11 +80,11 @@ pub enum WireFault {
     AntennaAnswers,
     /// The radio to the base station transmits nothing.
     RadioDrop,
-    /// One bit of each profile on the radio is inverted, each time another one.
+    /// One bit of each profile on the radio is inverted. It is another bit in each profile.
     RadioBit,
     /// The second half of each profile on the radio is the second half of the profile before.
     RadioMix,
-    /// Every receiver has this fault, and the log does not attribute it to the receivers.
+    /// Every receiver has this fault. The log does not say that a receiver has one.
     Sky(ReceiverFault),
     /// The flight controller keeps flying by the last position and ignores the client's report.
     ClientKeeps,
@@ -337,8 +337,8 @@ impl Wires {
         self.faults.contains(&WireFault::AntennaAnswers)
     }
 
-    /// Changes `bytes`, which the flight controller sent, to what the base station receives. Returns `false` if nothing
-    /// arrives.
+    /// Changes the bytes that the flight controller sent to those that the base station receives. Returns `false` if
+    /// nothing arrives.
     pub fn radio(&mut self, bytes: &mut Vec<u8>) -> bool {
         if bytes.is_empty() {
             return true;

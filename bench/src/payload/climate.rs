@@ -1,4 +1,4 @@
-//! The climate in the payload box of the hold: one heat capacity with a loss to its surroundings.
+//! The climate in the hold's payload box. The box has one heat capacity, and loses heat to its surroundings.
 //!
 //! `C dT/dt = P - G (T - Ta)`: C is the heat capacity of box and load, G what the walls pass, Ta the temperature of the
 //! surroundings, P the power of heater or cooler. Between two changes of P the solution is exact. The box is closed, so
@@ -34,7 +34,7 @@ pub struct Climate {
     at: u64,
     heats: bool,
     cools: bool,
-    /// How long heater and cooler have been on since the last call of [`Climate::take_on`], ns.
+    /// The times, ns, for which heater and cooler have been on since the last call of [`Climate::take_on`].
     on: [u64; 2],
 }
 

@@ -267,7 +267,7 @@ impl Lis3dh {
     fn fifo(&self, at: u64) -> (u64, u64) {
         let (oldest, end) = (self.fifo_from + self.taken, self.samples(at));
         if self.value(FIFO_CTRL_REG) >> 6 == 1 {
-            // In FIFO mode a full FIFO takes no more samples until bypass mode empties it.
+            // In FIFO mode a full FIFO takes no more samples. Only bypass mode empties it.
             (oldest, end.min(self.fifo_from + DEPTH))
         } else {
             (oldest.max(end.saturating_sub(DEPTH)), end)

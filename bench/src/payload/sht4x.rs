@@ -38,7 +38,7 @@ const fn measurement(command: u8) -> Option<(u64, f64, f64)> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Idle,
-    /// The sensor has acknowledged its write header and waits for the command.
+    /// The sensor has acknowledged that it is addressed for a write, and waits for the command.
     Command,
     /// The controller addressed the general call.
     GeneralCall,

@@ -55,7 +55,7 @@ pub struct Dpr {
     pub since_ns: u64,
     /// The number of objects that passed CRC, identifier and freshness.
     pub objects_accepted: u64,
-    /// The number of objects that did not pass CRC, identifier or freshness.
+    /// The number of objects that failed CRC, identifier or freshness.
     pub objects_rejected: u64,
     /// The number of times that the DPR's deadline for the next frame passed without a frame.
     pub frames_missed: u64,
@@ -96,7 +96,7 @@ pub struct Ssi {
 /// The figures of Reported-Position as the flight controller reads it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Reported {
-    /// The number of HORUS's cycles whose Reported-Position was read and had a valid position.
+    /// The number of HORUS's cycles whose Reported-Position was read with a valid position.
     pub valid_cycles: u64,
     /// The instant, ns, of the first transaction after the last one that read a valid position; `None` if there is
     /// none.
@@ -141,7 +141,7 @@ pub struct Base {
 pub struct UpsetClasses {
     /// The number of upsets that did not change what the flight controller read.
     pub masked: usize,
-    /// The number of upsets that changed what the flight controller read, but that showed no invalid data as valid.
+    /// The number of upsets that changed what the flight controller read, without showing invalid data as valid.
     pub detected: usize,
     /// The number of upsets after which invalid data were shown as valid.
     pub dangerous: usize,

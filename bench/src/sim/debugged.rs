@@ -8,7 +8,8 @@ use crate::boards::{Dpr, Horus};
 use crate::faults::Faults;
 use emulator_node::{Course, Node, Way};
 
-/// A run of the link whose boards may be halted. Only a debugger's changes alter its outcome.
+/// A run of the link whose boards a debugger may halt. Halts leave the outcome as it is; only changes by the debugger
+/// alter it.
 pub struct Debugged<C: Cost> {
     bench: Bench<C>,
     course: Course<AirEvent>,

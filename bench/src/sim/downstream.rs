@@ -53,13 +53,15 @@ pub(super) struct Link<C: Cost> {
     base_faults: Vec<BaseFault>,
     wires: Wires,
     faults: Timeline,
-    /// The present faults of the air, each with the instant (ns) of its beginning. Only the last one has an effect.
+    /// The present faults of the air, each with the instant (ns) of its beginning. Only the one that began last has an
+    /// effect.
     air_faults: Vec<(u64, AirFaults)>,
     dpr_events: BoardEvents,
     recorder: Recorder,
-    /// The instant at which FRESH rose, while it is not yet known which image the next transaction would read.
+    /// The instant at which FRESH rose. It waits here until it is known which image the next transaction would read.
     announced: Option<u64>,
-    /// The beginning, ns, of HORUS's unfinished transaction with a receiver, whose bytes are logged when it ends.
+    /// The beginning, ns, of HORUS's unfinished transaction with a receiver. The transaction's bytes are logged when it
+    /// ends.
     untold_since: u64,
     /// The bytes that a transaction would read now; `None` if a transaction is under way or the SPIS has no buffers.
     offer: Option<Vec<u8>>,
@@ -71,7 +73,7 @@ pub(super) struct Link<C: Cost> {
     trace: Option<Vec<Mark>>,
     tasks: Option<TaskWatch>,
     sweeping: Option<Sweeping>,
-    /// HORUS's log lines that are later than the DPR's present instant, because HORUS runs ahead.
+    /// HORUS's log lines from instants that the DPR has yet to reach, because HORUS runs ahead.
     horus_lines: VecDeque<LogLine>,
 }
 
@@ -168,7 +170,7 @@ impl<C: Cost> Link<C> {
         self.recorder.release(known);
     }
 
-    /// Records the base station's display at `now` (ns) if a record is due or the alarms have changed.
+    /// Records what the base station displays at `now` (ns), if a record is due or the alarms have changed.
     fn note_station(&mut self, now: u64) {
         let drone = self.base.drone();
         let calm = self.base_faults.contains(&BaseFault::Calm);
@@ -412,11 +414,12 @@ impl<C: Cost> Link<C> {
         if high {
             self.offered(None);
             self.announced = Some(at);
-            // FRESH rose while a transaction was under way, even if that transaction ended at the same instant.
+            // FRESH rose while a transaction was under way. This also holds if the transaction ended at the same
+            // instant.
             if self.selected || at <= self.deselected {
                 self.offered(None);
             } else if self.offer.is_some() {
-                // If the SPIS already has an image, this rise announces it.
+                // The SPIS already has an image, which this rise of FRESH announces.
                 self.offered(self.offer.clone());
             }
         } else {
@@ -624,7 +627,7 @@ impl<C: Cost> Downstream<Dpr, C> for Link<C> {
     }
 }
 
-/// The counters of both firmwares and the loads of both cores at the end of a run.
+/// Reads the counters of both firmwares, and the loads of both cores, at the end of a run.
 pub(super) fn evidence<C: Cost>(horus: &Node<Horus, C>, dpr: &Node<Dpr, C>, receivers: usize) -> Vec<What> {
     let mut evidence = vec![];
     evidence.extend(super::telemetry::counters(horus, dpr, receivers));

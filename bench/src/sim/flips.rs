@@ -1,4 +1,4 @@
-//! Flips every bit of every register of both front ends once.
+//! Flips every bit in the registers of both front ends, each bit once.
 //!
 //! Each flip happens on a separate copy of a bench whose link is up, and the copy runs on for [`FOR_NS`]. The outcome
 //! has the time in which the flight controller read no valid and new data, and what Link-Status reported in that time.
@@ -24,7 +24,7 @@ const WARM: u64 = 600_000_000;
 /// The time for which each copy runs after its flip, ns. It is long enough to show a link that recovers and fails
 /// again.
 pub const FOR_NS: u64 = 2_000_000_000;
-/// The longest time between two readings of new data in a working link, ns, with a margin.
+/// The longest time, ns, between two readings of new data while the link works, with a margin.
 const GAP: u64 = 35_000_000;
 
 /// The outcome of a flip.

@@ -84,7 +84,7 @@ pub struct Crystals {
     pub dpr_ppb: i64,
     /// The error of the flight controller's crystal.
     pub flight_controller_ppb: i64,
-    /// The error on the hold's board, for the crystals of the microcontroller and of the front end.
+    /// The error of both crystals on the hold's board: the microcontroller's and the front end's.
     pub hold_ppb: i64,
 }
 
@@ -93,7 +93,7 @@ pub struct Crystals {
 pub struct Setup {
     /// The two ELF files, which must be built for the number of receivers in `gps`.
     pub images: Images,
-    /// The ELF file of an active hold beside the DPR, whose ELF file then has the second port; `None` for no hold.
+    /// The ELF file of an active hold; `None` for no hold. With a hold, the DPR's ELF file must have the second port.
     pub hold: Option<PathBuf>,
     /// The contents of the boards' flash, if given. It must already hold the programs of these ELF files, which are
     /// then not loaded.
@@ -108,7 +108,8 @@ pub struct Setup {
     pub threads: Threads,
     /// The seed that determines all random values.
     pub seed: u64,
-    /// A recorded log for each receiver in turn, which replaces the generated flight.
+    /// The recorded log of receiver 1, of receiver 2 and so on, which replaces the generated flight. A receiver with
+    /// `None`, or without an entry, receives the generated flight.
     pub recordings: Vec<Option<PathBuf>>,
     /// The number of solutions a second of every generated receiver. A receiver then refuses any other period.
     pub receiver_hz: Option<u32>,
@@ -116,11 +117,11 @@ pub struct Setup {
     pub factory_settings: bool,
     /// The errors of the crystals.
     pub crystals: Crystals,
-    /// The settings of both boards' front ends, except for their crystals, seeds and supplies.
+    /// The settings of both boards' front ends. Their crystals, seeds and supplies are set elsewhere.
     pub front_ends: FrontEndConfig,
     /// The injected faults.
     pub faults: Faults,
-    /// Whether the flight controller writes uplinks and commands, and now and then reads the whole map.
+    /// Whether the flight controller writes uplinks and commands. It then also reads the whole map now and then.
     pub writes: bool,
     /// Whether the base station's uplinks come from [`Observer::uplink`]. Otherwise the flight controller generates
     /// them.

@@ -83,7 +83,7 @@ pub struct Phase {
     pub events: Vec<(i64, PhaseEvent)>,
 }
 
-/// An event of the wires or of the SPIS in one phase of the sweep.
+/// An event on the wires, or of the SPIS, at one phase of the sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PhaseEvent {
     /// The flight controller's chip select falls.

@@ -64,7 +64,8 @@ impl Feed {
         burst
     }
 
-    /// Passes a byte from HORUS to the receiver, which had arrived by `at` (ns); `None` stands for an unreadable byte.
+    /// Passes a byte to the receiver that HORUS has sent and that had arrived by `at` (ns); `None` stands for an
+    /// unreadable byte.
     fn hear(&mut self, at: u64, byte: Option<u8>) {
         if at < self.deaf_until {
             return;
@@ -79,7 +80,7 @@ impl Feed {
         }
     }
 
-    /// Restarts the receiver at `at` (ns) without its saved settings.
+    /// Restarts the receiver at `at` (ns). Settings that it has not saved are lost.
     fn lose_settings(&mut self, at: u64) {
         self.answers.clear();
         self.deaf_until = at + STARTS;
@@ -181,7 +182,7 @@ impl Receivers {
                 self.events.note(at_ns.max(node.now()), What::Offered { receiver, bytes: Bytes(bytes) });
                 continue;
             }
-            // These frames have the link's usual bit rate. They are converted if the receiver has another rate at
+            // These frames have the link's usual bit rate. They are converted if the receiver uses another rate at
             // present.
             let baud = self.feeds[receiver].receiver.bit_rate();
             let (frames, clean) = if baud == GNSS_BAUD { (frames, clean) } else { (at_rate(frames, baud), false) };

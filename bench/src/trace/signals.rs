@@ -69,7 +69,7 @@ pub enum Word {
     SsiMosiByte,
     /// The byte from the DPR to the flight controller.
     SsiMisoByte,
-    /// The age of Reported-Position in Link-Status of the image that was read last, in units of 100 µs.
+    /// The age of Reported-Position, in units of 100 µs, as stated by Link-Status in the image that was read last.
     LinkStatusAge,
 }
 

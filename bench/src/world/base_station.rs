@@ -161,7 +161,7 @@ impl BaseStation {
     }
 }
 
-/// Prints the state at the latest arrival: a line for each object, the alarms, and the figures of the link.
+/// Prints the state at the latest arrival: one line for each object, the alarms, and the figures of the link.
 impl fmt::Display for BaseStation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}, {} bad frames", self.drone.words(self.arrived_ns / 1_000), self.bad_frames)

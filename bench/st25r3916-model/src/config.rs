@@ -9,7 +9,7 @@ pub enum Variant {
     St25r3916b,
 }
 
-/// The effect of a received frame that breaks off, because its length byte exceeds its data or the field is lost.
+/// The effect of a received frame that breaks off. Its length byte announces too many bytes, or the field is lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BrokenFrame {
     /// I_rxe comes with I_err1 (and I_crc unless no_crc_rx is set), because the framing logic detects the missing bits.

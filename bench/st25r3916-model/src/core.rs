@@ -219,7 +219,7 @@ impl Core {
         self.pin_follows();
     }
 
-    /// Updates the IRQ pin after a change of a mask, the supply or the pending interrupt bits.
+    /// Sets the level of the IRQ pin after a change of a mask, of the supply or of the pending interrupt bits.
     pub(crate) fn pin_follows(&mut self) {
         let unmasked = self.unmasked();
         self.interrupts.follows(unmasked, self.now);

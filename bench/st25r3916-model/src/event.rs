@@ -68,7 +68,7 @@ pub enum AirEvent {
     FieldOff,
     /// A frame begins.
     FrameStart(FrameStart),
-    /// Further bytes of the frame on the air. The event comes no later than their first bit.
+    /// The frame goes on with these bytes. The event comes no later than their first bit.
     Bytes(Chunk),
     /// The frame ends. The instant of the event is the end of the last bit.
     FrameEnd {

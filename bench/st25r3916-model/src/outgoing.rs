@@ -13,7 +13,7 @@ pub(crate) struct Outgoing {
     /// without the CRC.
     frame: FrameStart,
     trailer_bits: u32,
-    /// The number of bytes that the chip puts before those of the FIFO.
+    /// The number of bytes that the chip sends in front of those from the FIFO.
     prefix: usize,
     /// The number of whole bytes that the frame takes from the FIFO.
     whole: usize,
@@ -120,7 +120,7 @@ impl Outgoing {
         Some(Self::new(core, Technology::NfcA, CYCLES_106, vec![byte]).nfc_a(7))
     }
 
-    /// Returns the automatic answer in slot 0: a SENSF_RES with the contents of the passive target memory.
+    /// Returns the automatic answer in slot 0, which is a SENSF_RES with the contents of the passive target memory.
     pub(crate) fn automatic_answer(core: &Core) -> Self {
         let rate = match core.a(reg::RATE_DETECTED) >> 4 & 0x03 {
             0 => core.a(reg::BIT_RATE) & 0x03,
@@ -136,7 +136,7 @@ impl Outgoing {
         answer
     }
 
-    /// Adds NFC-A's start of communication and end of communication (a logic 0 and a bit without modulation).
+    /// Adds NFC-A's start of communication (a logic 0) and end of communication (a bit without modulation).
     fn nfc_a(mut self, byte_bits: u32) -> Self {
         self.frame.header_bits = 1;
         self.frame.byte_bits = byte_bits;

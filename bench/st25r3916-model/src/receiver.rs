@@ -63,7 +63,7 @@ impl Receiver {
         self.frame.as_ref().is_some_and(|frame| frame.locked)
     }
 
-    /// Whether the receiver is masked, by D0 or by the end of a frame.
+    /// Whether the receiver is masked. D0 masks it, and so does the end of a frame.
     pub(crate) fn masked(&self) -> bool {
         self.unmasked_since.is_none()
     }
@@ -164,7 +164,7 @@ impl Receiver {
     pub(crate) fn frame_ends(&mut self, core: &mut Core, fifo: &mut Fifo, at: u64, bits: u32) {
         let Some(frame) = self.frame.as_mut().filter(|frame| !frame.has_ended()) else { return };
         if !frame.locked && at < frame.header_end() {
-            // A frame that broke off before the end of its sync cannot be detected.
+            // The frame broke off before the end of its sync, so the receiver cannot detect it.
             return self.signal_lost(core, fifo, at);
         }
         frame.ends(at, bits);

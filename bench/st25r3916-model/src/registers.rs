@@ -12,10 +12,10 @@
 //! | stream mode, EMD suppression, wake-up by amplitude or phase, | the link uses none; a write of another value |
 //! | PPON2, capacitive sensor | than reset is reported |
 //!
-//! The reset values of 03, 0B, 0C, 0D, 0F, 15, 28, B0B, B0C, B15 and B29 come from a recording of silicon after a
-//! bring-up that does not write them, those of 26, 27, 29–2B and B2A from public drivers. B28 connects the load
-//! modulator after reset, which is the cautious assumption for a listener that must not answer. All other reset values
-//! are 0.
+//! The reset values have three sources. Those of 03, 0B, 0C, 0D, 0F, 15, 28, B0B, B0C, B15 and B29 come from a
+//! recording of silicon after a bring-up that does not write them. Those of 26, 27, 29–2B and B2A come from public
+//! drivers. All others are 0. B28 connects the load modulator after reset, which is the cautious assumption for a
+//! listener that must not answer.
 
 use crate::Variant;
 use crate::report::Space;
@@ -226,7 +226,7 @@ impl Registers {
         self.a[i]
     }
 
-    /// Returns registers `i` (the higher byte) and `i + 1` of space A as one number.
+    /// Returns two registers of space A as one number: `i` is the higher byte, `i + 1` the lower one.
     pub(crate) fn a16(&self, i: usize) -> u16 {
         u16::from_be_bytes([self.a[i], self.a[i + 1]])
     }

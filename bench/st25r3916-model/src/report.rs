@@ -36,9 +36,9 @@ pub enum Kind {
     ConstantMeasurement(u8),
     /// An SPI mode byte was sent that the data sheet does not define.
     UnknownModeByte(u8),
-    /// A register whose function is not modelled was set to another value than its reset value.
+    /// A register whose function is not modelled was set to a value other than its reset value.
     UnmodelledRegister(Space, u8),
-    /// Bits that are not modelled were set in a register that is modelled otherwise: space, address, bits.
+    /// Bits that are not modelled were set in a register whose other bits are modelled: space, address, bits.
     UnmodelledBits(Space, u8, u8),
     /// A register was accessed that this variant does not have.
     NoSuchRegister(Space, u8),
@@ -79,7 +79,7 @@ pub enum Kind {
     FrameOverwritten,
     /// The SPI clock was above 10 MHz, the chip's highest: its rate in Hz.
     SpiTooFast(u32),
-    /// The controller used another SPI mode than 1, with which bits are sampled too early or too late.
+    /// The controller used another SPI mode than 1. In such a mode bits are sampled too early or too late.
     WrongSpiMode(u8),
     /// A transfer ended within a byte, whose bits were lost. The value is the number of its clocks, 1 to 7.
     BitsLost(u8),
@@ -124,7 +124,8 @@ pub enum Kind {
     CollisionAvoidanceBlind,
     /// A target was armed while automatic answers were enabled (08) and the load modulator was connected.
     AutomaticAnswersEnabled,
-    /// The chip answered, on the air or not, although it may not ([`Config::answers`](crate::Config::answers)).
+    /// The chip answered although [`Config::answers`](crate::Config::answers) does not permit it. The answer need not
+    /// have reached the air.
     LoadModulation,
     /// The chip answered although it had received no frame since its last answer.
     AnswerUnasked,

@@ -15,7 +15,7 @@ const PERIODS: u64 = 8;
 pub(crate) enum State {
     #[default]
     Mode,
-    /// A prefix came; the next byte is the mode byte of a register access in this space.
+    /// A prefix has come. The next byte is the mode byte of a register access in this space.
     Prefix(Space),
     /// The address of a register write has come, and the next byte is the first value.
     WriteFirst(Space, u8),

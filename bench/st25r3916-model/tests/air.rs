@@ -339,7 +339,8 @@ fn frozen_air_repeats_the_last_frame_of_the_same_length() {
     antenna.set(8 * MS, AirFaults { frozen: true, ..clean() });
     let end = antenna.send(10 * MS, &long(4));
     antenna.send(12 * MS, &short(5));
-    // No earlier frame had this length, so the frame is received as it is sent.
+    // No earlier frame had this length. The fault therefore has no older bytes, and the frame is received as it is
+    // sent.
     antenna.send(14 * MS, &frame(16, 6));
     antenna.set(16 * MS, clean());
     antenna.send(17 * MS, &long(7));

@@ -14,7 +14,7 @@ use st25r3916_model::{
     AirEvent, BrokenFrame, Chip, Chunk, Config, FrameStart, IrqEdge, Kind, Space, Technology, Variant,
 };
 
-/// The virtual time at which a recording begins, ns. The chip is set up before.
+/// The virtual time at which a recording begins, ns. Before that instant the chip is set up.
 const BEGIN_NS: u64 = 60_000_000;
 const SPI_HZ: u32 = 10_500_000;
 /// The time from the first rising clock edge of an SPI byte to the end of its eighth clock at 10.5 MHz, ns.
@@ -192,7 +192,7 @@ impl Tag {
         Self { answers, to_rxs: bit + config.nfc_a_start_latency_ns }
     }
 
-    /// Passes all answers of the tag to the chip before they begin.
+    /// Gives all answers of the tag to the chip beforehand, each with its own instant.
     fn speak(&self, chip: &mut Chip) {
         for (rxs, data) in &self.answers {
             let start = rxs - self.to_rxs;
@@ -339,7 +339,7 @@ fn the_model_reads_a_tag_exactly_as_the_recorded_chip_did() {
     assert_eq!(chip.statistics().received, 6);
     assert_eq!(chip.statistics().crc_errors, 0);
 
-    // By ISO 14443-3 an answer starts 1172 carrier cycles (86.4 µs) plus the pause after the frame's last bit. I_txe
+    // By ISO 14443-3 an answer starts 1172 carrier cycles (86.4 µs), plus the pause, after the frame's last bit. I_txe
     // comes two bits after that bit.
     let delays: Vec<u64> = sent
         .iter()

@@ -341,7 +341,7 @@ proptest! {
         world.air.set_faults(world.now, AirFaults::default(), |at, event| port.hear(at, event));
         world.back.set_faults(world.now, AnswerFaults::default(), |_, _| {});
         world.answers_after_ns = 700_000;
-        // In this pause all delayed frames and answers arrive.
+        // All frames and answers that are still delayed arrive in this pause.
         let now = world.now;
         world.run_to(now + 200 * MS);
         works(&mut world, 7);

@@ -183,7 +183,7 @@ fn an_unarmed_listener_hears_nothing_until_unmasked() {
 
 #[test]
 fn a_sync_already_under_way_is_not_joined() {
-    // The sync is bits 48 to 63 of the frame. A listener must be armed before it to receive the frame.
+    // Bits 48 to 63 of a frame are its sync. A listener must be armed before the sync to receive the frame.
     for (bits_into, heard) in [(40, true), (50, false), (62, false)] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.spi(Side::Listener, &[0xD0]);

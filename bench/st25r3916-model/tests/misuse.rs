@@ -473,7 +473,7 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
         assert_eq!(found(&pair.poller, Kind::ChangedInFrame(write[0])), 1);
         assert_eq!(pair.irqs(Side::Listener), [0x30, 0, 0, 0]);
     }
-    // A write of the present value is no finding, nor is a change between frames.
+    // A write of the value that a register has is no finding. A change between two frames is none either.
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(200, 1));
     pair.fire();

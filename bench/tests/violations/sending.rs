@@ -49,8 +49,8 @@ const NOT_HEARD: u8 = {
     HEARD_MS as u8 + 1
 };
 
-/// Constants of the voter (float32) and their replacements: squares of limits (30 m, 8 m, 50 m, 200 m/s), and the
-/// number of 1/256 of 1e-7 degrees in a radian.
+/// Constants of the voter (float32), and their replacements. They are the squares of limits (30 m, 8 m, 50 m, 200 m/s),
+/// and the number of 1/256 of 1e-7 degrees in a radian.
 const CEILING: u32 = 0x4461_0000;
 const CEILING_HEIGHT: u32 = 0x451C_4000;
 const FLOOR_HEIGHT: u32 = 0x4280_0000;

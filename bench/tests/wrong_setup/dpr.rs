@@ -257,7 +257,7 @@ const DPR_ROWS: &[Row<Shows>] = &[
     }),
     row("IRQ: interrupt not enabled", &[never_iser(0, 0x40)], Expected::Nothing, |seen| seen.valid == 0),
     row("SPIM0: interrupt not enabled", &[never_iser(0, 0x8)], Expected::Nothing, is_bitten),
-    // Without the prescaler the DPR's second lasts 63 ms.
+    // Without the prescaler TIMER0 counts 16 times as fast, so the DPR's second lasts 63 ms.
     row("TIMER0: no prescaler", &[bits(TIMER0 + 0x510, 0xF, 0)], Expected::Nothing, |seen| {
         deaf_for(seen, "Oscillator") && seen.log.contains("\n1.0")
     }),

@@ -295,7 +295,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("TIM2: prescaler 2", &[bits(TIM2 + 0x28, 0xFFFF, 1)], Expected::Nothing, |seen| {
         seen.period() == 20 * MS && seen.frames.len() == seen.ticks.len() && seen.restarts.is_empty()
     }),
-    // CC1IF is set with the overflow if the compare value is beyond it (RM0090 18.4.5).
+    // CC1IF is set at the overflow if the counter cannot reach the compare value (RM0090 18.4.5).
     row(
         "TIM2: slot beyond the period",
         &[bits(TIM2 + 0x34, !0, 0xF_FFFF)],
@@ -347,7 +347,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("IWDG: never reloaded", &[instead(IWDG, 0xAAAA, 0)], Expected::Nothing, |seen| {
         seen.watchdog() && !seen.frames.is_empty() && seen.log.contains("reset: watchdog")
     }),
-    // Without the timer's interrupt HORUS does not poll receivers 2 and 3.
+    // Without the interrupt of the timer HORUS does not poll the receivers 2 and 3.
     row(
         "IWDG: prescaler and reload stay locked, and TIM2's interrupt is not enabled",
         &[instead(IWDG, 0x5555, 0), never_iser(0, 0x1000_0000)],

@@ -45,7 +45,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.side.part.pin(pin)
     }
 
-    /// Fills `to` from `address` on, up to the first byte that nothing answers, and returns the number of bytes read.
+    /// Fills `to` from `address` on, up to the first byte at which nothing answers. Returns the number of bytes read.
     /// Memory is read directly. A word of a peripheral or of the core's own space is read on a copy of core and board,
     /// so the read has no side effects.
     #[must_use]
@@ -150,7 +150,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.read(self.address_of(symbol)?, to)
     }
 
-    /// A digest of all that the firmware could see: registers, RAM, time, instructions.
+    /// Returns a digest of everything that the firmware could observe: registers, RAM, time, instructions.
     #[must_use]
     pub fn digest(&self) -> u64 {
         let mut digest = Digest::new();

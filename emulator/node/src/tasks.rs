@@ -17,7 +17,7 @@ const IPR: u32 = 0xE000_E400;
 const SHPR: u32 = 0xE000_ED18;
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// Begins or ends the record of active exceptions and of sleep. It begins with the present state.
+    /// Starts or ends the record of active exceptions and of sleep. The record's first entry is the present state.
     pub fn watch_tasks(&mut self, on: bool) {
         self.core.watch_exceptions(on);
         let now = self.now();
@@ -83,7 +83,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     pub fn switch_interrupt_off(&mut self, line: u16) -> bool {
         let (register, bit) = (ICER + 4 * u32::from(line / 32), 1 << (line % 32));
         let words = "an interrupt controller";
-        // The clear-enable registers read as 1 for lines that are on (ARMv7-M ARM B3.4.5).
+        // A clear-enable register reads as 1 for each line that is on (ARMv7-M ARM B3.4.5).
         let was_on = self.is_powered() && self.access_port_read(register, Width::Word).expect(words) & bit != 0;
         if was_on {
             self.access_port_write(register, Width::Word, bit).expect(words);

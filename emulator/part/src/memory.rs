@@ -61,13 +61,14 @@ const PAGE_BITS: u32 = 10;
 
 /// Memory that the core and bus controllers write.
 ///
-/// While a core executes from this memory, the pages with its code are watched ([`Ram::watch`]). A change of a byte
+/// A core may execute from this memory. The pages with its code are then watched ([`Ram::watch`]). A change of a byte
 /// ends the watch of its page, so that the core decodes the page again.
 #[derive(Clone, Debug)]
 pub struct Ram {
     bytes: Vec<u8>,
     watched: Vec<u64>,
-    /// The range in which a write may change a watched page: first offset and length.
+    /// A range that contains all watched pages: its first offset and its length. A write outside it changes no watched
+    /// page.
     near_watched: (usize, usize),
     rewritten: u64,
     stuck_at: usize,
@@ -125,7 +126,7 @@ impl Ram {
         };
     }
 
-    /// Ends the watches of pages in which `size` bytes from `at` on change.
+    /// Ends the watch of each page in which `size` bytes from `at` on change.
     #[cold]
     #[inline(never)]
     fn rewrite(&mut self, at: usize, size: usize) {
@@ -149,7 +150,7 @@ impl Ram {
         at.wrapping_sub(self.near_watched.0) < self.near_watched.1
     }
 
-    /// Makes one bit stuck, instead of any bit that was stuck before. `address` counts from the start of this memory.
+    /// Makes one bit stuck, and releases any bit that was stuck before. `address` counts from the start of this memory.
     /// With `None` no bit is stuck.
     pub fn stick(&mut self, stuck: Option<StuckBit>) {
         self.stuck_at = stuck.map_or(usize::MAX, |stuck| stuck.address as usize);
@@ -173,7 +174,7 @@ impl Ram {
         &self.bytes
     }
 
-    /// The whole contents, for changes. A stuck bit keeps a value that is written in this way until the next
+    /// The whole contents, for changes. A stuck bit takes a value that is written in this way, until the next
     /// [`Ram::write`] to its byte.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         self.rewrite(0, self.bytes.len());
@@ -201,8 +202,8 @@ impl Ram {
         if offset & (width as u32 - 1) != 0 { None } else { read(&self.bytes, offset, width) }
     }
 
-    /// Writes as [`Ram::write`] does. Returns `false` and writes nothing if a watched page may be near, or if `offset`
-    /// is not a multiple of the width.
+    /// Writes as [`Ram::write`] does. Returns `false`, with nothing written, if a watched page may be near or if
+    /// `offset` is not a multiple of the width.
     #[must_use]
     #[inline(always)]
     pub fn write_aligned(&mut self, offset: u32, width: Width, value: u32) -> bool {

@@ -19,7 +19,8 @@ use super::Rule;
 use crate::disturbance::Excuse;
 use crate::{Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
-/// The number of profiles kept on their way. Each is forwarded at once, so a few are enough.
+/// The number of profiles that are kept between flight controller and base station. Each is forwarded at once, so a few
+/// are enough.
 const READ: usize = 4;
 
 /// The rule that compares what the base station shows with what was forwarded; see the [module](self).
@@ -30,7 +31,7 @@ pub struct Base {
     outstanding: VecDeque<(u64, Vec<u8>)>,
     /// The instants, ns, at which profiles arrived that the flight controller had not forwarded.
     strange: VecDeque<u64>,
-    /// The profile that has to be forwarded at once: the instant, ns, and its timestamp, ms.
+    /// The instant, ns, and the timestamp, ms, of the profile that has to be forwarded at once.
     owed: Option<(u64, u32)>,
     /// The timestamp of the profile that was forwarded last, ms.
     forwarded: Option<u32>,

@@ -83,13 +83,13 @@ pub struct Boards {
     faulted: Vec<(Board, u64, String)>,
     /// The board and the instant, ns, of the last restart that was not asked for.
     restarted: Option<(Board, u64)>,
-    /// The instant, ns, by which each hung board must have restarted; `None` once reported.
+    /// The instant, ns, by which each hung board must have restarted; `None` after a late restart was reported.
     restart_due: [Option<u64>; 2],
-    /// For each board, the time, ns, for which its core has been stopped, and the instant, ns, since which it is
-    /// stopped now.
+    /// For each board, how long its core has been stopped, ns, and the instant, ns, since which it is stopped at
+    /// present.
     stopped: [(u64, Option<u64>); 2],
     field: bool,
-    /// The last frame that HORUS sent whole, while it has not reached the antenna.
+    /// The last whole frame that HORUS sent, until the frame reaches the antenna.
     on_the_way: Option<Vec<u8>>,
     complaints: Vec<Complaint>,
 }
@@ -170,7 +170,7 @@ impl Rule for Boards {
                 }
             }
             What::Finding { board, text, .. } => findings.add(Of::FINDING.board(*board), at, || text.clone()),
-            // A firmware that cannot read from its front end does not know in which state the front end is.
+            // A firmware that cannot read from its front end cannot know the front end's state.
             What::Misuse { board, .. } if context.disturbances().excuse(front_end_use(*board), at) => {}
             What::Misuse { board, .. } if context.running(*board).hung.is_some() => {}
             What::Misuse { board, text } => {

@@ -83,7 +83,7 @@ pub struct Client {
     samples: VecDeque<Sample>,
     fresh: u64,
     read: Option<Read>,
-    /// The last samples that were read valid in consecutive cycles.
+    /// The consecutive cycles whose samples were read as valid, up to the last one.
     row: Option<Row>,
     newest: Option<First>,
     /// The timestamp, ms, of the sample whose wrong age was reported.
@@ -320,7 +320,7 @@ mod tests {
         assert_eq!(once(20 * MS, true, Some(1), None, &[]), [], "it says that it does not know");
         let misuse = [(MS, injected(MISUSE, u64::MAX))];
         assert_eq!(once(20 * MS, true, Some(1), Some(0), &misuse), []);
-        // The frame arrives again 5 ms later. Either arrival may be the one that the DPR has shown.
+        // The frame arrives again 5 ms later, and the DPR may have shown the sample of either arrival.
         let mut log = Events::new(1);
         heard(&mut log, 1, true);
         let mut again = Events::new(1);
@@ -375,7 +375,7 @@ mod tests {
             heard(&mut log, 1, true);
             fresh.iter().for_each(|at| _ = log.add(*at, What::Fresh { high: true, offered: None }));
             read_as(&mut log, first, told, 1, true, Some(1), Some(10 * MS));
-            // The client reads an image without objects, and states the same verdict as before.
+            // The client reads an image without objects. It states the same verdict as before.
             let at = sampled(1) + limit + MS;
             let link = LinkStatus::seal(&LinkValues::default());
             log.add(

@@ -29,7 +29,7 @@ struct Stuck {
     cycles: u32,
 }
 
-/// The rule that judges whether a fault of memory or supply has its consequence; see the [module](self).
+/// The rule that judges whether a board reacts to a fault of its memory or supply; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Integrity {
     /// The instant, ns, by which each board has to react to a change of its flash; `None` if no reaction is due.
@@ -267,7 +267,7 @@ mod tests {
         assert_eq!(after(vec![(due, reset(Board::Dpr))]), late);
         assert_eq!(after(vec![(WARNED - 1, off())]), [], "there is no field");
         assert_eq!(after(vec![(WARNED - 1, injected(HORUS_FRONT_END, WARNED))]), [], "its front end is out of order");
-        // A board that is starting checks its supply when the start is over.
+        // A board that starts with a falling supply checks the supply at the end of its start.
         let due = WARNED - MS + bounds::START + bounds::SAFE_STATE;
         let starting = |switched: u64| after(vec![(WARNED - MS, reset(board)), (switched, off())]);
         assert_eq!(starting(due), []);

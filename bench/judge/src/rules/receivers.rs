@@ -13,15 +13,15 @@ use super::Rule;
 use crate::disturbance::Excuse;
 use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 
-/// The rule that judges whether HORUS reads and sets its receivers; see the [module](self).
+/// The rule that judges whether HORUS reads its receivers and sets them to send positions; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Receivers {
     /// For each receiver, the instant, ns, since which it has offered bytes without being read.
     waiting: Vec<Option<u64>>,
     /// For each receiver, the instant, ns, at which the last byte was read from it.
     read_until: Vec<u64>,
-    /// For each receiver, the instant, ns, since which it has sent no positions; `None` if it sends them, or once
-    /// reported.
+    /// For each receiver, the instant, ns, since which it has sent no positions. `None` if it sends them, or once that
+    /// was reported.
     unset: Vec<Option<u64>>,
 }
 

@@ -36,7 +36,7 @@ const TICKS: usize = 256;
 struct Last {
     timestamp: u32,
     reason: Option<ResetReason>,
-    /// The sample's tick, ns, and the number of HORUS's start in which that tick came.
+    /// The sample's tick, ns, and the number of HORUS's starts at that tick.
     tick: (u64, u64),
     /// How much, ns, the station may overstate the age of this sample and of later ones.
     late: u64,
@@ -52,7 +52,7 @@ struct Newest {
     /// The number of consecutive profiles in sequence up to this one, and the instant, ns, at which the first of them
     /// arrived.
     row: (u32, u64),
-    /// Whether the first profile of this sequence is the first that arrived in the run.
+    /// Whether this sequence of profiles began with the first profile of the run.
     first: bool,
     at: u64,
 }

@@ -19,7 +19,7 @@ pub(crate) const TO_FRESH: u64 = 60_000;
 pub(crate) const HELD_BEFORE: u64 = 1_000;
 /// How long after FRESH rises the processor gives the buffers back, ns.
 pub(crate) const RELEASED_AFTER: u64 = 500;
-/// The time from the end of a transaction until the DPR is ready for the next one, ns.
+/// The time from the end of a transaction until the DPR can serve the next one, ns.
 pub(crate) const TO_READY: u64 = 3_000;
 /// The control cycle, ns. It is slightly shorter than 4 ms, so that transactions begin at every phase of HORUS's cycle.
 pub(crate) const CONTROL_CYCLE: u64 = 3_997_000;

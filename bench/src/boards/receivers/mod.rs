@@ -46,7 +46,8 @@ pub const BUFFER: usize = 4096;
 /// The time without communication after which a receiver puts no more messages into its output buffer, ns.
 pub const FORSAKEN: u64 = 2_000_000_000;
 
-/// The time after its first byte at which an unfinished bus transaction counts as abandoned, ns.
+/// The time, ns, after the first byte of a bus transaction, at which the transaction counts as abandoned if it has not
+/// ended.
 pub const ABANDONED: u64 = 50_000_000;
 
 #[derive(Clone, Debug, Default)]

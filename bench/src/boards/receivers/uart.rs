@@ -11,7 +11,7 @@ use horus_tx_fw::timing::GNSS_BAUD;
 
 use emulator_node::Input;
 
-/// The fraction of a bit's duration by which the duration may deviate: one part in this number, 2.5 %.
+/// A bit may be longer or shorter by one part in this number, 2.5 %.
 const TOLERANCE: u64 = 40;
 /// The number of unreadable frames in [`ERROR_WINDOW`] that the receiver accepts. After more it ignores its input until
 /// the window ends.

@@ -93,7 +93,7 @@ fn encoded(opcode: u16, register: u16, value: u16) -> (u16, u16) {
     (opcode | (value >> 11 & 1) << 10 | value >> 12, (value >> 8 & 7) << 12 | register << 8 | value & 0xFF)
 }
 
-/// The bits of both halfwords that encode `value` as a modified immediate; `None` if it cannot be encoded.
+/// Returns the bits of both halfwords that encode `value` as a modified immediate; `None` if none do.
 fn modified(value: u32) -> Option<(u16, u16)> {
     let bits = |code: u16| ((code >> 11 & 1) << 10, (code >> 8 & 7) << 12 | code & 0xFF);
     (0..0x1000).map(bits).find(|bits| expanded(*bits) == value)

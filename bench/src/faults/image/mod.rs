@@ -21,7 +21,7 @@ pub enum ImageFault {
     Dead(String),
     /// The handler of this vector, or the function of this name, never returns.
     Hung(String),
-    /// The handler of this vector, or the function of this name, executes an undefined instruction.
+    /// The handler of this vector, or the function of this name, begins with an undefined instruction.
     Faulting(String),
     /// The instruction at this address is a branch to itself.
     Stopped(u32),

@@ -105,7 +105,7 @@ pub struct Recording {
     stores: BTreeSet<Stored>,
     pub(super) targets: BTreeSet<u32>,
     pub(super) conditional: BTreeSet<u32>,
-    /// For each store, by its address, the address of the instruction that was executed before it.
+    /// For the address of each store, the address of the instruction that the core executed before the store.
     pub(super) before: BTreeMap<u32, u32>,
     last: u32,
 }

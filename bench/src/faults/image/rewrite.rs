@@ -44,7 +44,7 @@ pub enum To {
         /// The new values of the changed bits, at the bits' own positions.
         value: u32,
     },
-    /// One stored value is replaced by another, while other values are stored unchanged.
+    /// Stores of one value store another value. Stores of any other value stay as they are.
     Instead {
         /// The value that the program stores.
         of: u32,
@@ -79,7 +79,7 @@ pub enum RewriteError {
         /// The reason why the instruction cannot be moved.
         why: &'static str,
     },
-    /// The flash that the memory protection unit lets the program execute has too little free room.
+    /// The flash that the program may execute (by the memory protection unit) has too little free room for the patch.
     #[error("the image's changed instructions end at {0:#010x}, where it cannot execute them")]
     TooLong(u32),
     /// A symbol of the program is missing, or an address is outside the memory.
@@ -289,7 +289,7 @@ const fn is_relative(first: u16) -> bool {
     table || load || first & 0xFB5F == 0xF20F
 }
 
-/// Whether the instruction at `pc` can be moved to another address without a change of its effect.
+/// Whether the instruction at `pc` has the same effect at any other address.
 fn can_move<B: Board, C: Cost>(node: &Node<B, C>, pc: u32) -> bool {
     let (one, two) = halves(node, pc);
     let encoding = if is_wide(one) { &[one, two][..] } else { &[one] };

@@ -59,7 +59,7 @@ fn itow_at(class: u8, id: u8, payload: &[u8]) -> Option<usize> {
         return Some(8);
     }
     let itow = Frame { class, id, payload }.itow_ms()?.to_le_bytes();
-    // The time of week is the first field, or follows a version field of four bytes.
+    // The time of week is the first field, or follows a four-byte field with a version.
     [0, 4].into_iter().find(|&at| payload.get(at..at + 4) == Some(&itow))
 }
 

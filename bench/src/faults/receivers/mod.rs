@@ -52,7 +52,7 @@ pub enum ReceiverFault {
     Beginnings,
     /// The receiver sends whole UBX messages that HORUS has not requested, without a pause.
     Unasked,
-    /// The receiver sends new data, but always with the time of week of its last message before the fault.
+    /// The receiver sends new data, but the time of week stays that of its last message before the fault.
     Frozen,
     /// The receiver sends at this bit rate, bit/s.
     WrongBaud(u32),
@@ -79,7 +79,7 @@ pub enum ReceiverFault {
         /// The error upwards, m.
         up: i32,
     },
-    /// The receiver's position moves north at this speed, but its velocity does not, as with slow spoofing.
+    /// The receiver's position moves north at this speed, but its stated velocity does not, as with slow spoofing.
     Drifts {
         /// The speed, mm/s.
         mm_s: u32,
@@ -98,7 +98,7 @@ pub enum ReceiverFault {
         /// The error of the forward acceleration, cm/s².
         cm_s2: i32,
     },
-    /// The receiver reports an accuracy of [`UNDERSTATED_MM`], whatever its true error.
+    /// The receiver states an accuracy of [`UNDERSTATED_MM`] although its error is larger.
     Understates,
     /// A field of the receiver's NAV-PVT messages has an impossible value.
     Absurd(Absurd),
@@ -285,7 +285,8 @@ struct Line {
     /// The present faults in order of their beginnings. Only the last one has an effect.
     faults: Vec<Active>,
     last_itow: Option<u32>,
-    /// Longitude, latitude and height in the receiver's last burst without a fault, in the units of NAV-PVT.
+    /// The position in the receiver's last burst without a fault: longitude, latitude and height, in the units of
+    /// NAV-PVT.
     last_position: Option<[i32; 3]>,
     /// Delayed bursts, in order of time.
     waiting: VecDeque<OnLine>,
@@ -475,7 +476,7 @@ impl LineFaults {
                 _ => ubx::frame(0x0A, 0x04, &[self.rng.byte(); CHUNK - ubx::OVERHEAD]),
             };
             let on_line = OnLine::clean(now, receiver, &bytes);
-            // The next frames begin as soon as these end, so the line is never idle.
+            // The next frames begin as soon as these end. The line is therefore busy all the time.
             active.next = now + on_line.frames.iter().map(UartFrame::ns).sum::<u64>();
             taken.push(on_line);
         }
@@ -490,7 +491,7 @@ fn damaged(at_ns: u64, receiver: usize, frames: Vec<UartFrame>) -> OnLine {
     on_line
 }
 
-/// The UART frame of `byte` with a high or a low stop bit; the latter is sent as a ninth data bit.
+/// Returns the UART frame of `byte` with a high or a low stop bit. A low one is sent as a ninth data bit.
 const fn with_stop(byte: u8, high: bool) -> UartFrame {
     let frame = UartFrame::eight_n_one(byte, GNSS_BAUD);
     if high { frame } else { UartFrame { bits: 9, ..frame } }

@@ -11,7 +11,7 @@ use crate::world::ssi::{Filler, Order, Pace};
 pub(super) enum Rhythm {
     /// A transaction begins in each control cycle, unless the transaction before is still under way.
     InCycle,
-    /// Each transaction begins when the gap after the one before it is over.
+    /// Each transaction begins as soon as the gap after the one before is over.
     AtOnce,
     /// There are no transactions.
     Never,
@@ -119,7 +119,7 @@ impl Misconduct {
     }
 }
 
-/// A transaction without a byte: chip select falls and rises once in `period_ns`.
+/// Returns a transaction without a byte. Chip select falls and rises once in `period_ns`.
 fn edges(pace: Pace, period_ns: u64) -> Order {
     let low = period_ns / 2;
     Order { pace: Pace { setup_ns: low, hold_ns: 0, gap_ns: period_ns - low, ..pace }, ..Order::read(0) }

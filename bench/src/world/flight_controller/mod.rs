@@ -51,7 +51,7 @@ use crate::faults::wires::Wires;
 /// The flight controller's totals since reset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Stats {
-    /// The number of finished transactions: the sum of the next four fields.
+    /// The number of transactions that have ended: the sum of the next four fields.
     pub transactions: u64,
     /// The number of transactions whose outcome was [`Outcome::Fresh`].
     pub fresh: u64,
@@ -245,7 +245,7 @@ impl FlightController {
         self.last.as_ref()
     }
 
-    /// Takes the bytes that the flight controller has sent to the base station since the last call.
+    /// Takes the bytes that the flight controller has sent towards the base station since the last call.
     #[must_use]
     pub fn take_downlink(&mut self) -> Vec<u8> {
         core::mem::take(&mut self.downlink)

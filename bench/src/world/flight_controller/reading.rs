@@ -9,11 +9,11 @@ use profile::{Layout, LinkValues, Rejection};
 pub enum Outcome {
     /// Everything that was read is intact: the whole image, with a profile that is not the one forwarded last.
     Fresh,
-    /// Everything that was read is intact, but has no profile or only the one that was forwarded last.
+    /// Everything that was read is intact, but there is no profile, or only the one that was forwarded last.
     Repeated,
     /// Every byte is 0xFF: the DPR was busy.
     Busy,
-    /// Link-Status or an object is neither intact nor vacant, so the flight controller uses nothing of the image.
+    /// Link-Status or an object is neither intact nor vacant. The flight controller then uses nothing of the image.
     BadCrc,
 }
 

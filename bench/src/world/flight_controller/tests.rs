@@ -348,7 +348,7 @@ fn an_uplink_from_the_radio_takes_the_place_of_a_generated_one() {
     let mut written = vec![];
     for cycle in 0..40 {
         if cycle == 10 {
-            // In this cycle the flight controller would write an uplink of its own.
+            // The flight controller's own uplink would be due in this cycle.
             rig.controller.write(Written::BaseStation(&uplink));
         }
         let mosi = rig.transact(if uplinks::reads_map(cycle) { &map } else { &image });

@@ -23,7 +23,7 @@ use emulator_node::Node;
 /// The most bytes that are transferred to the DPR's model together.
 const RUN: usize = 16;
 
-/// The greatest number of bytes of a transaction that are kept; further bytes are only counted.
+/// The greatest number of bytes of a transaction that are kept. Further bytes are only counted.
 pub const KEPT: usize = 16_384;
 
 /// The actions of a flight controller on the pins of the DPR's SSI.
@@ -41,7 +41,7 @@ pub trait SsiPort {
     /// Makes chip select rise now.
     fn deselect(&mut self);
 
-    /// The number of bytes that can be clocked before the DPR's peripheral raises an event, or `usize::MAX`.
+    /// Returns how many bytes can be clocked before the DPR's peripheral raises an event; `usize::MAX` for any number.
     fn quiet(&self) -> usize;
 }
 
@@ -274,7 +274,7 @@ struct UnderWay {
     miso: Vec<u8>,
 }
 
-/// Carries out transactions on the SSI, one at a time. The [module](self) describes it.
+/// Carries out transactions on the SSI, one after the other. The [module](self) describes how.
 #[derive(Clone, Debug)]
 pub struct SsiMaster {
     crystal: Crystal,

@@ -29,7 +29,7 @@ pub struct Counters {
     pub scattered: u64,
     /// Frames that [`AirFaults::frozen`] replaced by an earlier one.
     pub frozen: u64,
-    /// The number of times that a frame began during another frame, so that neither arrived whole.
+    /// The number of times that a frame began during another frame. Neither of the two arrives whole.
     pub collisions: u64,
     /// The number of times that [`AirFaults::field_off`] switched the field off.
     pub field_off: u64,
@@ -61,7 +61,7 @@ pub struct SentFrame {
     pub bits_per_second: u32,
     /// The frame's bytes, in NFC-F LEN, payload and CRC-16, as far as they were sent completely.
     pub bytes: Vec<u8>,
-    /// Whether the frame was sent whole. False if the poller broke it off before the number of bytes in its LEN.
+    /// Whether the frame was sent whole. It is false if the poller sent fewer bytes than LEN announces.
     pub whole: bool,
 }
 

@@ -86,7 +86,7 @@ pub(super) struct Flight {
     /// The instant at which the frame's first bit reaches the listener, ns; `None` while the frame waits for another
     /// one.
     pub(super) due: Option<u64>,
-    /// The frame as the listener receives it, with the bytes that are known so far.
+    /// The frame as the listener receives it. It has the bytes that are known so far.
     pub(super) start: FrameStart,
     pub(super) burst: Vec<u64>,
     /// The frame's events after its start, each with the time from its first bit, ns. Events after the frame's end are

@@ -275,7 +275,7 @@ impl Air {
         self.account.sent.push(sent);
     }
 
-    /// Ends the poller's present frame at `at`, because its next frame begins or its carrier goes off.
+    /// Ends the present frame of the poller at `at`. The poller has begun its next frame, or its carrier goes off.
     fn sending_breaks_off(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
         if let Some(sending) = &self.sending {
             let bits = sending.bits_by(at);

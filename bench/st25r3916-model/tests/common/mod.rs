@@ -73,7 +73,7 @@ impl Pair {
         miso
     }
 
-    /// Runs until this side's IRQ pin is high. Returns false if the pin is still low after `ns`.
+    /// Runs until this side's IRQ pin is high. Returns false if it is still low after `ns`.
     pub(crate) fn wait_irq(&mut self, side: Side, ns: u64) -> bool {
         let end = self.now + ns;
         while !self.chip(side).irq() {

@@ -255,7 +255,7 @@ impl Line {
     }
 }
 
-/// Returns the bits of the three numbers that a GPS object takes from this kind of message.
+/// Returns the bits of the three numbers in a GPS object that belong to this kind of message.
 fn numbers(kind: Kind, values: &GpsValues) -> [u64; 3] {
     match kind {
         Kind::Position => [values.latitude, values.longitude, values.altitude].map(f64::to_bits),
@@ -299,7 +299,7 @@ pub struct Content {
     models: Models,
     vote: Vote,
     voter: Voter,
-    /// Whether a disturbance since HORUS's last start may have changed HORUS's vote.
+    /// Whether a disturbance may have changed HORUS's vote since HORUS's last start.
     unjudged: bool,
 }
 

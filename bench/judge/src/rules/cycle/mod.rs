@@ -19,8 +19,8 @@
 //! - If the field drops, no frame is required until the end of the cycle in which the field comes back. Within
 //!   [`bounds::FIELD_RECOVERY`] after a lost frame, HORUS may switch the field off to bring its front end up again.
 //!   Then only the lost frame is reported.
-//! - While [`Excuse::Sending`] holds, missing frames, broken frames, commands without frames and a dropped field are
-//!   not reported. What HORUS sends is still judged.
+//! - While [`Excuse::Sending`] holds, these are not reported: missing frames, broken frames, commands without frames,
+//!   and a dropped field. The frames that HORUS sends are still judged.
 //! - While the bench has stopped HORUS's core, until HORUS's next start, no ticks, commands and frames are required. A
 //!   frame that was begun or commanded before may break off, and the field may go off. What HORUS sends is still
 //!   judged, and so are the ticks of its timer. What was missing before the hang is reported.
@@ -30,8 +30,8 @@
 //!   reported.
 //! - Cycles with a violation do not count for the jitter. If tick, command and air scatter too much, only the first of
 //!   them in this order is reported, because the others follow from it.
-//! - If only the timestamp of Reported-Position is wrong in a frame with GPS objects, [`content`](super::content)
-//!   reports that.
+//! - In a frame with GPS objects the timestamp of Reported-Position may be the only wrong one.
+//!   [`content`](super::content) reports that.
 
 mod jitter;
 #[cfg(test)]
@@ -123,7 +123,7 @@ struct Run {
     back: Option<u64>,
     /// The instant, ns, at which a frame was last lost.
     lost: Option<u64>,
-    /// The instant, ns, at which the last cycle's first frame began; `None` if that cycle had a violation.
+    /// The instant, ns, at which the first frame of the last cycle began; `None` if that cycle had a violation.
     led: Option<u64>,
     jitter: Jitter,
     /// What is missing since the last frame, with its instant. It is reported when it is certain that HORUS has not
@@ -337,7 +337,7 @@ impl Cycle {
     fn close(&mut self, now: u64, in_time: bool) {
         let run = &mut self.run;
         let Some(tick) = &mut run.tick else { return };
-        // A frame on the air is logged at its end, so it still counts as under way.
+        // A frame is logged only at its end, so the last frame of the cycle may still be on the air.
         let under_way = run.commands.iter().filter(|command| command.at >= tick.at).count();
         let (sent, wanted) = (tick.sent(), self.layout.frames());
         if in_time && !tick.cut_off && sent + tick.others + under_way < wanted {

@@ -38,8 +38,8 @@ impl Missed {
         }
     }
 
-    /// Returns how many frames were due between the last frame certainly received and `frame`. `more`, ns, is added to
-    /// the time between their samples.
+    /// Returns how many frames were due between the last frame certainly received and `frame`. `more`, ns, is a
+    /// tolerance that is added to the time between their samples.
     fn between(&self, frame: &Delivery, more: i64) -> u64 {
         self.last.map_or(0, |(sampled, _, number)| self.due((sampled, number), frame, more))
     }

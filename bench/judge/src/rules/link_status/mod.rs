@@ -47,12 +47,13 @@ use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 /// The number of frames, and of rises of FRESH, that are kept, because a transaction may be long.
 const REMEMBERED: usize = 64;
 
-/// The uncertainty of the age, ns: the DPR's clock, its detection of a frame's end, and HORUS's front end (2.3 µs).
+/// The tolerance of the age that Link-Status states, ns: the DPR's clock, its detection of a frame's end, and HORUS's
+/// front end (2.3 µs).
 const INSTANTS: u64 = 30_000;
 
 const AGE_UNIT: u64 = 100_000;
 
-/// The tolerance, ns, of the second for which Link-Status reports a restart: the commit and the crystals.
+/// The tolerance, ns, of the second for which Link-Status reports a restart. The commit and the crystals need it.
 const RESTART_BAND: u64 = 2_000_000;
 
 /// A Reported-Position that the DPR accepted, or may have accepted.
@@ -128,7 +129,7 @@ pub struct LinkStatus {
     baseline: Option<Baseline>,
     time: Time,
     reasons: Reasons,
-    /// Whether HORUS's field is at the DPR's antenna, and the instant, ns, of the last change.
+    /// Whether there is a field at the DPR's antenna, and since which instant, ns.
     field: (bool, u64),
     /// The bytes of the last judged transaction; the same bytes are not judged twice.
     last: Vec<u8>,
@@ -169,7 +170,8 @@ impl Rule for LinkStatus {
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Hearing) => self.may_have_missed(event.at),
             What::FieldHeard { on } if *on != self.field.0 => self.field = (*on, event.at),
             What::Fresh { high: true, offered } => {
-                // A further rise of FRESH for the same image does not publish it. Rule `ssi` reports the rise.
+                // FRESH has risen a second time for the same image, which is no publication. Rule `ssi` reports this
+                // rise.
                 let offered = offered.as_ref().map_or(&[][..], |bytes| &bytes.0);
                 if context.window().offset() == 0 && !offered.is_empty() && offered == self.offered {
                     return;
@@ -277,7 +279,7 @@ impl LinkStatus {
             Some(candidates)
         };
         self.last.clone_from(&reading.miso);
-        // An image that replaces a damaged one states the same time as the damaged one.
+        // The image replaces a damaged image, and so states the same time as that one.
         let mut of_the_start = None;
         if !disturbances.excuse(Excuse::UnsoundImage, published) {
             if let Some(words) = self.time.wrong(values.timestamp, published, dpr.since) {

@@ -20,7 +20,7 @@ use crate::read::Reading;
 #[derive(Clone, Debug)]
 pub(super) struct HealthFields {
     since: u64,
-    /// Whether the DPR may have entered its safe state before its last start.
+    /// Whether the DPR may have been in its safe state before its last start.
     stopped: bool,
     /// Whether the flight controller has used more of the DPR's processor time than its share.
     slow: bool,

@@ -42,7 +42,7 @@ impl Timestamps {
     }
 }
 
-/// What the DPR has stored as the uplink of one writer.
+/// The uplink that the DPR has stored for one writer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Place {
     Unknown,

@@ -33,7 +33,7 @@
 //!
 //! - The previous image may stay after a received frame that brought nothing to show. It is reported only when its
 //!   deadline or its 25 ms have passed.
-//! - A transaction longer than a second is not judged, because the frames of its bytes are not kept for so long.
+//! - A transaction longer than a second is not judged, because the frames that it may have read are no longer kept.
 //! - While [`Excuse::Hearing`] holds, no cycle must be shown, and any cycle that reached the antenna may be. When an
 //!   [`Excuse::Withdrawal`] begins, a cycle that no transaction has had to show yet need not be shown.
 
@@ -206,7 +206,7 @@ impl Shown {
         let mut objects = objects.fold(0, |mask, (index, ..)| mask | 1 << index);
         let mut timestamp = delivery.timestamp;
         if let Some(before) = self.due.back_mut() {
-            // Any frame may make the DPR publish a new image, which replaces the one before.
+            // Each frame may make the DPR publish a new image, which replaces the one before.
             before.until = before.until.min(ended);
             if delivery.received == Certainty::Must && delivery.completes(&before.frame) {
                 objects |= before.objects;
@@ -322,8 +322,7 @@ impl Shown {
         Fate::Right { serial, started }
     }
 
-    /// Returns the instant, ns, at which the image expires in which a transaction begun at `selected` may read this
-    /// object.
+    /// Returns the instant, ns, at which the object's image expires, for a transaction that began at `selected`.
     fn expires(&self, placed: &Placed, selected: u64) -> Option<u64> {
         let mut found = false;
         for delivery in self.deliveries.iter().rev().filter(|delivery| delivery.ended <= selected) {
@@ -393,7 +392,7 @@ impl Shown {
     }
 }
 
-/// Returns how long, ns, the DPR waits after this frame for its cycle's second frame.
+/// Returns how long, ns, the DPR waits after this frame for the second frame of the cycle.
 fn awaits_second(layout: Layout, frame: &Delivery) -> u64 {
     if frame.number + 1 < layout.frames() { bounds::SECOND_FRAME } else { 0 }
 }

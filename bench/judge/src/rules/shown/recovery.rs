@@ -5,7 +5,7 @@
 //! - an injected fault that ends,
 //! - a restart of either board,
 //! - a supply that goes off or on,
-//! - a frame that reaches the DPR's antenna otherwise than HORUS sent it,
+//! - a frame that arrives at the DPR's antenna otherwise than HORUS sent it,
 //! - a hang that the bench causes; it ends when the board restarts, by its watchdog or otherwise.
 //!
 //! After a disturbance the link must recover within [`bounds::RECOVERY_CYCLES`] cycles, or within
@@ -20,7 +20,7 @@ use crate::{Event, Findings, Violation, What, bounds};
 /// The length, ns, of the end of a run in which disturbances are not measured: longer than any recovery takes.
 const TAIL: u64 = 400_000_000;
 
-/// Disturbances that count as one, because there was no recovery between them.
+/// Several disturbances that count as one, because the link did not recover between them.
 #[derive(Clone, Copy, Debug)]
 struct Causes {
     /// The instant, ns, at which the last of the disturbances ended.
@@ -214,7 +214,7 @@ fn tell(causes: &Causes, read: Option<u64>, findings: &mut Findings) {
     });
 }
 
-/// Returns the number of cycles of 10 ms that begin in the time `from..to`, at least one.
+/// Returns the number of cycles of 10 ms in the time from `from` to `to`, rounded up; at least one.
 fn cycles(from: u64, to: u64) -> u64 {
     to.saturating_sub(from).div_ceil(bounds::CYCLE).max(1)
 }

@@ -1,6 +1,6 @@
 //! Makes a log in which HORUS, the air and the DPR follow the design, to test the rules `shown` and `link_status`.
 //!
-//! The DPR is a small model that shows what `profile::sequence` permits, which the judge does not use.
+//! The DPR is a small model. It uses `profile::sequence`, which the judge does not use.
 
 use std::collections::BTreeMap;
 

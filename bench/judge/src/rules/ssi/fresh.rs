@@ -6,7 +6,7 @@
 //! It never reads an older image (docs/design.md#publication, `dpr_fw::publish`). The DPR raises FRESH
 //!
 //! - before the processor gives the SSI's buffers back, so that no image is readable before FRESH has announced it;
-//! - at once if a transaction is under way, which still reads the image before.
+//! - at once if a transaction is under way, although this transaction still reads the image before.
 //!
 //! The bytes that FRESH announces may therefore not be known when it rises. The first evidence counts: the bytes that
 //! could be read when FRESH falls, or the bytes of a transaction that began after the rise. FRESH rises for each
@@ -27,7 +27,7 @@ use crate::{Findings, Violation};
 /// The number of rises of FRESH that are kept: more than usually come within one transaction.
 const REMEMBERED: usize = 64;
 
-/// The features that distinguish one image from another.
+/// The features of an image by which the judge tells it from others.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Mark {
     link: Option<LinkValues>,
@@ -144,7 +144,7 @@ impl Claims {
         }
     }
 
-    /// Judges the image `offered`, which FRESH announced by its last rise.
+    /// Judges the image `offered`, which a transaction would read after the last rise of FRESH.
     fn offer(&mut self, offered: &Reading, cycles: &mut Cycles, disturbances: &Disturbances, findings: &mut Findings) {
         let Some((claim, before)) = self.claims.make_contiguous().split_last_mut() else { return };
         let unsound = offered.objects.iter().any(|object| matches!(object.state, State::Unsound(_)));

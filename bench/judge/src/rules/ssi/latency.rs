@@ -9,7 +9,7 @@ use crate::bounds;
 use crate::read::Frame;
 use crate::{Findings, Max, Quantiles, Violation};
 
-/// The number of cycles that are kept; together they last much longer than an image is readable.
+/// The number of cycles that are kept. Together they last much longer than an image stays readable.
 const REMEMBERED: usize = 100;
 
 /// The number of ticks that are kept. A frame is sent within its cycle, so a few are enough.

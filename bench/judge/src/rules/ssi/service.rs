@@ -96,7 +96,7 @@ pub(super) struct Service {
     /// Whether the DPR may leave the present transaction unserved, because it follows another or the image's time is
     /// over.
     may_be_busy: bool,
-    /// The instant, ns, at which FRESH first rose during the present transaction.
+    /// The instant, ns, at which FRESH rose first during the transaction that is under way.
     rose_within: Option<u64>,
     hold: Option<Hold>,
     /// The instant, ns, until which the DPR pauses and need not detect that a transaction has ended.

@@ -75,7 +75,7 @@ fn after_doubt(doubtful: usize, age: u64, valid: bool) -> Vec<(Violation, u64)> 
     scene.receivers[0].truncate(20);
     for burst in &mut scene.receivers[0] {
         (burst.att, burst.ins) = (None, None);
-        // The disturbance affects this burst only. HORUS certainly receives the bursts before and after it.
+        // The disturbance is limited to this burst: HORUS certainly receives the bursts before and after it.
         burst.clean = true;
     }
     let number = cycle_after(&scene.receivers[0][19], age * MS);

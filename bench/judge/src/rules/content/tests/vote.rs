@@ -625,7 +625,7 @@ fn jumping(gps: usize, bursts: std::ops::Range<usize>, north: f64, up: f64) -> S
     scene
 }
 
-/// Removes the voted position, but leaves HORUS's state as it is.
+/// Removes the voted position from Reported-Position, but leaves HORUS's state as it is.
 fn withhold(reported: &mut ReportedValues) {
     let state = reported.status.state().unwrap();
     *reported = ReportedValues::absent(reported.timestamp);
@@ -664,7 +664,7 @@ fn who_comes_back_from_a_jump_has_to_be_shown_at_once() {
     let scene = jumping(3, 8..12, 1_000.0, 0.0);
     let (from, until) = (voted_from(&scene, 8), voted_from(&scene, 12));
     assert_eq!(withheld(&scene, from..until), []);
-    // In the first of these cycles HORUS may still have used the burst before.
+    // In the first of these cycles the vote may still have used the burst before.
     assert_eq!(withheld(&scene, from..until + 4), [(Violation::VoteMissing, 3)]);
     // HORUS holds the position back for 400 ms. The position then returns for one burst and jumps again, so the second
     // must begin anew.

@@ -19,7 +19,7 @@ pub(super) trait Mark: Clone {
     /// Returns the distance, m, from this place or altitude to the later `next`.
     fn way(&self, next: &Self) -> Range;
 
-    /// Returns the greatest accuracy, m, among the receivers of this vote, with the addition for the position's age.
+    /// Returns the greatest accuracy, m, of a receiver in this vote, with the addition for the age of its position.
     fn accuracy(&self) -> Range;
 
     /// Returns a place or altitude whose ranges cover both.

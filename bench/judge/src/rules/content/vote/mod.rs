@@ -39,7 +39,7 @@
 //! An altitude, an attitude and an acceleration are each voted from at least M members that state one, all of which
 //! agree.
 //!
-//! At most one violation is reported for a cycle. M is 1, 1, 2, 3 for 1, 2, 3, 5 receivers.
+//! At most one violation is reported for a cycle. M, the quorum, is 1, 1, 2, 3 for 1, 2, 3, 5 receivers.
 //!
 //! # What is not judged
 //!
@@ -86,7 +86,7 @@ struct Returning {
     did_not: Option<u64>,
 }
 
-/// What is known of HORUS's vote from one cycle to the next.
+/// What the judge knows of HORUS's votes so far, which it needs for the next cycle.
 #[derive(Clone, Debug)]
 pub(super) struct Vote {
     receivers: usize,
@@ -118,7 +118,7 @@ pub(super) enum Ram {
     Kept,
     /// RAM may have kept its content: the supply was off, and the log does not say how low the voltage went.
     MayBeKept,
-    /// RAM lost its content, or HORUS must not use it after a power-on.
+    /// RAM lost its content. Or it is a power-on, after which HORUS must not use the content.
     Lost,
 }
 
@@ -161,7 +161,7 @@ impl Cycle<'_> {
         self.related(receiver, others, Relation::Agree) == others
     }
 
-    /// Returns the largest subset in which every two receivers certainly agree.
+    /// Returns the largest subset of which every two receivers certainly agree.
     fn largest(&self, of: Set) -> Set {
         let sets = (0..1 << self.seen.len()).filter(|set: &Set| set & !of == 0);
         let agree = |set: &Set| each(*set).all(|receiver| self.agrees_with_all(receiver, *set));
@@ -297,7 +297,7 @@ impl Vote {
             .then(|| format!("{} excluded after a restart, and was not before it", names(excluded & !may)))
     }
 
-    /// Returns whether the judge has seen the cycle before cycle `number` (from 1).
+    /// Returns whether the cycle before `number` (from 1) is the last one that the judge has seen.
     pub(super) fn follows(&self, number: u64) -> bool {
         self.last.0 + 1 == number
     }
@@ -422,7 +422,7 @@ impl Vote {
         let agreeing = usize::from(reported.status.receivers_agreeing());
         let wrong = |what: String| Some((Violation::ReportedWrong, what));
         let (eligible, _) = cycle.eligible();
-        // Any other state depends on HORUS's inputs, and is judged with them.
+        // Another state depends on HORUS's inputs, so the rule about inputs judges it.
         let is_located = reported.status.position_valid();
         let was_located = self.located || self.may_be_located;
         let wrong_state = match reported.status.state() {

@@ -12,7 +12,7 @@ use super::super::track::{Held, WEEK};
 use super::{Set, bit};
 use crate::bounds;
 
-/// The distance, m, beyond which two receivers are not compared in a tangent plane.
+/// The distance, m, beyond which two receivers are compared on the ellipsoid and not in a tangent plane.
 const PLANE: f64 = 10_000.0;
 
 /// A range from a least to a greatest value.

@@ -439,7 +439,7 @@ fn the_end_of_the_last_valid_position_is_reported() {
 
 #[test]
 fn whatever_happens_to_any_frames_a_dpr_that_does_right_breaks_nothing() {
-    // The first seeds made an earlier version of the judge report false violations.
+    // With the first seeds an earlier version of the judge reported violations that did not exist.
     for seed in [27, 480, 552, 2148, 2192, 2207, 2261].into_iter().chain(0..24_u64) {
         // The generator is linear congruential (Knuth, MMIX).
         let mut state = seed;
