@@ -75,6 +75,8 @@ causes! {
     Supply = 13, "supply too low";
     /// The brown-out reset is not set to the level that HORUS needs. The detail is the level in the option bytes.
     BrownOutLevel = 14, "brown-out reset not set";
+    /// A task of the cycle ran out of order, twice or too early. The detail is the index of the step.
+    Flow = 15, "task out of order";
 }
 
 impl Cause {

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`check_in`] | the record of the tasks that have checked in since the last feed of the watchdog |
 //! | [`counter`] | the counters of the firmwares' telemetry |
+//! | [`flow`] | the check that the tasks of a cycle run in their order and none too early |
 //! | [`program`] | the check of the program in flash against the CRC from the build |
 //! | [`last_stop`] | the reason of the firmware's last stop, which a restart does not erase |
 //! | [`log_section`] | lets the idle loop write to the log without masking interrupts |
@@ -20,6 +21,7 @@
 
 pub mod check_in;
 pub mod counter;
+pub mod flow;
 pub mod last_stop;
 pub mod log_section;
 #[cfg(target_os = "none")]
