@@ -62,7 +62,7 @@ fn a_kind_of_fault_alone_is_injected_alone() {
         (Kind::Buffers, &["buffer"]),
         (Kind::Inputs, &["input"]),
         // A hang during a start needs a restart before it.
-        (Kind::Hang, &["hang", "dead task", "power horus", "power dpr"]),
+        (Kind::Hang, &["hang", "dead task", "spurious interrupt", "power horus", "power dpr"]),
         (Kind::Chips, &["horus front end register", "dpr front end register"]),
     ] {
         let Some(report) = report(3, &[kind], 9) else { return };

@@ -28,7 +28,7 @@ pub struct Rule {
     /// The indices of the steps that have run since this step last began.
     pub after: &'static [usize],
     /// The time from when the last step with a time was due until this one is due, in counts of the firmware's counter;
-    /// `None` if the time does not matter. The first such step is due so long after [`Flow::start`].
+    /// `None` if the time does not matter. A step that begins for the first time is due just then.
     pub time: Option<u32>,
 }
 
@@ -71,11 +71,6 @@ impl<S: Step> Flow<S> {
         Self { runs: [const { AtomicU32::new(0) }; MOST], due: AtomicU32::new(0), steps: PhantomData }
     }
 
-    /// Starts the time of the first step. `now` is the firmware's counter, which wraps at 2^32.
-    pub fn start(&self, now: u32) {
-        self.due.store(now, Ordering::Relaxed);
-    }
-
     /// Records that `step` begins. Returns whether it is its turn. `now` returns the firmware's counter, which wraps at
     /// 2^32; it is called if the step has a time. The steps with a time must belong to one task.
     #[inline(always)]
@@ -91,8 +86,9 @@ impl<S: Step> Flow<S> {
             in_order &= runs(*earlier) == if *earlier < index { next } else { before };
         }
         if let Some(time) = rule.time {
-            let due = self.due.load(Ordering::Relaxed).wrapping_add(time);
-            in_order &= now().wrapping_sub(due.wrapping_sub(S::EARLY)) <= S::EARLY + S::LATE;
+            let now = now();
+            let due = if before == 0 { now } else { self.due.load(Ordering::Relaxed).wrapping_add(time) };
+            in_order &= now.wrapping_sub(due.wrapping_sub(S::EARLY)) <= S::EARLY + S::LATE;
             self.due.store(due, Ordering::Relaxed);
         }
         own.store(next, Ordering::Relaxed);
@@ -132,7 +128,6 @@ mod tests {
     /// Runs the steps, each with its time, after two cycles that end at count 0. Returns the first step out of order.
     fn first_wrong(steps: &[(Four, u32)]) -> Option<usize> {
         let flow = Flow::new();
-        flow.start(0_u32.wrapping_sub(270));
         for base in [0_u32.wrapping_sub(200), 0_u32.wrapping_sub(100)] {
             for (step, after) in [(Four::Tick, 0), (Four::Slot, 30), (Four::Fill, 31), (Four::Vote, 32)] {
                 assert!(flow.begin(step, || base.wrapping_add(after)), "{step:?}");
@@ -201,11 +196,13 @@ mod tests {
     }
 
     #[test]
-    fn the_first_step_counts_its_time_from_the_start() {
-        for (begins, passes) in [(1_067, false), (1_068, true), (1_079, true), (1_080, false)] {
-            let flow = Flow::new();
-            flow.start(1_000);
-            assert_eq!(flow.begin(Four::Tick, || begins), passes, "{begins}");
+    fn the_times_count_from_the_first_run_of_each_step() {
+        use Four::{Fill, Slot, Tick, Vote};
+        let flow = Flow::new();
+        // The start may delay the first steps.
+        for (step, now) in [(Tick, 7_000), (Fill, 7_001), (Slot, 7_050), (Vote, 7_051)] {
+            assert!(flow.begin(step, || now), "{step:?}");
         }
+        assert!(!flow.begin(Tick, || 7_100), "it is due at 7120");
     }
 }

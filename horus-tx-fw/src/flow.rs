@@ -11,7 +11,8 @@
 //! | tick | `gnss_tick`, and the last `rf_slot` | from the last slot to the tick |
 //! | task `cycle` | the tick | – |
 //!
-//! The first slot comes first in the table, since the cycle timer starts at 0 and so meets it before the first tick.
+//! The first slot comes first in the table, since the cycle timer starts at 0 and so meets it before the first tick. It
+//! is served when the start is over; the times count from the first tick.
 //! Ticks and slots come from the cycle timer, TIM2; their times are measured by SysTick. All other tasks are called by
 //! hardware that others drive (receivers, front end), as often as those like; such a task asks its hardware what has
 //! happened, and does nothing if nothing has.
@@ -63,13 +64,13 @@ impl Step {
     }
 }
 
-/// How early a slot or tick may be served, µs. It is served after the timer's count that it is due at; both counters
-/// have one clock, and SysTick is started first.
+/// How early a slot or tick may be served, µs. Both counters have one clock; but the first tick, from which the times
+/// count, may itself be served late by some tens of cycles.
 pub const EARLY_US: u32 = 2;
 
-/// How late a slot or tick may be served, µs. No lock masks the timer's interrupt, and no other one has its priority;
-/// but the first slot is served after the rest of the start, 3 ms at most.
-pub const LATE_US: u32 = 5_000;
+/// How late a slot or tick may be served, µs. No lock masks the timer's interrupt, no other one has its priority, and
+/// log messages keep away from slots and ticks.
+pub const LATE_US: u32 = 20;
 
 const fn counts(us: u32) -> u32 {
     (us * COUNTS_PER_US) << UNUSED_BITS

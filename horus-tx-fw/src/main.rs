@@ -200,7 +200,7 @@ mod app {
         let lines = GnssLine::all(&mut rcc);
         let transmitter = Transmitter::start(PollerConfig::new(), &HORUS_TELEMETRY, radio);
         let mut timer = CycleTimer::new(device.TIM2);
-        FLOW.start(timer.start(&mut cx.core.SYST));
+        timer.start(&mut cx.core.SYST);
         defmt::info!(
             "HORUS: {=usize} receivers, slots {=[?]} us, {=u32} watchdog resets, last reset: {=str}",
             RECEIVERS,

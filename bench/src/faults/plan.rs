@@ -86,7 +86,7 @@ pub enum Kind {
     Buffers,
     /// The state inputs of HORUS.
     Inputs,
-    /// Boards that hang, and dead tasks; the watchdogs restart the boards.
+    /// Boards that hang, dead tasks, and tasks that run although nothing has called them.
     Hang,
     /// Bits of the registers of either front end's chip, which flip during the run.
     Chips,
@@ -235,7 +235,7 @@ fn lasts(fault: &Fault) -> bool {
     match fault {
         Fault::Power(_, fault) => fault.lasts(),
         Fault::Buffer(fault) => fault.lasts(),
-        Fault::Hang(_) | Fault::DeadTask(..) | Fault::Hold(HoldFault::Hang) => false,
+        Fault::Hang(_) | Fault::DeadTask(..) | Fault::Spurious(..) | Fault::Hold(HoldFault::Hang) => false,
         Fault::Hold(HoldFault::Power(fault)) => fault.lasts(),
         _ => true,
     }
@@ -247,7 +247,7 @@ fn length_of(fault: &Fault) -> (u64, u64) {
         Fault::Receiver(_, ReceiverFault::Jumps { .. }) => JUMP_LENGTH,
         Fault::Hang(_) | Fault::Hold(HoldFault::Hang) => HANG_LENGTH,
         Fault::Hold(_) => HOLD_LENGTH,
-        Fault::DeadTask(..) => DEAD_TASK_LENGTH,
+        Fault::DeadTask(..) | Fault::Spurious(..) => DEAD_TASK_LENGTH,
         Fault::Flip(..) => (FLIP_MENDED, FLIP_MENDED),
         Fault::Power(_, PowerFault::Sag(seed)) => (sag_length(*seed), sag_length(*seed)),
         _ => LENGTH,
@@ -414,7 +414,8 @@ fn power(rng: &mut Rng) -> Vec<Draw> {
     draws
 }
 
-/// Hangs of each board, of both in either order, and of each during its start; and a dead task of each board.
+/// Hangs of each board, of both in either order, and of each during its start; a dead task of each board, and one that
+/// runs although nothing has called it.
 fn hangs(rng: &mut Rng) -> Vec<Draw> {
     let mut draws: Vec<Draw> = BOARDS.map(|board| vec![(0, Fault::Hang(board))]).into();
     for [first, second] in [[Board::Horus, Board::Dpr], [Board::Dpr, Board::Horus]] {
@@ -428,6 +429,8 @@ fn hangs(rng: &mut Rng) -> Vec<Draw> {
         draws.push(vec![(0, Fault::Power(board, restart)), (hangs, Fault::Hang(board))]);
         let task = rng.below(tasks_of(board).len() as u64);
         draws.push(vec![(0, Fault::DeadTask(board, task as u8))]);
+        let task = rng.below(tasks_of(board).len() as u64);
+        draws.push(vec![(0, Fault::Spurious(board, task as u8))]);
     }
     draws
 }

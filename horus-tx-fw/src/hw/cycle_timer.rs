@@ -99,16 +99,13 @@ impl CycleTimer {
         Self(())
     }
 
-    /// Starts the cycle timer, and SysTick, which measures the times between its interrupts. Returns the
-    /// value of [`counter`] before the timer's first count.
-    pub fn start(&mut self, systick: &mut SYST) -> u32 {
+    /// Starts the cycle timer, and SysTick, which measures the times between its interrupts.
+    pub fn start(&mut self, systick: &mut SYST) {
         systick.set_clock_source(SystClkSource::External);
         systick.set_reload(flow::COUNTER_TOP);
         systick.clear_current();
         systick.enable_counter();
-        let before = counter();
         tim2().cr1().modify(|_, w| w.cen().set_bit());
-        before
     }
 
     /// Serves the timer's interrupt. A slot's command is sent first, by the same instructions every time.
