@@ -7,9 +7,10 @@ use bench::sim::{Bench, Images, Setup};
 use bench_judge::bounds;
 use boards::{counter, image};
 use emulator_node::{Clock, ResetAt};
-use emulator_part::Reset;
+use emulator_part::{Part, Reset};
 use firmware_common::last_stop::Cause;
 use horus_tx_fw::telemetry::Telemetry;
+use nrf52840::Nrf52840;
 use thumb::TIM2;
 
 const MS: u64 = 1_000_000;
@@ -107,4 +108,40 @@ fn a_cycle_timer_with_a_changed_register_stops_horus_within_a_cycle() {
         let told = counter(&horus, "HORUS_TELEMETRY", std::mem::offset_of!(Telemetry, last_stop));
         assert_eq!(told >> 24, Cause::Flow as u32, "{what}: {told:#x}");
     }
+}
+
+/// TIMER1 of the hold, which raises its beats: PRESCALER and CC[0], PS 6.30.
+const BEAT_TIMER: u32 = 0x4000_9000;
+const HOLD_TIMER_CHANGES: [(&str, u32, u32); 3] =
+    [("prescaler", 0x510, 1), ("beat earlier", 0x540, 1 << 13), ("beat later", 0x540, 1 << 11)];
+
+// Shows SAFE-16.
+#[test]
+fn the_hold_stops_when_its_cycle_runs_out_of_order_or_time() {
+    let Some(mut hold) = boards::hold() else { return };
+    hold.advance(210 * MS);
+    let line = |vector| Nrf52840::exception(vector).unwrap() - 16;
+    let mut stops = vec![];
+    for vector in ["TIMER1", "SWI0_EGU0"] {
+        let mut hold = hold.clone();
+        assert!(hold.raise_interrupt(line(vector)));
+        stops.push((vector, hold));
+    }
+    for (what, register, bit) in HOLD_TIMER_CHANGES {
+        let mut hold = hold.clone();
+        let mut word = [0; 4];
+        assert_eq!(hold.peek(BEAT_TIMER + register, &mut word), 4);
+        hold.poke(BEAT_TIMER + register, &(u32::from_le_bytes(word) ^ bit).to_le_bytes()).unwrap();
+        stops.push((what, hold));
+    }
+    for (what, mut hold) in stops {
+        let at = hold.now();
+        assert!(hold.advance_to_restart(at + 200 * MS), "{what}: no reset");
+        hold.advance(hold.now() + 30 * MS);
+        let told = counter(&hold, "HOLD_TELEMETRY", std::mem::offset_of!(hold_fw::telemetry::Telemetry, last_stop));
+        assert_eq!(told >> 24, Cause::Flow as u32, "{what}: {told:#x}");
+    }
+    let at = hold.now();
+    assert!(hold.raise_interrupt(line("SWI2_EGU2")));
+    assert!(!hold.advance_to_restart(at + 200 * MS), "the sensors' task finds no work");
 }

@@ -2,6 +2,7 @@
 //!
 //! | module | content |
 //! |---|---|
+//! | [`calls`] | the check that a task runs only after another one has called it |
 //! | [`check_in`] | the record of the tasks that have checked in since the last feed of the watchdog |
 //! | [`counter`] | the counters of the firmwares' telemetry |
 //! | [`flow`] | the check that the tasks of a cycle run in their order and none too early |
@@ -19,6 +20,7 @@
 #![cfg_attr(not(test), no_std)]
 #![deny(unsafe_code)]
 
+pub mod calls;
 pub mod check_in;
 pub mod counter;
 pub mod flow;

@@ -256,8 +256,7 @@ mod app {
             while slices.take(cycle_timer::is_quiet) {
                 let slice = cx.local.patrol.slice(cx.local.memory);
                 if let Some((cause, detail)) = integrity::judge(&slice, &HORUS_TELEMETRY) {
-                    let stop = Stop::new(cause, 0, detail);
-                    safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop("memory", stop));
+                    stop("memory", Stop::new(cause, 0, detail));
                 }
             }
             let take_fault = || cx.shared.transmitter.lock(Transmitter::take_fault);
@@ -297,11 +296,15 @@ mod app {
         }
     }
 
+    fn stop_out_of_order(step: Step) -> ! {
+        stop("flow", Stop::new(Cause::Flow, safe_state::active_exception(), step as u32))
+    }
+
+    /// Stops HORUS because of `stop`, which the check of `what` has found.
     #[cold]
     #[inline(never)]
-    fn stop_out_of_order(step: Step) -> ! {
-        let stop = || Stop::new(Cause::Flow, safe_state::active_exception(), step as u32);
-        safe_state::enter(hw::safe_state, stop, |stop| hw::log_stop("flow", stop))
+    fn stop(what: &'static str, stop: Stop) -> ! {
+        safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop(what, stop))
     }
 
     #[task(binds = TIM2, priority = 5, local = [timer])]

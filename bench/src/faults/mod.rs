@@ -220,7 +220,7 @@ pub const fn is_step(board: Board, task: u8) -> bool {
     let task = task as usize;
     match board {
         Board::Horus => task < horus_tx_fw::task::Task::ALL.len() && horus_tx_fw::task::Task::ALL[task].is_step(),
-        Board::Dpr => false,
+        Board::Dpr => task < dpr_fw::task::Task::ALL.len() && dpr_fw::task::Task::ALL[task].is_step(),
     }
 }
 

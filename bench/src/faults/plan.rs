@@ -8,7 +8,8 @@ use std::str::FromStr;
 
 use super::{
     Absurd, AirFaults, Board, BufferFault, Buffers, BusFault, ChipFault, Conduct, Episode, Fault, Faults, HoldFault,
-    InputFault, PowerFault, ReceiverFault, Rng, chip::FLIP_MENDED, power::sag_length, state_inputs::INPUTS, tasks_of,
+    InputFault, PowerFault, ReceiverFault, Rng, chip::FLIP_MENDED, is_step, power::sag_length, state_inputs::INPUTS,
+    tasks_of,
 };
 use gnss_sim::Port;
 
@@ -414,8 +415,8 @@ fn power(rng: &mut Rng) -> Vec<Draw> {
     draws
 }
 
-/// Hangs of each board, of both in either order, and of each during its start; a dead task of each board, and one that
-/// runs although nothing has called it.
+/// Hangs of each board, of both in either order, and of each during its start; a dead task of each board, and two
+/// tasks that run although nothing has called them.
 fn hangs(rng: &mut Rng) -> Vec<Draw> {
     let mut draws: Vec<Draw> = BOARDS.map(|board| vec![(0, Fault::Hang(board))]).into();
     for [first, second] in [[Board::Horus, Board::Dpr], [Board::Dpr, Board::Horus]] {
@@ -429,8 +430,13 @@ fn hangs(rng: &mut Rng) -> Vec<Draw> {
         draws.push(vec![(0, Fault::Power(board, restart)), (hangs, Fault::Hang(board))]);
         let task = rng.below(tasks_of(board).len() as u64);
         draws.push(vec![(0, Fault::DeadTask(board, task as u8))]);
-        let task = rng.below(tasks_of(board).len() as u64);
-        draws.push(vec![(0, Fault::Spurious(board, task as u8))]);
+        // One of them is a step of the board's cycle.
+        let tasks = || 0..tasks_of(board).len() as u8;
+        let steps: Vec<u8> = tasks().filter(|task| is_step(board, *task)).collect();
+        for among in [steps, tasks().collect()] {
+            let task = among[rng.below(among.len() as u64) as usize];
+            draws.push(vec![(0, Fault::Spurious(board, task))]);
+        }
     }
     draws
 }
