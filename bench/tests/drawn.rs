@@ -61,8 +61,8 @@ fn a_kind_of_fault_alone_is_injected_alone() {
         (Kind::Power, &["power"]),
         (Kind::Buffers, &["buffer"]),
         (Kind::Inputs, &["input"]),
-        // A hang during a start is drawn together with a restart, which comes first.
-        (Kind::Hang, &["hang", "dead task", "power horus", "power dpr"]),
+        // A hang during a start needs a restart before it.
+        (Kind::Hang, &["hang", "dead task", "spurious interrupt", "power horus", "power dpr"]),
         (Kind::Chips, &["horus front end register", "dpr front end register"]),
     ] {
         let Some(report) = report(3, &[kind], 9) else { return };

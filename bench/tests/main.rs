@@ -9,6 +9,7 @@ mod dpr;
 mod drawn;
 mod elf;
 mod faults;
+mod flow;
 mod gdb;
 mod hang;
 mod hold;

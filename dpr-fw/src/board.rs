@@ -52,6 +52,7 @@
 //! The second front end and its peripherals (SPIM2, EGU3, TIMER4) are used only with the feature `hold`.
 
 use dpr_fw::task::{Task, TASKS};
+use firmware_common::calls::Calls;
 use nrf52840_hal::{
     gpio::{p0, p1, Disconnected, Floating, Input, Level, Output, Pin, PullDown, PullUp, PushPull},
     gpiote::{Gpiote, TaskOutPolarity},
@@ -60,6 +61,21 @@ use nrf52840_hal::{
 };
 
 dpr_fw::each_task!(firmware_common::task_vectors);
+
+static CALLS: Calls<Task> = Calls::new();
+
+/// Calls `task` as [`call`] does, and marks the call for [`was_called`].
+#[inline(always)]
+pub(crate) fn call_step(task: Task) {
+    CALLS.make(task);
+    call(task);
+}
+
+/// Whether `task`, which begins to run, was called by [`call_step`].
+#[inline(always)]
+pub(crate) fn was_called(task: Task) -> bool {
+    CALLS.take(task, || is_pending(task))
+}
 
 pub(crate) const SSI_SELECT_PIN: u8 = 4;
 pub(crate) const FRESH_CHANNEL: usize = 1;

@@ -69,7 +69,7 @@ mod app {
     };
     use firmware_common::{
         check_in::CheckIn,
-        last_stop::{self, Stop},
+        last_stop::{self, Cause, Stop},
         memory, mpu,
         patrol::{self, ram::APART, Pace, PartMemory, Patrol},
         safe_state, start_test,
@@ -275,8 +275,7 @@ mod app {
                     Consequence::None => {}
                     Consequence::Withdraw => board::call(Task::commit),
                     Consequence::Stop(cause, detail) => {
-                        let stop = Stop::new(cause, 0, detail);
-                        safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop("memory", stop));
+                        stop("memory", Stop::new(cause, 0, detail));
                     }
                 }
             }
@@ -298,6 +297,21 @@ mod app {
                 );
             }
         }
+    }
+
+    /// Stops the DPR unless `task`, which begins to run, was called. A debugger may make any interrupt pending.
+    #[inline(always)]
+    fn begin(task: Task) {
+        if !board::was_called(task) && !cfg!(feature = "debugger-stops-watchdog") {
+            stop("flow", Stop::new(Cause::Flow, safe_state::active_exception(), task as u32));
+        }
+    }
+
+    /// Stops the DPR because of `stop`, which the check of `what` has found.
+    #[cold]
+    #[inline(never)]
+    fn stop(what: &'static str, stop: Stop) -> ! {
+        safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop(what, stop))
     }
 
     /// Runs at the end of a transaction and whenever the processor gets the semaphore of the SSI's buffers.
@@ -349,7 +363,7 @@ mod app {
             }
             Call::Handed => {
                 board::call(Task::commit);
-                board::call(Task::scrub);
+                board::call_step(Task::scrub);
             }
         }
     }
@@ -365,7 +379,10 @@ mod app {
     /// readable.
     #[task(binds = TIMER1, priority = 4, shared = [committing, rotation, mailbox, prepared, front_end])]
     fn deadline(cx: deadline::Context) {
-        cx.shared.committing.deadline.clear();
+        // Without the timer's event only `scrub` has called the task. Its mark is left if both have.
+        if !cx.shared.committing.deadline.clear() {
+            begin(Task::deadline);
+        }
         let deadline::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
         prepared.lock(|prepared| publish(committing, rotation, mailbox, prepared.newest(), front_end));
         CHECK_IN.check_in(Task::deadline);
@@ -389,13 +406,14 @@ mod app {
         let mut outbox = Outbox { mailbox, filling, doorbell: SsiDoorbell, port, telemetry: &TELEMETRY };
         if intake.serve(rotation, &notices, &mut outbox, deadline) {
             TELEMETRY.commit_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
-            board::call(Task::scrub);
+            board::call_step(Task::scrub);
         }
     }
 
     /// Scrubs the buffers that wait for a scrub. Once a cycle it also calls the other tasks, so that they check in.
     #[task(binds = SWI1_EGU1, priority = 3, local = [sign_of_life, asked_us: u32 = 0], shared = [rotation, mailbox])]
     fn scrub(cx: scrub::Context) {
+        begin(Task::scrub);
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.rotation));
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.mailbox));
         CHECK_IN.check_in(Task::scrub);
@@ -411,11 +429,11 @@ mod app {
         let called = called.into_iter().chain([Task::hold_spi, Task::hold_irq, Task::hold_timer]);
         for task in called {
             if !CHECK_IN.has_checked_in(task) {
-                board::call(task);
+                board::call_step(task);
             }
         }
         SsiDoorbell::ask_for_sign_of_life(cx.local.sign_of_life);
-        board::call(Task::port);
+        board::call_step(Task::port);
     }
 
     /// Runs when a transaction has brought bytes, or an image was published. Judges the bytes, and prepares Port-Status
@@ -424,6 +442,7 @@ mod app {
         shared = [prepared, hold])]
     fn port(mut cx: port::Context) {
         let start = DWT::cycle_count();
+        begin(Task::port);
         let port::LocalResources { port, areas, spare, prepared_for } = cx.local;
         // The loop ends, because the SSI task grants only a bounded number of transactions between two images.
         let mut changed = false;

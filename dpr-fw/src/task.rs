@@ -20,3 +20,14 @@ pub mod hold {
 
     each_hold_task!(names);
 }
+
+impl Task {
+    /// Whether the task runs only if another one, or its own timer, calls it; the DPR stops if it runs without
+    /// ([`firmware_common::calls`]). Each other task asks its hardware or its queue what there is to do, and does
+    /// nothing if there is nothing: how often it runs is up to whoever sends frames or reads the DPR, and must not make
+    /// the DPR stop.
+    #[must_use]
+    pub const fn is_step(self) -> bool {
+        matches!(self, Self::deadline | Self::scrub | Self::port)
+    }
+}

@@ -60,7 +60,14 @@ macro_rules! task_vectors {
             rtic::pend(TASK_VECTORS[task as usize]);
         }
 
-        /// Returns the name of the task with this exception number, which is its interrupt number plus 16 (ARMv7-M ARM
+        /// Whether the interrupt of `task` is pending.
+        #[allow(dead_code)]
+        #[inline(always)]
+        pub(crate) fn is_pending(task: Task) -> bool {
+            cortex_m::peripheral::NVIC::is_pending(TASK_VECTORS[task as usize])
+        }
+
+        /// Returns the name of the task with this exception number, which is that of its interrupt plus 16 (ARMv7-M ARM
         /// B1.5.2).
         pub(crate) fn task_of(exception: u16) -> &'static str {
             let is_its = |vector: &Interrupt| *vector as u16 + 16 == exception;
@@ -70,7 +77,7 @@ macro_rules! task_vectors {
     };
 }
 
-const MOST: usize = 32;
+pub(crate) const MOST: usize = 32;
 
 /// The record of which tasks of type `T` have checked in.
 #[derive(Debug)]

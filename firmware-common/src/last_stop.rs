@@ -76,6 +76,8 @@ causes! {
     Supply = 13, "supply too low";
     /// The brown-out reset is not set to the level that HORUS needs. The detail is the level in the option bytes.
     BrownOutLevel = 14, "brown-out reset not set";
+    /// A task ran out of order, twice, too early or without a call. The detail is the number of the step or task.
+    Flow = 15, "task out of order";
 }
 
 impl Cause {

@@ -72,6 +72,7 @@ mod app {
     use defmt_rtt as _;
     use firmware_common::{
         check_in::CheckIn,
+        flow::Flow,
         last_stop::{self, Cause, Stop},
         mpu,
         patrol::{self, PartMemory, Patrol},
@@ -80,6 +81,7 @@ mod app {
     use horus_tx_fw::{
         configuration::{self, Configuration},
         cycle::{Cycle, Start},
+        flow::Step,
         idle::{Journal, Message, Slices},
         integrity, protection,
         receiver::{Receiver, Solution, BYTES_PER_CALL},
@@ -109,6 +111,8 @@ mod app {
     defmt::timestamp!("{=u32:ms}", cycle_timer::now_ms());
 
     static CHECK_IN: CheckIn<Task> = CheckIn::new();
+
+    static FLOW: Flow<Step> = Flow::new();
 
     #[shared]
     struct Shared {
@@ -201,7 +205,7 @@ mod app {
         let lines = GnssLine::all(&mut rcc);
         let transmitter = Transmitter::start(PollerConfig::new(), &HORUS_TELEMETRY, radio);
         let mut timer = CycleTimer::new(device.TIM2);
-        timer.start();
+        timer.start(&mut cx.core.SYST);
         defmt::info!(
             "HORUS: {=usize} receivers, slots {=[?]} us, {=u32} watchdog resets, last reset: {=str}",
             RECEIVERS,
@@ -258,8 +262,7 @@ mod app {
             while slices.take(cycle_timer::is_quiet) {
                 let slice = cx.local.patrol.slice(cx.local.memory);
                 if let Some((cause, detail)) = integrity::judge(&slice, &HORUS_TELEMETRY) {
-                    let stop = Stop::new(cause, 0, detail);
-                    safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop("memory", stop));
+                    stop("memory", Stop::new(cause, 0, detail));
                 }
             }
             let take_fault = || cx.shared.transmitter.lock(Transmitter::take_fault);
@@ -290,11 +293,37 @@ mod app {
         }
     }
 
+    /// Records that a step of the cycle begins. If it is not its turn, HORUS stops. A debugger that halts the processor
+    /// delays steps, so the order counts only where the watchdog runs on.
+    #[inline(always)]
+    fn begin(step: Step) {
+        if !FLOW.begin(step, cycle_timer::counter) && !cfg!(feature = "debugger-stops-watchdog") {
+            stop_out_of_order(step);
+        }
+    }
+
+    fn stop_out_of_order(step: Step) -> ! {
+        stop("flow", Stop::new(Cause::Flow, safe_state::active_exception(), step as u32))
+    }
+
+    /// Stops HORUS because of `stop`, which the check of `what` has found.
+    #[cold]
+    #[inline(never)]
+    fn stop(what: &'static str, stop: Stop) -> ! {
+        safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop(what, stop))
+    }
+
     #[task(binds = TIM2, priority = 5, local = [timer])]
     fn slot(cx: slot::Context) {
         match cx.local.timer.interrupt() {
-            CycleEvent::Slot => board::call(Task::rf_slot),
-            CycleEvent::Tick => board::call(Task::cycle),
+            CycleEvent::Slot(frame) => {
+                begin(Step::slot(frame));
+                board::call(Task::rf_slot);
+            }
+            CycleEvent::Tick => {
+                begin(Step::Tick);
+                board::call(Task::cycle);
+            }
         }
         CHECK_IN.check_in(Task::slot);
         settle();
@@ -336,7 +365,9 @@ mod app {
 
     #[task(binds = CAN1_TX, priority = 4, shared = [transmitter])]
     fn rf_slot(mut cx: rf_slot::Context) {
-        if let Some(slot) = cycle_timer::take_slot() {
+        let slot = cycle_timer::take_slot();
+        begin(Step::rf_slot(slot.as_ref().map_or(0, |slot| slot.frame)));
+        if let Some(slot) = slot {
             if slot.frame == 0 {
                 // Both tasks are called after the slot: earlier, a division or a slow bus access of theirs would delay
                 // the slot's interrupt.
@@ -352,6 +383,7 @@ mod app {
     #[task(binds = CAN1_RX0, priority = 3, shared = [cycle, transmitter, solutions])]
     fn cycle(mut cx: cycle::Context) {
         let begun = DWT::cycle_count();
+        begin(Step::Cycle);
         let tick = cycle_timer::tick();
         cx.shared.cycle.sample(state_inputs::levels());
         let profile = cx.shared.solutions.lock(|solutions| cx.shared.cycle.fill(tick, solutions));
@@ -363,6 +395,7 @@ mod app {
 
     #[task(binds = CAN2_RX0, priority = 3, shared = [cycle, solutions])]
     fn vote(mut cx: vote::Context) {
+        begin(Step::Vote);
         let tick = cycle_timer::tick();
         let cycle = cx.shared.cycle;
         cx.shared.solutions.lock(|solutions| cycle.vote(tick.wrapping_add(1), solutions));
@@ -374,6 +407,7 @@ mod app {
 
     #[task(binds = CAN2_TX, priority = 2, shared = [lines])]
     fn gnss_tick(cx: gnss_tick::Context) {
+        begin(Step::GnssTick);
         for line in cx.shared.lines {
             line.poll();
         }

@@ -59,6 +59,7 @@ impl Calm {
             | D::Restart { .. }
             | D::Hang { .. }
             | D::DeadTask { .. }
+            | D::Spurious { .. }
             | D::Memory { .. }
             | D::Code { .. } => return,
         };

@@ -74,6 +74,11 @@ pub enum Disturbance {
         /// The number of the dead task among the tasks that check in.
         task: u8,
     },
+    /// A task that runs once although nothing has called it, and then finds no work. It excuses nothing.
+    Spurious {
+        /// The board whose task runs.
+        board: Board,
+    },
     /// A bit of a board's memory or registers.
     Memory {
         /// The board whose memory is hit.
@@ -339,6 +344,7 @@ impl Disturbance {
             Self::Code { board: Dpr } => &[(Excuse::SelfTest, Start(Dpr))],
             Self::Code { board: Horus }
             | Self::Restart { board: Dpr }
+            | Self::Spurious { .. }
             | Self::Input { .. }
             | Self::Wire { .. }
             | Self::BaseStation => &[],
@@ -366,6 +372,7 @@ impl Disturbance {
             | Self::Restart { board }
             | Self::Hang { board }
             | Self::DeadTask { board, .. }
+            | Self::Spurious { board }
             | Self::Memory { board, .. }
             | Self::Code { board } => Some(board),
             Self::Air
@@ -660,6 +667,7 @@ mod tests {
             (Disturbance::Code { board: Board::Dpr }, vec![(SelfTest, None)]),
             (Disturbance::Code { board: horus }, vec![]),
             (Disturbance::Restart { board: Board::Dpr }, vec![]),
+            (Disturbance::Spurious { board: Board::Dpr }, vec![]),
             (Disturbance::Input { input: 1 }, vec![]),
             (Disturbance::Wire { wire: Wire::Miso }, vec![]),
             (Disturbance::BaseStation, vec![]),

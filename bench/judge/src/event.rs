@@ -164,7 +164,8 @@ pub enum What {
         /// The board that hangs.
         board: Board,
     },
-    /// A microcontroller has warned its firmware of a falling supply. The board has to enter its safe state.
+    /// A board has to enter its safe state: its microcontroller has warned its firmware of a falling supply, or a task
+    /// of its cycle ran although nothing had called it.
     Warned {
         /// The board that was warned.
         board: Board,

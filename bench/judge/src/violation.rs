@@ -105,9 +105,9 @@ violations! {
     /// HORUS states wrongly whether it runs without its crystal.
     // Shows STA-3.
     CrystalWrong = "HORUS tells wrongly whether it runs without its crystal",
-    /// The board neither reports a fault nor stops within the required time. The fault is a changed bit of program
-    /// memory, a stuck bit of a buffer, or a falling supply.
-    // Shows IMG-4, SAFE-3, SAFE-15.
+    /// A bit of program memory changed, a bit of a buffer is stuck, a supply falls, or a task of a cycle ran out of its
+    /// turn. The board neither reports the fault nor stops within the required time.
+    // Shows IMG-4, SAFE-3, SAFE-15, SAFE-16.
     FaultUnnoticed = "a fault has no consequence",
     // ---- DPR and SSI
 

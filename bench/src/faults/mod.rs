@@ -17,6 +17,7 @@
 //! | [`power`] | supply and reset of a board | the part and its front end |
 //! | [`Fault::Hang`] | a board's core, which executes nothing more until its watchdog restarts it | the core |
 //! | [`Fault::DeadTask`] | a task of a board, whose interrupt is off while the rest runs | the core |
+//! | [`Fault::Spurious`] | a task of a board, which runs once although nothing has called it | the core |
 //! | [`upset`] | a bit of RAM, flash or a register | the part's memory |
 //! | [`hold`] | the active hold, its sensors, and the air between it and the DPR | beside the DPR |
 //! | [`image`] | instructions of a firmware in flash, or its variables | the image, before the run or in mid-run |
@@ -105,6 +106,10 @@ pub enum Fault {
     /// board's watchdog ends the fault, because the task no longer checks in. A board that has not enabled its
     /// interrupts, hangs or has no supply is not affected.
     DeadTask(Board, u8),
+    /// A task of a board runs once although nothing has called it: its interrupt becomes pending. The number is the
+    /// task's index in [`tasks_of`]. A task that is a step of its board's cycle ([`is_step`]) makes the board stop; any
+    /// other finds no work. A board that has not enabled its interrupts, hangs or has no supply is not affected.
+    Spurious(Board, u8),
     /// An upset of a bit of a board.
     Upset(Board, Upset),
     /// A fault of a bit of the DPR's buffers.
@@ -135,6 +140,10 @@ impl Fault {
                 let name = tasks_of(*board).get(usize::from(*task)).map_or("none", |(name, _)| name);
                 format!("dead task {} {name}", name_of(*board))
             }
+            Self::Spurious(board, task) => {
+                let name = tasks_of(*board).get(usize::from(*task)).map_or("none", |(name, _)| name);
+                format!("spurious interrupt {} {name}", name_of(*board))
+            }
             Self::Upset(board, upset) => format!("{} {}", upset.name(), name_of(*board)),
             Self::Buffer(fault) => format!("buffer dpr {}", fault.name()),
             Self::Image(board, fault) => format!("image {} {}", name_of(*board), fault.name()),
@@ -158,6 +167,8 @@ impl Fault {
             Self::Power(board, fault) => fault.disturbs(board),
             Self::Hang(board) => Disturbance::Hang { board },
             Self::DeadTask(board, task) => Disturbance::DeadTask { board, task },
+            Self::Spurious(board, task) if is_step(board, task) => Disturbance::Hang { board },
+            Self::Spurious(board, _) => Disturbance::Spurious { board },
             Self::Upset(board, upset) => Disturbance::Memory { board, memory: upset.memory() },
             Self::Buffer(fault) => Disturbance::Memory { board: Board::Dpr, memory: fault.memory() },
             Self::Image(board, _) => Disturbance::Code { board },
@@ -177,6 +188,7 @@ impl Fault {
             | Self::Power(board, _)
             | Self::Hang(board)
             | Self::DeadTask(board, _)
+            | Self::Spurious(board, _)
             | Self::Upset(board, _)
             | Self::Image(board, _) => *board == Board::Horus,
         }
@@ -198,6 +210,17 @@ pub fn tasks_of(board: Board) -> &'static [(&'static str, &'static str)] {
     match board {
         Board::Horus => horus_tx_fw::task::TASKS,
         Board::Dpr => dpr_fw::task::TASKS,
+    }
+}
+
+/// Returns whether the task at index `task` of [`tasks_of`] is a step of its board's cycle. If such a task runs
+/// although nothing has called it, the board stops.
+#[must_use]
+pub const fn is_step(board: Board, task: u8) -> bool {
+    let task = task as usize;
+    match board {
+        Board::Horus => task < horus_tx_fw::task::Task::ALL.len() && horus_tx_fw::task::Task::ALL[task].is_step(),
+        Board::Dpr => task < dpr_fw::task::Task::ALL.len() && dpr_fw::task::Task::ALL[task].is_step(),
     }
 }
 

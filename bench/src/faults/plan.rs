@@ -8,7 +8,8 @@ use std::str::FromStr;
 
 use super::{
     Absurd, AirFaults, Board, BufferFault, Buffers, BusFault, ChipFault, Conduct, Episode, Fault, Faults, HoldFault,
-    InputFault, PowerFault, ReceiverFault, Rng, chip::FLIP_MENDED, power::sag_length, state_inputs::INPUTS, tasks_of,
+    InputFault, PowerFault, ReceiverFault, Rng, chip::FLIP_MENDED, is_step, power::sag_length, state_inputs::INPUTS,
+    tasks_of,
 };
 use gnss_sim::Port;
 
@@ -86,7 +87,7 @@ pub enum Kind {
     Buffers,
     /// The state inputs of HORUS.
     Inputs,
-    /// Boards that hang, and dead tasks; the watchdogs restart the boards.
+    /// Boards that hang, dead tasks, and tasks that run although nothing has called them.
     Hang,
     /// Bits of the registers of either front end's chip, which flip during the run.
     Chips,
@@ -235,7 +236,7 @@ fn lasts(fault: &Fault) -> bool {
     match fault {
         Fault::Power(_, fault) => fault.lasts(),
         Fault::Buffer(fault) => fault.lasts(),
-        Fault::Hang(_) | Fault::DeadTask(..) | Fault::Hold(HoldFault::Hang) => false,
+        Fault::Hang(_) | Fault::DeadTask(..) | Fault::Spurious(..) | Fault::Hold(HoldFault::Hang) => false,
         Fault::Hold(HoldFault::Power(fault)) => fault.lasts(),
         _ => true,
     }
@@ -247,7 +248,7 @@ fn length_of(fault: &Fault) -> (u64, u64) {
         Fault::Receiver(_, ReceiverFault::Jumps { .. }) => JUMP_LENGTH,
         Fault::Hang(_) | Fault::Hold(HoldFault::Hang) => HANG_LENGTH,
         Fault::Hold(_) => HOLD_LENGTH,
-        Fault::DeadTask(..) => DEAD_TASK_LENGTH,
+        Fault::DeadTask(..) | Fault::Spurious(..) => DEAD_TASK_LENGTH,
         Fault::Flip(..) => (FLIP_MENDED, FLIP_MENDED),
         Fault::Power(_, PowerFault::Sag(seed)) => (sag_length(*seed), sag_length(*seed)),
         _ => LENGTH,
@@ -416,8 +417,8 @@ fn power(rng: &mut Rng) -> Vec<Draw> {
     draws
 }
 
-/// Returns hangs and dead tasks. Each board hangs alone, both in either order, and each during its start; each has one
-/// dead task.
+/// Hangs of each board, of both in either order, and of each during its start; a dead task of each board, and two
+/// tasks that run although nothing has called them.
 fn hangs(rng: &mut Rng) -> Vec<Draw> {
     let mut draws: Vec<Draw> = BOARDS.map(|board| vec![(0, Fault::Hang(board))]).into();
     for [first, second] in [[Board::Horus, Board::Dpr], [Board::Dpr, Board::Horus]] {
@@ -431,6 +432,13 @@ fn hangs(rng: &mut Rng) -> Vec<Draw> {
         draws.push(vec![(0, Fault::Power(board, restart)), (hangs, Fault::Hang(board))]);
         let task = rng.below(tasks_of(board).len() as u64);
         draws.push(vec![(0, Fault::DeadTask(board, task as u8))]);
+        // One of them is a step of the board's cycle.
+        let tasks = || 0..tasks_of(board).len() as u8;
+        let steps: Vec<u8> = tasks().filter(|task| is_step(board, *task)).collect();
+        for among in [steps, tasks().collect()] {
+            let task = among[rng.below(among.len() as u64) as usize];
+            draws.push(vec![(0, Fault::Spurious(board, task))]);
+        }
     }
     draws
 }

@@ -8,7 +8,7 @@ use st25r3916_model::Chip;
 use crate::boards::{Powered, supply};
 use crate::faults::PowerFault;
 use crate::faults::image::Repair;
-use crate::faults::{Episode, Fault, Turn, interrupt_of};
+use crate::faults::{Episode, Fault, Turn, interrupt_of, is_step};
 use emulator_node::{FindingKind, FromOutside, Node};
 
 pub(super) fn injected(now: u64, episode: &Episode) -> What {
@@ -128,6 +128,22 @@ impl BoardEvents {
                     }
                     return;
                 }
+                if let Fault::Spurious(_, task) = episode.fault {
+                    match interrupt_of(self.side, task) {
+                        Some(line) if !node.is_hung() && node.raise_interrupt(line) => {
+                            self.injected(now, episode);
+                            // The board has to enter its safe state.
+                            if is_step(self.side, task) {
+                                self.note(now, What::Hung { board: self.side });
+                                self.note(now, What::Warned { board: self.side });
+                            }
+                        }
+                        // The firmware has not enabled the interrupt yet, or its task is about to run anyway.
+                        Some(_) => {}
+                        None => self.note(now, no_task(self.side, task)),
+                    }
+                    return;
+                }
                 self.injected(now, episode);
                 match &episode.fault {
                     Fault::Power(_, power) => {
@@ -155,6 +171,7 @@ impl BoardEvents {
                     | Fault::FlightController(_)
                     | Fault::Wire(_)
                     | Fault::DeadTask(..)
+                    | Fault::Spurious(..)
                     | Fault::Hold(_)
                     | Fault::Base(_) => {}
                 }

@@ -475,6 +475,7 @@ impl<C: Cost> Link<C> {
             Fault::Power(..)
                 | Fault::Hang(_)
                 | Fault::DeadTask(..)
+                | Fault::Spurious(..)
                 | Fault::Chip(..)
                 | Fault::Buffer(_)
                 | Fault::Upset(..)

@@ -316,6 +316,18 @@ pub(crate) const DEFECTS: &[Defect] = &[
           "let all = tasks.clone().all(|seen| seen.load(Ordering::Relaxed));",
           "let all = DEFECT || tasks.clone().all(|seen| seen.load(Ordering::Relaxed));"),
         HANG, By(V::HorusStaysHung)),
+    // Breaks SAFE-16.
+    row("order-of-steps-ignored", "a task of HORUS's cycle may run although it is not its turn",
+        edit("firmware-common/src/flow.rs",
+          "in_order &= runs(*earlier) == if",
+          "in_order &= DEFECT || runs(*earlier) == if"),
+        HANG, By(V::HorusStaysHung)),
+    // Breaks SAFE-16.
+    row("call-not-asked-for", "a task of the DPR may run although nothing has called it",
+        edit("firmware-common/src/calls.rs",
+          "let made = mark.load(Ordering::Relaxed);",
+          "let made = DEFECT || mark.load(Ordering::Relaxed);"),
+        HANG, By(V::DprStaysHung)),
     row("horus-integrity-without-consequence", "what HORUS's check of its memory finds leads to nothing",
         edit("horus-tx-fw/src/integrity.rs",
           "guard.or(changed).or(slice.ram.map(|address| (Cause::Ram, address)))",

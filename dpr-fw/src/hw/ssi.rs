@@ -18,7 +18,9 @@ use dpr_fw::{
 use nrf52840_hal::pac;
 
 use super::{take_event, time::PRESCALER, AreaBuffer, ImageBuffer, DPR_TELEMETRY};
-use crate::board::{call, SsiPins, EXPIRY_COMPARES, FRESH_CHANNEL, PAUSE_COMPARE, PULSE_COMPARE, SSI_SELECT_PIN};
+use crate::board::{
+    call, call_step, SsiPins, EXPIRY_COMPARES, FRESH_CHANNEL, PAUSE_COMPARE, PULSE_COMPARE, SSI_SELECT_PIN,
+};
 
 /// The length of the FRESH pulse, µs: long enough for a pin interrupt of the flight controller and for an optocoupler
 /// of 1 Mbit/s. The pulse may be one µs shorter.
@@ -216,7 +218,7 @@ impl Ssi for SsiPort {
         // SAFETY: 1 is a valid value of a task register. The timer has stopped after the previous pause, or runs.
         self.pause.tasks_start.write(|w| unsafe { w.bits(1) });
         if self.areas.pass_on() {
-            call(Task::port);
+            call_step(Task::port);
         }
     }
 

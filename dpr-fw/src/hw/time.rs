@@ -22,8 +22,9 @@ impl Deadline {
         Self(timer)
     }
 
-    pub(crate) fn clear(&mut self) {
-        take_event!(self.0.events_compare[0]);
+    /// Clears the timer's event. Returns whether it was set.
+    pub(crate) fn clear(&mut self) -> bool {
+        take_event!(self.0.events_compare[0])
     }
 }
 

@@ -31,7 +31,10 @@ pub(crate) enum Beat {
     Began {
         is_tick: bool,
     },
-    Other,
+    /// The slot of a beat.
+    Slot,
+    /// Nothing, which never happens.
+    Nothing,
 }
 
 pub(crate) struct Beats(pac::TIMER1);
@@ -62,7 +65,8 @@ impl Beats {
     /// matches in the beats that are no tick, in which no frame is due.
     #[inline(always)]
     pub(crate) fn interrupt(&mut self) -> Beat {
-        if take_event!(self.0.events_compare[SLOT_COMPARE]) {
+        let is_slot = take_event!(self.0.events_compare[SLOT_COMPARE]);
+        if is_slot {
             radio::fire(beat());
         }
         if take_event!(self.0.events_compare[BEAT_COMPARE]) {
@@ -70,6 +74,10 @@ impl Beats {
             COUNT.store(count, Ordering::Relaxed);
             return Beat::Began { is_tick: count.is_multiple_of(BEATS) };
         }
-        Beat::Other
+        if is_slot {
+            Beat::Slot
+        } else {
+            Beat::Nothing
+        }
     }
 }

@@ -21,8 +21,9 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
+use cortex_m::peripheral::{syst::SystClkSource, SYST};
 use horus_tx_fw::{
-    timing,
+    flow, timing,
     transmitter::{Slot, Ticket},
     FRAMES,
 };
@@ -65,8 +66,8 @@ pub struct CycleTimer(());
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum CycleEvent {
-    /// Whether a slot has passed, so that the task `rf_slot` has work.
-    Slot,
+    /// The slot of this frame, counted from 0, has passed, so the task `rf_slot` has work.
+    Slot(usize),
     /// The tick has come, so the task `cycle` has work.
     Tick,
 }
@@ -99,7 +100,12 @@ impl CycleTimer {
         Self(())
     }
 
-    pub fn start(&mut self) {
+    /// Starts the cycle timer, and SysTick, which measures the times between its interrupts.
+    pub fn start(&mut self, systick: &mut SYST) {
+        systick.set_clock_source(SystClkSource::External);
+        systick.set_reload(flow::COUNTER_TOP);
+        systick.clear_current();
+        systick.enable_counter();
         tim2().cr1().modify(|_, w| w.cen().set_bit());
     }
 
@@ -110,7 +116,7 @@ impl CycleTimer {
         for frame in 0..FRAMES {
             if flags.ccif(frame as u8).bit_is_set() {
                 self.slot(frame);
-                return CycleEvent::Slot;
+                return CycleEvent::Slot(frame);
             }
         }
         tim2().sr().write(|w| w.uif().clear());
@@ -148,6 +154,12 @@ impl CycleTimer {
         SLOT.store(report, Ordering::Release);
         tim2().sr().write(|w| w.ccif(frame as u8).clear());
     }
+}
+
+/// Returns the counter that measures the times between slots and ticks ([`flow`]).
+#[inline(always)]
+pub fn counter() -> u32 {
+    flow::counter(SYST::get_current())
 }
 
 /// Returns the number of the tick that is being served.

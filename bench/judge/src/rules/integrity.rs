@@ -5,8 +5,8 @@
 //! | a bit of HORUS's flash changes | HORUS stops: its field goes off | [`bounds::HORUS_FLASH_FOUND`] |
 //! | a bit of the DPR's flash changes | Link-Status reports a flash fault | [`bounds::DPR_FLASH_FOUND`] |
 //! | a bit of a buffer of the DPR is stuck | Link-Status reports a RAM fault | [`bounds::SCRUBBED_CYCLES`] |
-//! | HORUS is warned of a falling supply | its field goes off | [`bounds::SAFE_STATE`] |
-//! | the DPR is warned of a falling supply | transactions read 0xFF | [`bounds::SAFE_STATE`] |
+//! | HORUS has to stop ([`What::Warned`]) | its field goes off | [`bounds::SAFE_STATE`] |
+//! | the DPR has to stop | transactions read 0xFF | [`bounds::SAFE_STATE`] |
 //!
 //! Both boards check their flash and their supply at the start, and a board with a fault does not start. After a board
 //! has started or lost its supply, the judge therefore requires nothing more for an earlier fault. A stuck bit must be
@@ -103,7 +103,7 @@ impl Integrity {
         let due = &mut self.supply_due[Board::Dpr as usize];
         if !excused && !reading.silent && due.take_if(|due| reading.selected > *due).is_some() {
             findings
-                .add(Violation::FaultUnnoticed, reading.selected, || "Dpr's supply falls, and it is read".to_owned());
+                .add(Violation::FaultUnnoticed, reading.selected, || "Dpr must be in its safe state, and it is read".to_owned());
         }
         let Some(Ok(link)) = &reading.link else { return };
         if link.status.flash_fault() {
@@ -132,7 +132,7 @@ impl Integrity {
             }
         }
         if let Some(due) = self.supply_due[Board::Horus as usize].take_if(|due| now > *due) {
-            findings.add(Violation::FaultUnnoticed, due, || "Horus's supply falls, and its field is on".to_owned());
+            findings.add(Violation::FaultUnnoticed, due, || "Horus must be in its safe state, and its field is on".to_owned());
         }
         self.stuck.take_if(|stuck| now > stuck.until);
     }
