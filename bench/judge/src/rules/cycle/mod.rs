@@ -18,8 +18,8 @@
 //! - If the field drops, no frame is required until the end of the cycle in which the field comes back. HORUS may
 //!   switch the field off within [`bounds::FIELD_RECOVERY`] after a lost frame, to bring its front end up again. Then
 //!   only the lost frame is reported.
-//! - While [`Excuse::Sending`] holds, missing frames, broken frames, commands without frames and a dropped field are
-//!   not reported. What HORUS sends is still judged.
+//! - While [`Excuse::Sending`] holds, missing frames, broken frames, frames of a wrong length, commands without frames
+//!   and a dropped field are not reported. What HORUS sends is still judged.
 //! - From the instant at which the bench stops HORUS's core until HORUS's next start, no ticks, commands and frames are
 //!   required. A frame begun or commanded before may break off or not come, and the field may go off. What HORUS sends
 //!   is still judged, and so are the ticks of HORUS's timer. What was missing before the hang is reported, since the
@@ -443,6 +443,10 @@ impl Cycle {
             findings.add(Violation::FrameWithoutCommand, at, || format!("the one that began at {}", ms(started)));
             return others(run);
         };
+        if frame.number.is_none() && disturbances.excuse(Excuse::Sending, at) {
+            // A register of the front end that has the frame's length may be wrong.
+            return others(run);
+        }
         let Some(number) = frame.number else {
             let length = frame.payload.len();
             findings
