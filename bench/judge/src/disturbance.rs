@@ -177,7 +177,8 @@ pub enum Memory {
 /// Something that would be a violation, and that the judge does not report while a disturbance excuses it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Excuse {
-    /// A transmit command may stay without a frame, a frame may be missing or break off, and HORUS's field may drop.
+    /// A transmit command may have no frame, a frame may be missing, break off or have another length, and HORUS's field
+    /// may drop.
     Sending,
     /// HORUS's firmware may use its front end against the data sheet, because it cannot read from the front end.
     HorusFrontEndUse,

@@ -23,7 +23,7 @@ pub struct Header {
 
 impl Header {
     /// The version of the format that this crate writes and reads.
-    pub const VERSION: u32 = 3;
+    pub const VERSION: u32 = 4;
 
     /// Returns the layout of what the DPR shows in the run.
     ///

@@ -59,6 +59,10 @@ pub enum HoldEvent {
         temperature: i32,
         /// The relative humidity in the box, in thousandths of a per cent.
         humidity: u32,
+        /// The last instant, ns, at which the heater was on.
+        heated: Option<u64>,
+        /// The instant, ns, at which the climate sensor last sent a whole measurement with the right CRCs.
+        measured: Option<u64>,
     },
     /// The DPR's second front end was used against its data sheet.
     PortMisuse {

@@ -27,12 +27,13 @@ pub(crate) fn header(gps: usize) -> Header {
 #[derive(Clone, Debug)]
 pub(crate) struct Events {
     pub(crate) gps: usize,
+    pub(crate) hold: bool,
     pub(crate) events: Vec<Event>,
 }
 
 impl Events {
     pub(crate) fn new(gps: usize) -> Self {
-        Self { gps, events: vec![] }
+        Self { gps, hold: false, events: vec![] }
     }
 
     /// Returns a run of `cycles` cycles in which no receiver sends anything. The field is on before the first tick.
@@ -109,7 +110,7 @@ impl Events {
     pub(crate) fn log(&self) -> Log {
         let mut events = self.events.clone();
         events.sort_by_key(|event| (event.at, event.what.rank()));
-        Log { header: header(self.gps), events }
+        Log { header: Header { hold: self.hold, ..header(self.gps) }, events }
     }
 }
 

@@ -270,7 +270,9 @@ violations! {
 
     /// The hold is silent: no Hold-Status came for more than a period and a half.
     HoldSilent = "the hold is silent",
-    /// The map shows an object of the hold although none has come to the DPR within the last 300 ms.
+    /// A frame of the hold began less than 99 ms after the one before it.
+    HoldEarly = "the hold sends too early",
+    /// The map shows an object of the hold that did not come to the DPR within the last 300 ms.
     HoldShown = "the map shows what the hold did not say",
     /// The map does not show the hold's newest object.
     HoldHidden = "what the hold said is not shown",
@@ -287,8 +289,11 @@ violations! {
     /// The states of heater, cooler or lock differ from those in Hold-Status, or Hold-Status has a value that differs
     /// from the payload's.
     HoldOutput = "the hold's outputs or values are not what it says",
-    /// The hold restarted unasked, or did something that its microcontroller, its front end or its sensors do not
-    /// allow.
+    /// The heater is on for a greater share of the time than the hold's limit, in a box that is too hot, or without a
+    /// recent temperature since the hold's start.
+    // Shows HOLD-9.
+    HoldHeats = "the hold heats when it must not",
+    /// The hold restarted unasked, or did something that its part, its front end or its sensors do not allow.
     HoldComplains = "the hold restarted unasked, or did what its parts do not allow",
     // ---- Bench
 

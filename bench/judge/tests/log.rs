@@ -101,7 +101,7 @@ fn error(lines: &[&str]) -> LogError {
     Log::read(lines.join("\n").as_bytes()).unwrap_err()
 }
 
-const HEADER: &str = r#"{"version":3,"gps":3,"seed":7,"clock":"fast"}"#;
+const HEADER: &str = r#"{"version":4,"gps":3,"seed":7,"clock":"fast"}"#;
 const TICK: &str = r#"{"at":10,"what":"tick"}"#;
 
 #[test]
@@ -125,12 +125,26 @@ fn what_is_no_log_is_told_with_its_line() {
         assert_eq!(error.to_string(), format!("line {at}"));
         assert!(std::error::Error::source(&error).is_some());
     }
-    let newer = HEADER.replace("\"version\":3", "\"version\":4");
-    assert!(matches!(error(&[&newer, TICK]), LogError::Version { found: 4 }));
-    assert_eq!(error(&[&newer]).to_string(), "the log has format 4, and this version reads format 3");
+    let newer = HEADER.replace("\"version\":4", "\"version\":5");
+    assert!(matches!(error(&[&newer, TICK]), LogError::Version { found: 5 }));
+    assert_eq!(error(&[&newer]).to_string(), "the log has format 5, and this version reads format 4");
     let backwards = [HEADER, TICK, TICK, r#"{"at":9,"what":"tick"}"#];
     assert!(matches!(error(&backwards), LogError::Order { line: 4, at: 9, before: 10 }));
     assert_eq!(error(&backwards).to_string(), "line 4: an event at 9 ns after one at 10 ns");
+}
+
+#[test]
+fn a_log_of_a_hold_in_an_earlier_format_is_refused() {
+    let header = r#"{"version":3,"gps":3,"seed":7,"clock":"fast","hold":true}"#;
+    let heats = r#"{"at":5,"what":{"hold":{"payload":{"heater":1,"cooler":0,"temperature":9,"humidity":9}}}}"#;
+    let disturbed = r#"{"at":5,"what":{"injected":{"kind":"hangs","disturbs":"hold","until":9}}}"#;
+    for event in [heats, disturbed] {
+        let error = error(&[header, event, TICK]);
+        assert_eq!(error.to_string(), "the log has format 3, and this version reads format 4");
+        // The present format has neither of the two.
+        let error = Log::read([HEADER, event, TICK].join("\n").as_bytes()).unwrap_err();
+        assert!(matches!(error, LogError::Line { line: 2, .. }), "{error}");
+    }
 }
 
 #[test]

@@ -36,6 +36,8 @@ pub struct Climate {
     cools: bool,
     /// The times, ns, for which heater and cooler have been on since the last call of [`Climate::take_on`].
     on: [u64; 2],
+    /// The last instant at which the heater was on, ns.
+    heated: Option<u64>,
 }
 
 impl Climate {
@@ -56,6 +58,7 @@ impl Climate {
             heats: false,
             cools: false,
             on: [0; 2],
+            heated: None,
         }
     }
 
@@ -69,7 +72,10 @@ impl Climate {
         let power = f64::from(u8::from(self.heats)) * HEATER - f64::from(u8::from(self.cools)) * COOLER;
         let goal = self.surroundings + power / self.loss;
         self.temperature += (self.temperature - goal) * (-self.loss / self.capacity * took as f64 / 1e9).exp_m1();
-        self.on[0] += if self.heats { took } else { 0 };
+        if self.heats {
+            self.on[0] += took;
+            self.heated = Some(at);
+        }
         self.on[1] += if self.cools { took } else { 0 };
     }
 
@@ -86,7 +92,13 @@ impl Climate {
         Air { temperature: self.temperature, humidity }
     }
 
-    /// Returns how long heater and cooler were on, ns, between the last call and `at` (ns).
+    /// The last instant, ns, at which the heater was on, up to the last call that advanced the box.
+    #[must_use]
+    pub fn heated(&self) -> Option<u64> {
+        self.heated
+    }
+
+    /// How long heater and cooler were on, ns, from the last call to `at` (ns).
     pub fn take_on(&mut self, at: u64) -> [u64; 2] {
         self.advance(at);
         std::mem::take(&mut self.on)
@@ -128,6 +140,9 @@ mod tests {
             assert!(warm.temperature > rest.temperature + 1.0 && rest.temperature > cold.temperature + 1.0);
             assert!(warm.humidity < rest.humidity && rest.humidity < cold.humidity);
             assert_eq!((climate.take_on(30 * S), cooled.take_on(31 * S)), ([30 * S, 0], [0, 31 * S]));
+            climate.switch(32 * S, false, false);
+            climate.air(33 * S);
+            assert_eq!((climate.heated(), cooled.heated()), (Some(32 * S), None));
         }
     }
 

@@ -35,6 +35,9 @@ pub struct Payload {
     /// The vibration.
     pub vibration: Vibration,
     sht4x: Sht4x,
+    /// The bytes that the climate sensor has sent in the present transfer, and when it last sent a whole measurement, ns.
+    sent: Vec<u8>,
+    measured: Option<u64>,
     lis3dh: Lis3dh,
     /// The sensor that does not answer. The next field is the sensor that sends random bytes.
     silent: Option<Sensor>,
@@ -52,6 +55,8 @@ impl Payload {
             climate: Climate::new(of(0x481)),
             vibration: Vibration::new(of(0x482)),
             sht4x: Sht4x::new(of(0x483)),
+            sent: vec![],
+            measured: None,
             lis3dh: Lis3dh::new(of(0x484)),
             silent: None,
             lies: None,
@@ -91,13 +96,29 @@ impl Payload {
             (Sensor::Vibration, lis3dh.act(at, event, vibration)),
         ];
         let answer = answers.into_iter().find(|(sensor, answer)| answer.acknowledged && *silent != Some(*sensor));
-        match (answer, lies) {
+        let heard = match (answer, lies) {
             (Some((sensor, answer)), Some((lying, rng))) if sensor == *lying => {
                 I2cAnswer { data: rng.byte(), ..answer }
             }
             (Some((_, answer)), _) => answer,
             (None, _) => I2cAnswer::NOBODY,
+        };
+        match (event, answer) {
+            (I2cEvent::Read(_), Some((Sensor::Climate, _))) => {
+                self.sent.push(heard.data);
+                if sht4x::is_measurement(&self.sent) {
+                    self.measured = Some(at);
+                }
+            }
+            _ => self.sent.clear(),
         }
+        heard
+    }
+
+    /// The instant, ns, at which the climate sensor last sent a whole measurement with the right CRCs.
+    #[must_use]
+    pub fn measured(&self) -> Option<u64> {
+        self.measured
     }
 
     /// Restarts the sensors, because their supply came on at `at` (ns).

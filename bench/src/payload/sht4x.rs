@@ -158,6 +158,12 @@ fn words(first: [u8; 2], second: [u8; 2]) -> [u8; 6] {
     [a, b, crc(first), c, d, crc(second)]
 }
 
+/// Whether `bytes` are the six of a measurement, each word with its CRC.
+pub(super) fn is_measurement(bytes: &[u8]) -> bool {
+    let is_right = |word: &[u8]| crc([word[0], word[1]]) == word[2];
+    bytes.len() == 6 && bytes.chunks(3).all(is_right)
+}
+
 fn crc(bytes: [u8; 2]) -> u8 {
     bytes.into_iter().fold(0xFF, |crc, byte| {
         (0..8).fold(crc ^ byte, |crc, _| if crc & 0x80 == 0 { crc << 1 } else { crc << 1 ^ 0x31 })
@@ -187,6 +193,12 @@ mod tests {
         addressed.then_some(bytes)
     }
 
+    fn flipped(bytes: &[u8], bit: usize) -> Vec<u8> {
+        let mut bytes = bytes.to_vec();
+        bytes[bit / 8] ^= 1 << (bit % 8);
+        bytes
+    }
+
     #[test]
     fn the_crc_is_the_one_of_the_data_sheet() {
         assert_eq!(crc([0xBE, 0xEF]), 0x92);
@@ -203,6 +215,8 @@ mod tests {
             let data = read(&mut sensor, at + takes).expect("it is over");
             let raw = |at: usize| f64::from(u16::from_be_bytes([data[at], data[at + 1]])) / 65_535.0;
             assert_eq!((data[2], data[5]), (crc([data[0], data[1]]), crc([data[3], data[4]])));
+            assert!(is_measurement(&data) && !is_measurement(&data[..3]));
+            assert!((0..48).all(|bit| !is_measurement(&flipped(&data, bit))));
             assert!((-45.0 + 175.0 * raw(0) - 25.0).abs() < 0.2, "{data:?}");
             assert!((-6.0 + 125.0 * raw(3) - 50.0).abs() < 0.5, "{data:?}");
             assert_eq!(read(&mut sensor, at + 20 * MS), None, "the data were read");

@@ -10,28 +10,28 @@
 //!
 //! # One cause, one violation
 //!
-//! - A restart may cut off a transmit command or a frame, and switches the field off. Neither is reported. If ticks and
-//!   frames are missing just before a reset that was not asked for, HORUS was hung, and only the reset is reported.
-//!   They may be missing for at most [`bounds::WATCHDOG_LONGEST`].
-//! - A faulty frame also counts as a frame of the cycle, so that no missing frame is reported as well. Faulty are a
-//!   command without its frame, a frame without a command, an extra frame, and a frame that broke off or does not
-//!   consist of whole objects.
-//! - If the field drops, no frame is required until the end of the cycle in which the field comes back. Within
-//!   [`bounds::FIELD_RECOVERY`] after a lost frame, HORUS may switch the field off to bring its front end up again.
-//!   Then only the lost frame is reported.
-//! - While [`Excuse::Sending`] holds, these are not reported: missing frames, broken frames, commands without frames,
-//!   and a dropped field. The frames that HORUS sends are still judged.
-//! - While the bench has stopped HORUS's core, until HORUS's next start, no ticks, commands and frames are required. A
-//!   frame that was begun or commanded before may break off, and the field may go off. What HORUS sends is still
-//!   judged, and so are the ticks of its timer. What was missing before the hang is reported.
-//! - No frames are required of a cycle if the next tick does not come in time. The timestamps may count a missing or
-//!   irregular tick or not. The next timestamp shows which, and the later ones have to continue it.
-//! - A frame that begins more than a cycle after the last tick belongs to a missing or late tick. Only the tick is
-//!   reported.
-//! - Cycles with a violation do not count for the jitter. If tick, command and air scatter too much, only the first of
-//!   them in this order is reported, because the others follow from it.
-//! - In a frame with GPS objects the timestamp of Reported-Position may be the only wrong one.
-//!   [`content`](super::content) reports that.
+//! - A restart may cut off a transmit command or a frame and switches the field off; neither is reported. If ticks and
+//!   frames are missing for at most [`bounds::WATCHDOG_LONGEST`] before a reset that was not asked for, HORUS was hung,
+//!   and only the reset is reported.
+//! - These count as a frame of the cycle, so that no missing frame is reported as well: a command without its frame, a
+//!   frame without a command, a frame that broke off or does not consist of whole objects, and an extra frame.
+//! - If the field drops, no frame is required until the end of the cycle in which the field comes back. HORUS may
+//!   switch the field off within [`bounds::FIELD_RECOVERY`] after a lost frame, to bring its front end up again. Then
+//!   only the lost frame is reported.
+//! - While [`Excuse::Sending`] holds, missing frames, broken frames, frames of a wrong length, commands without frames
+//!   and a dropped field are not reported. What HORUS sends is still judged.
+//! - From the instant at which the bench stops HORUS's core until HORUS's next start, no ticks, commands and frames are
+//!   required. A frame begun or commanded before may break off or not come, and the field may go off. What HORUS sends
+//!   is still judged, and so are the ticks of HORUS's timer. What was missing before the hang is reported, since the
+//!   watchdog's reset is not.
+//! - No frames are required of a cycle if the next tick does not come in time. A missing or irregular tick may count in
+//!   the timestamps or not: the next timestamp shows whether it does, and the later ones have to continue that one.
+//! - A frame that begins more than a cycle after the last tick belongs to a missing or late tick. The tick is reported,
+//!   and not an extra frame.
+//! - Cycles with a violation do not count for the jitter. If several of tick, command and air scatter too much, only
+//!   the first in this order is reported, because the others follow from it.
+//! - If only the timestamp of Reported-Position is wrong in a frame with GPS objects, [`content`](super::content)
+//!   reports that.
 
 mod jitter;
 #[cfg(test)]
@@ -444,6 +444,10 @@ impl Cycle {
             findings.add(Violation::FrameWithoutCommand, at, || format!("the one that began at {}", ms(started)));
             return others(run);
         };
+        if frame.number.is_none() && disturbances.excuse(Excuse::Sending, at) {
+            // A register of the front end that has the frame's length may be wrong.
+            return others(run);
+        }
         let Some(number) = frame.number else {
             let length = frame.payload.len();
             findings
