@@ -58,6 +58,7 @@ impl Calm {
             | D::Restart { .. }
             | D::Hang { .. }
             | D::DeadTask { .. }
+            | D::Drift { .. }
             | D::Memory { .. }
             | D::Code { .. } => return,
         };

@@ -74,6 +74,11 @@ pub enum Disturbance {
         /// The number under which the dead task checks in for the watchdog.
         task: u8,
     },
+    /// The oscillators of a board's microcontroller, which are off by more than before.
+    Drift {
+        /// The board whose oscillators drift.
+        board: Board,
+    },
     /// A bit of a board's memory or registers.
     Memory {
         /// The board whose memory is hit.
@@ -166,6 +171,8 @@ pub enum Memory {
     Flash,
     /// A register of the board's core.
     Registers,
+    /// A register of a peripheral of the board's microcontroller.
+    Peripherals,
 }
 
 /// Something that would be a violation, and that the judge does not report while a disturbance excuses it.
@@ -330,12 +337,13 @@ impl Disturbance {
                 (Excuse::SelfTest, Start(Dpr)),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
-            Self::Memory { board: Dpr, memory: Memory::Registers } => &[(Excuse::DprComplaints, Start(Dpr))],
+            Self::Memory { board: Dpr, memory: Memory::Registers | Memory::Peripherals } => &[(Excuse::DprComplaints, Start(Dpr))],
             Self::Memory { board: Horus, .. } => &[(Excuse::HorusComplaints, Start(Horus))],
             // The faults that a firmware counts because its code was changed are not excused.
             Self::Code { board: Dpr } => &[(Excuse::SelfTest, Start(Dpr))],
             Self::Code { board: Horus }
             | Self::Restart { board: Dpr }
+            | Self::Drift { .. }
             | Self::Input { .. }
             | Self::Wire { .. }
             | Self::BaseStation => &[],
@@ -363,6 +371,7 @@ impl Disturbance {
             | Self::Restart { board }
             | Self::Hang { board }
             | Self::DeadTask { board, .. }
+            | Self::Drift { board }
             | Self::Memory { board, .. }
             | Self::Code { board } => Some(board),
             Self::Air

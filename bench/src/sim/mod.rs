@@ -8,7 +8,6 @@
 //! with exact results, but the DPR never runs ahead of HORUS. [`Bench`] holds the whole bench as plain data.
 
 mod board_events;
-mod campaign;
 mod debugged;
 mod downstream;
 pub mod flips;
@@ -25,7 +24,7 @@ use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use bench_judge::{Findings, Header, Log, LogWriter, Verdict};
+use bench_judge::{Event, Findings, Header, Log, LogWriter, Verdict};
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
 use emulator_part::Part;
 use gnss_sim::{Flight, LogError, Port, Receiver};
@@ -37,7 +36,7 @@ pub use st25r3916_model::Config as FrontEndConfig;
 use stm32f429::{Oscillators, Stm32f429};
 
 use crate::boards::{self, Dpr, Horus};
-use crate::faults::{Campaign, Faults, Options, Rng};
+use crate::faults::{Faults, Rng};
 use crate::plot::History;
 use crate::report::{self, Report};
 use crate::trace::{self, TaskWatch, Trace};
@@ -375,6 +374,11 @@ impl<C: Cost> Bench<C> {
         self.relay.downstream.keep_log();
     }
 
+    /// Takes the event log since [`Bench::keep_log`] or the last call.
+    pub fn take_log(&mut self) -> Vec<Event> {
+        self.relay.downstream.take_log()
+    }
+
     /// Runs the bench to `end` (virtual ns), and calls `each` every 10 ms with instant, DPR and surroundings.
     ///
     /// # Errors
@@ -522,7 +526,6 @@ fn report<C: Cost>(
         base: report::Base { profiles: base.drone().counts().messages, bad_crc: base.drone().counts().bad_crc },
         hold,
         faults: figures.faults,
-        upsets: None,
         violations: verdict.violations.iter().map(ToString::to_string).collect(),
     }
 }
@@ -670,19 +673,6 @@ impl Plot {
             .and_then(|svg: String| Ok(self.file.write_all(svg.as_bytes())?))
             .map_err(|source| Error::Plot { path: self.path, source })
     }
-}
-
-/// Tries upsets on copies of the bench.
-///
-/// # Errors
-///
-/// An ELF file cannot be loaded, or a recording cannot be played.
-pub fn campaign(setup: &Setup, options: &Options) -> Result<Campaign, Error> {
-    Ok(match setup.clock {
-        Clock::Fast => Campaign::run(Bench::<Fast>::new(setup)?, options),
-        Clock::Optimistic => Campaign::run(Bench::<Optimistic>::new(setup)?, options),
-        Clock::Pessimistic => Campaign::run(Bench::<Pessimistic>::new(setup)?, options),
-    })
 }
 
 /// Returns `config` for the link, on which frames that the settings cannot send or receive are lost.
