@@ -124,7 +124,7 @@ impl<C: Cost> Link<'_, C> {
         };
         if let Some(upset) = kinds.iter().find(|kind| kind.is_upset()) {
             return format!(
-                "{upset}: upsets are tried on copies of the bench, by `cargo xtask sim --faults {upset}`\n"
+                "{upset}: upsets are tried on copies of the bench, by `cargo xtask campaign --kinds {upset}`\n"
             );
         }
         let now = self.run.now();

@@ -67,9 +67,7 @@ const LOCAL: Ipv4Addr = Ipv4Addr::LOCALHOST;
 const LONGEST: f64 = 86_400.0;
 
 pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
-    if let Some(kind) = args.faults.iter().find(|kind| kind.is_upset()) {
-        bail!("--faults {kind}: upsets are tried on copies of the bench, which `cargo xtask sim` has and this has not");
-    }
+    crate::sim::no_upsets(&args.faults)?;
     crate::sim::needs_hold(&args.faults, args.hold)?;
     let uplinks: Option<Speaks> = args.uplink.then_some(Voice::with_uplinks);
     let speaks = if args.hold { Some(Voice::with_commands as Speaks) } else { uplinks };

@@ -10,6 +10,7 @@ mod access;
 mod bench_flash;
 #[cfg(feature = "probe")]
 mod bench_probe;
+mod campaign;
 mod citations;
 mod defects;
 #[cfg(test)]
@@ -64,6 +65,8 @@ enum Command {
     Flash(FlashArgs),
     /// Run both firmware images against each other on the bench.
     Sim(sim::SimArgs),
+    /// Try faults on copies of the running link, each alone: masked, recovered, stopped or dangerous, with bounds.
+    Campaign(campaign::CampaignArgs),
     /// Run the link with gdb, or an editor that uses its protocol, at one of the boards.
     Gdb(gdb::GdbArgs),
     /// Run the link in real time, and show its base station's page.
@@ -309,6 +312,7 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         }
         Command::Flash(args) => flash(&args),
         Command::Sim(args) => sim::sim(&args),
+        Command::Campaign(args) => campaign::campaign(&args),
         Command::Gdb(args) => gdb::gdb(&args),
         Command::Live(args) => live(&args),
         Command::Judge(args) => judge::run(&args),

@@ -60,6 +60,7 @@ impl Calm {
             | D::Hang { .. }
             | D::DeadTask { .. }
             | D::Spurious { .. }
+            | D::Drift { .. }
             | D::Memory { .. }
             | D::Code { .. } => return,
         };

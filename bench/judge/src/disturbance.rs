@@ -79,6 +79,11 @@ pub enum Disturbance {
         /// The board whose task runs.
         board: Board,
     },
+    /// The oscillators of a board's microcontroller, which are off by more than before.
+    Drift {
+        /// The board whose oscillators drift.
+        board: Board,
+    },
     /// A bit of a board's memory or registers.
     Memory {
         /// The board whose memory is hit.
@@ -172,6 +177,8 @@ pub enum Memory {
     Flash,
     /// A register of the board's core.
     Registers,
+    /// A register of a peripheral of the board's microcontroller.
+    Peripherals,
 }
 
 /// Something that would be a violation, and that the judge does not report while a disturbance excuses it.
@@ -339,13 +346,14 @@ impl Disturbance {
                 (Excuse::SelfTest, Start(Dpr)),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
-            Self::Memory { board: Dpr, memory: Memory::Registers } => &[(Excuse::DprComplaints, Start(Dpr))],
+            Self::Memory { board: Dpr, memory: Memory::Registers | Memory::Peripherals } => &[(Excuse::DprComplaints, Start(Dpr))],
             Self::Memory { board: Horus, .. } => &[(Excuse::HorusComplaints, Start(Horus))],
             // Faults that a firmware counts because its code was changed get no excuse.
             Self::Code { board: Dpr } => &[(Excuse::SelfTest, Start(Dpr))],
             Self::Code { board: Horus }
             | Self::Restart { board: Dpr }
             | Self::Spurious { .. }
+            | Self::Drift { .. }
             | Self::Input { .. }
             | Self::Wire { .. }
             | Self::BaseStation => &[],
@@ -374,6 +382,7 @@ impl Disturbance {
             | Self::Hang { board }
             | Self::DeadTask { board, .. }
             | Self::Spurious { board }
+            | Self::Drift { board }
             | Self::Memory { board, .. }
             | Self::Code { board } => Some(board),
             Self::Air

@@ -183,8 +183,9 @@ impl FrontEnd {
             SpiMode::Mode2 => st25r3916_model::SpiMode::Mode2,
             SpiMode::Mode3 => st25r3916_model::SpiMode::Mode3,
         };
-        // The chip's pull-down holds MOSI low while the part does not drive it.
-        let mosi = if frame.mosi.contains(&Some(mosi)) { frame.data } else { 0 };
+        // The chip's pull-down holds an undriven MOSI low.
+        let [to_chip, from_chip] = self.faults.glitch();
+        let mosi = if frame.mosi.contains(&Some(mosi)) { frame.data } else { 0 } ^ to_chip;
         let clocked = st25r3916_model::SpiFrame { begins_ns: begins, ends_ns: ends, mode, bits: frame.bits, mosi };
         let Self { chip, crossings, .. } = self;
         let answer = chip.clock_frame(&clocked, |chip, at, taken, given| {
@@ -192,7 +193,7 @@ impl FrontEnd {
             note(crossings, at, Crossing::Byte(taken, given));
         });
         note_irq(&mut self.chip, &mut self.crossings);
-        let answer = (frame.miso == Some(miso)).then_some(answer);
+        let answer = (frame.miso == Some(miso)).then_some(answer).map(|answer| answer ^ from_chip);
         self.faults.miso(answer)
     }
 

@@ -28,7 +28,10 @@ pub trait Powered: Board {
     /// Makes the board's crystal work (`works`) or fail from now on.
     fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool);
 
-    /// Whether the firmware of `part` cannot go on after a reset, so that it waits for the watchdog.
+    /// Makes the microcontroller's crystals faster by `ppb` parts per billion from now on.
+    fn drift<C: Cost>(node: &mut Node<Self, C>, ppb: i64);
+
+    /// Whether the firmware of `part` can only wait for the watchdog after a reset.
     fn cannot_start(part: &Self::Part) -> bool;
 }
 
@@ -39,7 +42,11 @@ impl Powered for Horus {
         node.input(|part, view, at| if works { part.restore_hse(at, view) } else { part.fail_hse(at, view) });
     }
 
-    /// The DPR can always start: without its crystal it uses the internal oscillator.
+    fn drift<C: Cost>(node: &mut Node<Self, C>, ppb: i64) {
+        node.input(|part, view, at| part.drift_hse(at, ppb, view));
+    }
+
+    /// The DPR always starts, because its firmware uses the internal oscillator if the crystal does not start.
     fn cannot_start(_: &Self::Part) -> bool {
         false
     }
@@ -56,6 +63,10 @@ impl Powered for Horus {
 impl Powered for Dpr {
     fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool) {
         node.input(|part, _, _| part.set_hfxo_startup(works.then_some(CRYSTAL_STARTS)));
+    }
+
+    fn drift<C: Cost>(node: &mut Node<Self, C>, ppb: i64) {
+        node.input(|part, view, at| part.drift(at, ppb, view));
     }
 
     fn cannot_start(part: &Self::Part) -> bool {
@@ -81,6 +92,10 @@ impl Powered for Dpr {
 impl Powered for Hold {
     fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool) {
         node.input(|part, _, _| part.set_hfxo_startup(works.then_some(CRYSTAL_STARTS)));
+    }
+
+    fn drift<C: Cost>(node: &mut Node<Self, C>, ppb: i64) {
+        node.input(|part, view, at| part.drift(at, ppb, view));
     }
 
     fn cannot_start(part: &Self::Part) -> bool {

@@ -6,6 +6,8 @@
 use bench_judge::disturbance::Harm;
 use st25r3916_model::{Chip, Space, Withheld};
 
+use super::Rng;
+
 /// A fault of either board's front end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChipFault {
@@ -21,10 +23,17 @@ pub enum ChipFault {
     ReadsOnes,
     /// Every bit that the board reads from the chip is 0.
     ReadsZeros,
+    /// One byte in [`GLITCH_EVERY`] on average has a flipped bit, on its way to the chip or from it. The number is the
+    /// seed.
+    Glitches(u64),
 }
 
+/// The average number of bytes on the SPI for each glitch. The boards exchange about 260 bytes with a front end in a
+/// cycle, so about one cycle in four has one.
+pub const GLITCH_EVERY: u64 = 1024;
+
 impl ChipFault {
-    /// All faults of a front end's chip.
+    /// All faults of a front end's chip but the glitches of its SPI.
     pub const ALL: [Self; 6] =
         [Self::IrqLow, Self::IrqHigh, Self::NoInterrupts, Self::NoFrameEnds, Self::ReadsOnes, Self::ReadsZeros];
 
@@ -38,6 +47,7 @@ impl ChipFault {
             Self::NoFrameEnds => "without frame ends",
             Self::ReadsOnes => "reads ones",
             Self::ReadsZeros => "reads zeros",
+            Self::Glitches(_) => "SPI glitches",
         }
     }
 
@@ -46,7 +56,7 @@ impl ChipFault {
     pub const fn harm(self) -> Harm {
         match self {
             Self::IrqHigh | Self::ReadsOnes | Self::ReadsZeros => Harm::Silent,
-            Self::IrqLow | Self::NoInterrupts | Self::NoFrameEnds => Harm::Deaf,
+            Self::IrqLow | Self::NoInterrupts | Self::NoFrameEnds | Self::Glitches(_) => Harm::Deaf,
         }
     }
 }
@@ -88,18 +98,25 @@ impl RegisterBit {
 #[derive(Clone, Debug, Default)]
 pub struct ChipFaults {
     present: Vec<ChipFault>,
+    glitches: Option<Rng>,
 }
 
 impl ChipFaults {
     /// Begins `fault`.
     pub fn begin(&mut self, fault: ChipFault) {
         self.present.push(fault);
+        if let ChipFault::Glitches(seed) = fault {
+            self.glitches = Some(Rng::new(seed));
+        }
     }
 
     /// Ends `fault`.
     pub fn end(&mut self, fault: ChipFault) {
         if let Some(place) = self.present.iter().position(|other| *other == fault) {
             self.present.remove(place);
+        }
+        if let ChipFault::Glitches(_) = fault {
+            self.glitches = None;
         }
     }
 
@@ -118,8 +135,17 @@ impl ChipFaults {
         stuck.unwrap_or(level)
     }
 
-    /// Returns the byte that the board reads with these faults, while the chip drives `answer`; `None` if nothing
-    /// drives the line.
+    /// Returns the bits that a glitch flips in the next byte, on its way to the chip and from it.
+    pub fn glitch(&mut self) -> [u32; 2] {
+        let Some(rng) = self.glitches.as_mut() else { return [0, 0] };
+        if !rng.one_in(GLITCH_EVERY) {
+            return [0, 0];
+        }
+        let bit = 1 << rng.below(8);
+        if rng.one_in(2) { [bit, 0] } else { [0, bit] }
+    }
+
+    /// The byte that the board reads while the chip drives `answer`; `None` if nothing drives the line.
     #[must_use]
     pub fn miso(&self, answer: Option<u32>) -> Option<u32> {
         let stuck = self.last(|fault| match fault {

@@ -17,13 +17,13 @@
 //! | [`power`] | supply and reset of a board | the part and its front end |
 //! | [`Fault::Hang`] | a board's core, which executes nothing more until its watchdog restarts it | the core |
 //! | [`Fault::DeadTask`] | a task of a board, whose interrupt is off while the rest runs | the core |
-//! | [`Fault::Spurious`] | a task of a board, which runs once although nothing has called it | the core |
-//! | [`upset`] | a bit of RAM, flash or a register | the part's memory |
+//! | [`upset`] | a bit of RAM, flash or a register | the part's memory, its peripherals, the core |
+//! | [`Fault::Drift`] | the oscillators of a microcontroller, which run faster or slower | the part's clocks |
 //! | [`hold`] | the active hold, its sensors, and the air between it and the DPR | beside the DPR |
 //! | [`image`] | instructions of a firmware in flash, or its variables | the image, before the run or in mid-run |
 //!
-//! [`plan`] draws episodes from a seed. Upsets are not drawn into a run, because [`campaign`] tries each of them on a
-//! copy of the bench.
+//! [`plan`] draws episodes from a seed. Upsets are not drawn into a run, because [`crate::campaign`] tries each of them
+//! on a copy of the bench.
 //!
 //! # Where to add a fault
 //!
@@ -37,7 +37,6 @@
 
 pub mod base;
 pub mod buffer;
-pub mod campaign;
 pub mod chip;
 pub mod flight_controller;
 pub mod front_end;
@@ -57,7 +56,6 @@ pub use base::BaseFault;
 use bench_judge::disturbance::Harm;
 pub use bench_judge::{Board, Disturbance};
 pub use buffer::{BufferFault, Buffers};
-pub use campaign::{Campaign, Class, Options, RunOutcome, Subject, Trial};
 pub use chip::{ChipFault, RegisterBit};
 use emulator_part::Part;
 pub use flight_controller::Conduct;
@@ -110,6 +108,8 @@ pub enum Fault {
     /// task's index in [`tasks_of`]. A task that is a step of its board's cycle ([`is_step`]) makes the board stop; any
     /// other finds no work. A board that has not enabled its interrupts, hangs or has no supply is not affected.
     Spurious(Board, u8),
+    /// A drift of the external oscillators of a board's microcontroller, parts per billion above what they had before.
+    Drift(Board, i64),
     /// An upset of a bit of a board.
     Upset(Board, Upset),
     /// A fault of a bit of the DPR's buffers.
@@ -144,6 +144,7 @@ impl Fault {
                 let name = tasks_of(*board).get(usize::from(*task)).map_or("none", |(name, _)| name);
                 format!("spurious interrupt {} {name}", name_of(*board))
             }
+            Self::Drift(board, ppb) => format!("{} oscillators {:+.1} ppm", name_of(*board), *ppb as f64 / 1e3),
             Self::Upset(board, upset) => format!("{} {}", upset.name(), name_of(*board)),
             Self::Buffer(fault) => format!("buffer dpr {}", fault.name()),
             Self::Image(board, fault) => format!("image {} {}", name_of(*board), fault.name()),
@@ -169,6 +170,7 @@ impl Fault {
             Self::DeadTask(board, task) => Disturbance::DeadTask { board, task },
             Self::Spurious(board, task) if is_step(board, task) => Disturbance::Hang { board },
             Self::Spurious(board, _) => Disturbance::Spurious { board },
+            Self::Drift(board, _) => Disturbance::Drift { board },
             Self::Upset(board, upset) => Disturbance::Memory { board, memory: upset.memory() },
             Self::Buffer(fault) => Disturbance::Memory { board: Board::Dpr, memory: fault.memory() },
             Self::Image(board, _) => Disturbance::Code { board },
@@ -189,6 +191,7 @@ impl Fault {
             | Self::Hang(board)
             | Self::DeadTask(board, _)
             | Self::Spurious(board, _)
+            | Self::Drift(board, _)
             | Self::Upset(board, _)
             | Self::Image(board, _) => *board == Board::Horus,
         }

@@ -63,7 +63,13 @@ pub const WATCHDOG_STARTS: u64 = 2_000;
 /// The longest time, ns, from a board's reset until a hang that is drawn into its start.
 pub const STARTS: u64 = 20_000_000;
 
-/// The number of sags of each board's supply in a round. Each sag has its own course of voltage.
+/// The bit error rate of drawn bit errors on the air: about one frame in five has an error.
+pub const BIT_ERROR: f64 = 1e-4;
+
+/// The largest error that a drift adds to that of an oscillator, parts per billion.
+pub const MAX_DRIFT: u64 = 200_000;
+
+/// The number of sags of each board's supply in a round; each has another course of voltage.
 const SAGS: usize = 3;
 
 /// A kind of fault that `--faults` can draw.
@@ -93,11 +99,19 @@ pub enum Kind {
     Chips,
     /// The active hold, its sensors, and the air between hold and DPR.
     Hold,
+    /// Bit errors on the air, at the rate [`BIT_ERROR`].
+    Bits,
+    /// Glitches on the SPI between either board and its front end.
+    Spi,
+    /// Oscillators that drift.
+    Drift,
+    /// Bits of the registers of a microcontroller's peripherals.
+    Peripherals,
 }
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 16] = [
         Self::Air,
         Self::Gnss,
         Self::FlightController,
@@ -110,6 +124,10 @@ impl Kind {
         Self::Hang,
         Self::Chips,
         Self::Hold,
+        Self::Bits,
+        Self::Spi,
+        Self::Drift,
+        Self::Peripherals,
     ];
 
     /// Returns the kind's name in `--faults`.
@@ -128,13 +146,17 @@ impl Kind {
             Self::Hang => "hang",
             Self::Chips => "chips",
             Self::Hold => "hold",
+            Self::Bits => "bits",
+            Self::Spi => "spi",
+            Self::Drift => "drift",
+            Self::Peripherals => "peripherals",
         }
     }
 
     /// Whether the kind is an upset, which a campaign tries on a copy of the bench instead of in a run.
     #[must_use]
     pub const fn is_upset(self) -> bool {
-        matches!(self, Self::Ram | Self::Flash | Self::Registers)
+        matches!(self, Self::Ram | Self::Flash | Self::Registers | Self::Peripherals)
     }
 }
 
@@ -165,7 +187,7 @@ impl Faults {
     /// Returns faults of `kinds` for a run of `duration_ns` with `gps` receivers, drawn from `seed`.
     ///
     /// Each kind has at most one episode at a time, except where both boards fail together or several receivers are
-    /// wrong together. Upsets of RAM, flash and registers are not drawn, because [`super::Campaign`] tries them.
+    /// wrong together. Upsets are not drawn, because [`crate::campaign`] tries them.
     #[must_use]
     pub fn drawn(kinds: &[Kind], gps: usize, seed: u64, duration_ns: u64) -> Self {
         let mut faults = Self::none();
@@ -183,11 +205,7 @@ impl Faults {
                 let Some(draw) = round.pop() else { break };
                 let begins = free_at + rng.between(gap.0, gap.1);
                 gap = if kind == Kind::Hold && round.len().is_multiple_of(4) { HOLD_GAP } else { GAP };
-                let (least, most) = match draw[..] {
-                    [(_, Fault::Power(..)), (_, Fault::Hang(_))] => START_HANG_LENGTH,
-                    [(_, ref fault), ..] => length_of(fault),
-                    [] => LENGTH,
-                };
+                let (least, most) = length(&draw);
                 let length = rng.between(least, most);
                 let after = draw.iter().map(|(after, _)| *after).max().unwrap_or(0);
                 free_at = begins + after + length;
@@ -209,7 +227,26 @@ impl Faults {
 }
 
 impl Faults {
-    /// Removes each hang that begins before a restarted board's watchdog runs, because nothing would end it.
+    /// Returns a fault of `kind` for a link with `gps` receivers, drawn by `rng`, or several that occur together. The
+    /// first begins at `at` (ns). There is none of a kind that is not drawn into runs.
+    #[must_use]
+    pub fn one(kind: Kind, gps: usize, rng: &mut Rng, at: u64) -> Self {
+        let mut draws = all_of(kind, gps, rng);
+        let mut faults = Self::none();
+        if draws.is_empty() {
+            return faults;
+        }
+        let draw = draws.swap_remove(rng.below(draws.len() as u64) as usize);
+        let (least, most) = length(&draw);
+        let length = rng.between(least, most);
+        for (after, fault) in draw {
+            let begins = at + after;
+            faults.add(Episode { at: begins, until: if lasts(&fault) { begins + length } else { begins }, fault });
+        }
+        faults
+    }
+
+    /// Removes hangs that begin before a restarted board's watchdog runs, because nothing would end them.
     fn without_hangs_in_starts(&mut self) {
         for board in BOARDS {
             let of_power = |it: &&Episode| starts(&it.fault, board);
@@ -239,6 +276,15 @@ fn lasts(fault: &Fault) -> bool {
         Fault::Hang(_) | Fault::DeadTask(..) | Fault::Spurious(..) | Fault::Hold(HoldFault::Hang) => false,
         Fault::Hold(HoldFault::Power(fault)) => fault.lasts(),
         _ => true,
+    }
+}
+
+/// The shortest and longest duration of faults that occur together, ns.
+fn length(draw: &Draw) -> (u64, u64) {
+    match draw[..] {
+        [(_, Fault::Power(..)), (_, Fault::Hang(_))] => START_HANG_LENGTH,
+        [(_, ref fault), ..] => length_of(fault),
+        [] => LENGTH,
     }
 }
 
@@ -282,7 +328,10 @@ fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
         Kind::Hang => hangs(rng),
         Kind::Chips => BOARDS.map(|board| vec![(0, Fault::Flip(board, rng.word()))]).into(),
         Kind::Hold => HoldFault::all(rng).into_iter().map(|fault| vec![(0, Fault::Hold(fault))]).collect(),
-        Kind::Ram | Kind::Flash | Kind::Registers => vec![],
+        Kind::Bits => vec![vec![(0, Fault::Air(AirFaults { bit_error: BIT_ERROR, ..AirFaults::default() }))]],
+        Kind::Spi => BOARDS.map(|board| vec![(0, Fault::Chip(board, ChipFault::Glitches(rng.word())))]).into(),
+        Kind::Drift => drifts(rng),
+        Kind::Ram | Kind::Flash | Kind::Registers | Kind::Peripherals => vec![],
     }
 }
 
@@ -417,8 +466,13 @@ fn power(rng: &mut Rng) -> Vec<Draw> {
     draws
 }
 
-/// Hangs of each board, of both in either order, and of each during its start; a dead task of each board, and two
-/// tasks that run although nothing has called them.
+/// A drift of the oscillators of each board alone, and of both, each by up to [`MAX_DRIFT`] in either direction.
+fn drifts(rng: &mut Rng) -> Vec<Draw> {
+    let mut drift = |board| (0, Fault::Drift(board, rng.between(0, 2 * MAX_DRIFT) as i64 - MAX_DRIFT as i64));
+    vec![vec![drift(Board::Horus)], vec![drift(Board::Dpr)], BOARDS.map(drift).into()]
+}
+
+/// Hangs of each board, of both in either order, and of each during its start; and a dead task of each board.
 fn hangs(rng: &mut Rng) -> Vec<Draw> {
     let mut draws: Vec<Draw> = BOARDS.map(|board| vec![(0, Fault::Hang(board))]).into();
     for [first, second] in [[Board::Horus, Board::Dpr], [Board::Dpr, Board::Horus]] {
@@ -715,8 +769,9 @@ mod tests {
     #[test]
     fn the_kinds_keep_the_numbers_that_their_draws_are_seeded_by() {
         let numbers = Kind::ALL.map(|kind| kind as u64);
-        assert_eq!(numbers, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]);
-        assert_eq!(Kind::ALL[9..], [Kind::Hang, Kind::Chips, Kind::Hold]);
+        assert_eq!(numbers, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15]);
+        assert_eq!(Kind::ALL[9..12], [Kind::Hang, Kind::Chips, Kind::Hold]);
+        assert_eq!(Kind::ALL[12..], [Kind::Bits, Kind::Spi, Kind::Drift, Kind::Peripherals]);
     }
 
     #[test]

@@ -9,8 +9,6 @@ use std::collections::BTreeMap;
 pub use bench_judge::{Exclusion, Faults, Max, Quantiles, Span};
 use serde::Serialize;
 
-use crate::faults::{Campaign, Class, name_of};
-
 /// The speed of the host. No other part of a report differs between two equal runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Speed {
@@ -136,43 +134,6 @@ pub struct Base {
     pub bad_crc: u64,
 }
 
-/// The outcomes of upsets of one kind on one board.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct UpsetClasses {
-    /// The number of upsets that did not change what the flight controller read.
-    pub masked: usize,
-    /// The number of upsets that changed what the flight controller read, without showing invalid data as valid.
-    pub detected: usize,
-    /// The number of upsets after which invalid data were shown as valid.
-    pub dangerous: usize,
-}
-
-/// The outcomes of upsets.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Upsets {
-    /// The numbers of upsets in each class, by board and kind of memory, such as `dpr ram`.
-    pub classes: BTreeMap<String, UpsetClasses>,
-    /// The dangerous upsets as text: instant, address or register, and violation.
-    pub dangerous: Vec<String>,
-}
-
-impl From<&Campaign> for Upsets {
-    fn from(campaign: &Campaign) -> Self {
-        let mut upsets = Self::default();
-        for trial in &campaign.trials {
-            let name = format!("{} {}", name_of(trial.board), trial.upset.kind());
-            let classes = upsets.classes.entry(name).or_default();
-            *match trial.class {
-                Class::Masked => &mut classes.masked,
-                Class::Detected => &mut classes.detected,
-                Class::Dangerous => &mut classes.dangerous,
-            } += 1;
-        }
-        upsets.dangerous = campaign.dangerous().map(ToString::to_string).collect();
-        upsets
-    }
-}
-
 /// The commands of one writer to the active hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Commands {
@@ -241,9 +202,6 @@ pub struct Report {
     pub hold: Option<Hold>,
     /// The injected faults and their consequences.
     pub faults: Faults,
-    /// The outcomes of upsets of RAM, flash and registers, if any were tried.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub upsets: Option<Upsets>,
     /// The violations as text.
     pub violations: Vec<String>,
 }

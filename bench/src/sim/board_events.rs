@@ -159,6 +159,7 @@ impl BoardEvents {
                     Fault::Chip(_, chip) => node.board_mut(|board| board.front_end().begin_chip_fault(*chip)),
                     Fault::Flip(_, place) => node.board_mut(|board| board.front_end().flip(*place)),
                     Fault::Buffer(buffer) => self.apply(node, now, |node| buffer.begin(node)),
+                    Fault::Drift(_, ppb) => B::drift(node, *ppb),
                     Fault::Upset(_, upset) => self.apply(node, now, |node| upset.apply(node)),
                     Fault::Image(_, image) => match image.apply(node) {
                         Ok(repair) => self.repairs.push((episode.fault.clone(), repair)),
@@ -187,6 +188,7 @@ impl BoardEvents {
                     }
                 }
                 Fault::Chip(_, chip) => node.board_mut(|board| board.front_end().end_chip_fault(*chip)),
+                Fault::Drift(_, ppb) => B::drift(node, -ppb),
                 Fault::Buffer(buffer) => buffer.end(node),
                 Fault::Image(..) => {
                     if let Some(place) = self.repairs.iter().position(|(of, _)| of == fault) {

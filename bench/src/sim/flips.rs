@@ -13,7 +13,7 @@ use profile::{LinkStatus, LinkStatusBits, Object};
 use st25r3916_model::Config;
 
 use super::{Bench, Error, Setup, on_the_link};
-use crate::faults::campaign::is_dangerous;
+use crate::danger::is_dangerous;
 use crate::faults::chip::FLIP_MENDED;
 use crate::faults::{Board, Fault, Faults, RegisterBit, name_of};
 use emulator_node::{Clock, Threads};

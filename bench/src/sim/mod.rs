@@ -8,7 +8,6 @@
 //! with exact results, but the DPR never runs ahead of HORUS. [`Bench`] holds the whole bench as plain data.
 
 mod board_events;
-mod campaign;
 mod debugged;
 mod downstream;
 pub mod flips;
@@ -25,7 +24,7 @@ use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use bench_judge::{Findings, Header, Log, LogWriter, Verdict};
+use bench_judge::{Event, Findings, Header, Log, LogWriter, Verdict};
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
 use emulator_part::Part;
 use gnss_sim::{Flight, LogError, Port, Receiver};
@@ -37,7 +36,7 @@ pub use st25r3916_model::Config as FrontEndConfig;
 use stm32f429::{Oscillators, Stm32f429};
 
 use crate::boards::{self, Dpr, Horus};
-use crate::faults::{Campaign, Faults, Options, Rng};
+use crate::faults::{Faults, Rng};
 use crate::plot::History;
 use crate::report::{self, Report};
 use crate::trace::{self, TaskWatch, Trace};
@@ -378,8 +377,12 @@ impl<C: Cost> Bench<C> {
         self.relay.downstream.keep_log();
     }
 
-    /// Runs the bench to `end` (virtual ns). Calls `each` every 10 ms with the instant, the DPR and the DPR's
-    /// surroundings.
+    /// Takes the event log since [`Bench::keep_log`] or the last call.
+    pub fn take_log(&mut self) -> Vec<Event> {
+        self.relay.downstream.take_log()
+    }
+
+    /// Runs the bench to `end` (virtual ns), and calls `each` every 10 ms with instant, DPR and surroundings.
     ///
     /// # Errors
     ///
@@ -526,7 +529,6 @@ fn report<C: Cost>(
         base: report::Base { profiles: base.drone().counts().messages, bad_crc: base.drone().counts().bad_crc },
         hold,
         faults: figures.faults,
-        upsets: None,
         violations: verdict.violations.iter().map(ToString::to_string).collect(),
     }
 }
@@ -676,20 +678,7 @@ impl Plot {
     }
 }
 
-/// Tries upsets on copies of the bench.
-///
-/// # Errors
-///
-/// An ELF file cannot be loaded, or a recording cannot be played.
-pub fn campaign(setup: &Setup, options: &Options) -> Result<Campaign, Error> {
-    Ok(match setup.clock {
-        Clock::Fast => Campaign::run(Bench::<Fast>::new(setup)?, options),
-        Clock::Optimistic => Campaign::run(Bench::<Optimistic>::new(setup)?, options),
-        Clock::Pessimistic => Campaign::run(Bench::<Pessimistic>::new(setup)?, options),
-    })
-}
-
-/// Returns `config` for the link: a frame that the settings cannot send or receive is lost.
+/// Returns `config` for the link, on which frames that the settings cannot send or receive are lost.
 #[must_use]
 pub fn on_the_link(config: FrontEndConfig) -> FrontEndConfig {
     FrontEndConfig { unsuited_chain_receives: false, unsuited_modulation_reaches: false, ..config }

@@ -107,6 +107,12 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.core.debug_read(&mut self.side, address).ok()
     }
 
+    /// Reads the word at `address`, a multiple of 4, from memory, a peripheral or the core's own space. A read of a
+    /// peripheral has all its effects. `None` where nothing answers.
+    pub fn read_word(&mut self, address: u32) -> Option<u32> {
+        self.core.debug_read(&mut self.side, address).ok()
+    }
+
     /// Fills `to` from memory at `address`.
     ///
     /// # Errors

@@ -180,7 +180,11 @@ impl ClockPower {
         self.block.raise(if asleep { SLEEPENTER } else { SLEEPEXIT }, cx);
     }
 
-    /// Makes LFCLK run on through a reset, for a watchdog that runs on.
+    pub(crate) fn is_on_lfxo(&self) -> bool {
+        self.lf == Some(Low::Crystal)
+    }
+
+    /// Keeps LFCLK running through a reset, for a watchdog that runs on.
     pub(crate) fn keep_lfclk(&mut self) {
         self.lf = Some(Low::Rc);
     }

@@ -313,6 +313,11 @@ impl Nrf52840 {
         self.soc.set_hfxo_startup(startup_ns);
     }
 
+    /// Makes both crystals faster by `ppb` parts per billion from `at` on; slower if it is negative.
+    pub fn drift<O: Outside>(&mut self, at: Cycle, ppb: i64, outside: &mut O) {
+        self.soc.drift(at, ppb, outside);
+    }
+
     /// Whether the 32 MHz crystal runs or could start.
     #[must_use]
     pub fn has_hfxo(&self) -> bool {

@@ -417,6 +417,14 @@ impl Stm32f429 {
         self.settle(at, outside);
     }
 
+    /// Makes the oscillator on OSC_IN faster by `ppb` parts per billion from `at` on; slower if it is negative.
+    pub fn drift_hse<O: Outside>(&mut self, at: Cycle, ppb: i64, outside: &mut O) {
+        self.advance(at, outside);
+        self.rcc.drift_hse(at, ppb, self.pwr.supply(), &mut self.out);
+        self.after_rcc(at, None, outside);
+        self.settle(at, outside);
+    }
+
     /// Starts the oscillator on OSC_IN at `at`, even if it was absent from the start. `HSERDY` then rises; the hardware
     /// switches nothing back by itself.
     pub fn restore_hse<O: Outside>(&mut self, at: Cycle, outside: &mut O) {

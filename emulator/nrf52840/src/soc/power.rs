@@ -162,6 +162,19 @@ impl Soc {
         }
     }
 
+    pub(crate) fn drift<O: Outside>(&mut self, at: Cycle, ppb: i64, outside: &mut O) {
+        self.come(at, outside);
+        self.settings.hfxo_ppb += ppb;
+        self.settings.lfxo_ppb += ppb;
+        if self.parts.clock_power.is_hfxo_stable() {
+            self.switch(Source::HighCrystal);
+        }
+        if self.parts.clock_power.is_on_lfxo() {
+            self.switch(Source::LowCrystal);
+        }
+        self.carry(outside);
+    }
+
     pub(crate) fn set_hfxo_startup(&mut self, startup_ns: Option<u64>) {
         self.settings.hfxo_startup_ns = startup_ns;
         self.parts.clock_power.set_hfxo_startup(startup_ns);

@@ -110,6 +110,11 @@ impl Rcc {
         self.settle(now, None, supply, out);
     }
 
+    pub(crate) fn drift_hse(&mut self, now: Cycle, ppb: i64, supply: Supply, out: &mut Effects) {
+        self.oscillators.hse_ppb += ppb;
+        self.settle(now, None, supply, out);
+    }
+
     pub(crate) fn restore_hse(&mut self, now: Cycle, supply: Supply, out: &mut Effects) {
         if self.oscillators.hse_hz.is_none() {
             self.oscillators.hse_hz = Some(8_000_000);
