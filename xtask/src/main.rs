@@ -38,6 +38,7 @@ mod speed;
 mod style;
 mod test;
 mod trace;
+mod web;
 mod workspace;
 
 use std::process::ExitCode;
@@ -67,6 +68,8 @@ enum Command {
     Gdb(gdb::GdbArgs),
     /// Run the link in real time, and show its base station's page.
     Live(LiveArgs),
+    /// Write the whole system as a page without a server, into target/web.
+    Web,
     /// Judge an event log again that `sim --events` stored.
     Judge(judge::JudgeArgs),
     /// Measure instructions per second of the core alone, and where the time of `sim` goes.
@@ -309,6 +312,7 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         Command::Sim(args) => sim::sim(&args),
         Command::Gdb(args) => gdb::gdb(&args),
         Command::Live(args) => live(&args),
+        Command::Web => web::web(),
         Command::Judge(args) => judge::run(&args),
         Command::Speed(args) => speed::speed(&args),
         Command::Run(args) => run::run(&args),
