@@ -30,6 +30,8 @@ pub mod live;
 pub mod place;
 #[cfg(feature = "recorder")]
 pub mod recorder;
+#[cfg(feature = "station")]
+pub mod station;
 
 pub use alarm::{Alarm, Change, Raised, Severity};
 pub use bundle::Bundle;

@@ -53,7 +53,7 @@ const COMPONENT: u8 = 1;
 const RATES: Rates = Rates { bytes_per_s: 6_000, period_us: 100_000, standard_us: 0 };
 
 /// The length of a step of the run, virtual ns. The run can be ended after each step.
-const PIECE: u64 = 100_000_000;
+const PIECE: u64 = bench::panel::PIECE_NS;
 
 /// The greatest lag behind real time at which a run still keeps its pace: one period of the forwarder, or a quarter of
 /// the age at which the page marks a position as old.

@@ -40,6 +40,7 @@ mod speed;
 mod style;
 mod test;
 mod trace;
+mod web;
 mod workspace;
 
 use std::process::ExitCode;
@@ -71,6 +72,8 @@ enum Command {
     Gdb(gdb::GdbArgs),
     /// Run the link in real time, and show its base station's page.
     Live(LiveArgs),
+    /// Write the whole system as a page without a server, into target/web.
+    Web,
     /// Judge an event log again that `sim --events` stored.
     Judge(judge::JudgeArgs),
     /// Measure instructions per second of the core alone, and where the time of `sim` goes.
@@ -315,6 +318,7 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         Command::Campaign(args) => campaign::campaign(&args),
         Command::Gdb(args) => gdb::gdb(&args),
         Command::Live(args) => live(&args),
+        Command::Web => web::web(),
         Command::Judge(args) => judge::run(&args),
         Command::Speed(args) => speed::speed(&args),
         Command::Run(args) => run::run(&args),

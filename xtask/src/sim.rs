@@ -307,7 +307,7 @@ fn flashed(board: crate::Board) -> Result<Vec<u8>> {
     })
 }
 
-fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Setup {
+pub(crate) fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Setup {
     let duration_ns = (args.seconds * 1e9).round() as u64;
     let to_ppb = |ppm: f64| (ppm * 1000.0).round() as i64;
     Setup {
@@ -339,6 +339,7 @@ fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Se
         trace: None,
         log: None,
         plot: None,
+        wires: false,
     }
 }
 

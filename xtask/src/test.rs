@@ -71,10 +71,14 @@ fn only(name: &str, test: Option<&String>) -> Result<ExitCode> {
         firmware::build_dpr_with_hold(gps)?;
     }
     firmware::build_hold()?;
+    if name == "xtask" {
+        crate::web::write()?;
+    }
     for (args, module) in selected {
         let cargo_test = || {
             let mut command = cargo();
             command.args(["test", "--quiet"]).args(&args).arg("--").env("LINK_IMAGES", firmware::folder());
+            command.env("LINK_WEB", crate::web::folder());
             command
         };
         let mut command = cargo_test();
@@ -123,6 +127,7 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
             code if code == ExitCode::SUCCESS => Ok(()),
             _ => anyhow::bail!("over budget"),
         });
+        steps.run("the page without a server builds", || crate::web::write().map(drop));
         steps.run("the speed of the bench", crate::speed::check);
         steps.run("a sample of the defects", crate::defects::sample);
         // Tests that run both firmwares need the firmwares' folder. Without it they would be skipped, or fail if CI is
@@ -130,7 +135,7 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
         let images = firmware::folder();
         steps.run("host tests", || {
             let args = ["test", "--quiet", "--no-fail-fast", "--workspace", "--features", "xtask/live,xtask/probe"];
-            check("cargo test", cargo().args(args).env("LINK_IMAGES", &images))
+            check("cargo test", cargo().args(args).env("LINK_IMAGES", &images).env("LINK_WEB", crate::web::folder()))
         });
         steps.run("host tests of the DPR with the port of a hold", || {
             check("cargo test", cargo().args(["test", "--quiet", "--package", "dpr-fw", "--features", "hold"]))

@@ -15,7 +15,6 @@
 //! Bounded queues connect the threads. A full queue drops the newest item. The page shows how many items were dropped.
 
 pub mod broker;
-pub mod history;
 pub mod lines;
 pub mod mouths;
 pub mod page;
@@ -25,7 +24,6 @@ pub mod serve;
 pub mod server;
 pub mod tls;
 
-use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -34,12 +32,12 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use tokio::sync::watch;
 
-use crate::carrier::mavlink::commander::CommandRecord;
 use crate::carrier::mavlink::{Verifier, Voice};
-use crate::intake::{Carried, Intake, Kind};
-use crate::recorder::{Files, Made, Record, Sample, Trouble};
+use crate::intake::{Carried, Intake};
+use crate::recorder::{Files, Record, Sample};
+use crate::station::history::History;
+pub use crate::station::{KEPT_CHANGES, KEPT_COMMANDS, StationData, history};
 use crate::{Bundle, Change, DroneId, Verdict, export};
-use history::History;
 use mouths::Mouths;
 pub use recording::Recording;
 
@@ -48,12 +46,6 @@ pub const TICK: Duration = Duration::from_millis(20);
 
 /// The greatest number of arrivals that may wait: those of a thousand drones at 10 Hz in six seconds.
 const WAITING: usize = 65_536;
-
-/// The number of alarm changes that are kept for the page.
-pub const KEPT_CHANGES: usize = 100;
-
-/// The number of commands to holds that are kept for the page.
-pub const KEPT_COMMANDS: usize = 100;
 
 const UNPUBLISHED_US: u64 = 5_000_000;
 
@@ -152,53 +144,6 @@ impl Inlet {
     #[must_use]
     pub fn push(&self, event: Event) -> bool {
         self.to.send(event).is_ok()
-    }
-}
-
-/// The state of a station.
-#[derive(Debug, Default)]
-pub struct StationData {
-    /// All lines and drones from which data arrive.
-    pub intake: Intake,
-    /// The last minutes of all drones.
-    pub history: History,
-    /// The alarms of all drones that began or ended, the newest last: at most [`KEPT_CHANGES`].
-    pub alarms: VecDeque<(DroneId, Change)>,
-    /// The station's commands to holds with their present states, the newest last: at most [`KEPT_COMMANDS`].
-    pub commands: VecDeque<CommandRecord>,
-    /// The lines that do not work, each with its error.
-    pub lines: Vec<(String, String)>,
-    /// The files of the recording, if there is one.
-    pub recording: Option<Made>,
-    /// The reason why nothing is recorded, although a recording was requested.
-    pub recorder: Option<Trouble>,
-    /// The station's own messages, if enabled.
-    pub voice: Option<Voice>,
-    /// The instant, µs, up to which every event has been taken into the state.
-    pub now_us: u64,
-}
-
-impl StationData {
-    fn note(&mut self, drone: DroneId, change: Change) {
-        if self.alarms.len() == KEPT_CHANGES {
-            self.alarms.pop_front();
-        }
-        self.alarms.push_back((drone, change));
-    }
-
-    fn note_command(&mut self, told: CommandRecord) {
-        if let Some(known) = self.commands.iter_mut().find(|known| known.is_of(&told)) {
-            *known = told;
-            return;
-        }
-        if self.commands.len() == KEPT_COMMANDS {
-            self.commands.pop_front();
-        }
-        self.commands.push_back(told);
-    }
-
-    fn look(&mut self) {
-        self.history.look(self.now_us, self.intake.fleet());
     }
 }
 
@@ -337,14 +282,7 @@ fn run(
                             outlet.offer(drone, carried.at_us, bundle, verdicts);
                         }
                     };
-                    let judged = known.intake.take_each(&carried, |_, _| true, hand_on);
-                    known.now_us = known.now_us.max(carried.at_us);
-                    known.look();
-                    if let (Some(voice), Kind::MavlinkDatagrams, Ok(from)) =
-                        (&mut known.voice, carried.kind, carried.from.parse())
-                    {
-                        voice.heard(carried.line, from, carried.at_us);
-                    }
+                    let judged = known.take(&carried, hand_on);
                     if let Some(recording) = recording {
                         let samples = Sample::of(&judged, known.intake.fleet());
                         recording.carried(carried, judged, samples);
@@ -376,10 +314,8 @@ fn run(
         if ticked.elapsed() >= TICK {
             ticked = Instant::now();
             let now_us = time.now_us().max(known.now_us);
-            known.now_us = now_us;
-            for (drone, change) in known.intake.tick(now_us) {
+            for (drone, change) in known.tick(now_us) {
                 told(drone, change);
-                known.note(drone, change);
                 if let Some(recording) = recording {
                     recording.alarm(drone, change);
                 }

@@ -1,9 +1,12 @@
 //! Runs the whole link with a debugger at one board. The run halts when that board halts.
 
+use std::io::Write;
+
+use bench_judge::LogWriter;
 use cortex_m4::Cost;
 use st25r3916_model::AirEvent;
 
-use super::{Bench, Error, Observer, Outcome, Outputs, STEP, Setup};
+use super::{Bench, Error, Observer, Outcome, Outputs, Programs, STEP, Setup, unwritten};
 use crate::boards::{Dpr, Horus};
 use crate::faults::Faults;
 use emulator_node::{Course, Node, Way};
@@ -25,7 +28,25 @@ impl<C: Cost> Debugged<C> {
     ///
     /// The errors are those of [`super::run`].
     pub fn new(setup: &Setup) -> Result<Self, Error> {
-        let mut bench = Bench::new(setup)?;
+        Self::begin(setup, Bench::new(setup)?)
+    }
+
+    /// Returns the bench at power-on with these firmwares in place of the ELF files of `setup`. The event log is written
+    /// to `log`, as [`Setup::log`] would have it in a file.
+    ///
+    /// # Errors
+    ///
+    /// The errors are those of [`Bench::with`] and of `log`.
+    pub fn with(setup: &Setup, programs: &Programs, log: Box<dyn Write>) -> Result<Self, Error> {
+        let mut bench = Bench::with(setup, programs)?;
+        bench.keep_log();
+        let log = LogWriter::new(log, bench.relay.downstream.header()).map_err(|source| unwritten(setup, source))?;
+        let mut run = Self::begin(setup, bench)?;
+        run.kept.stored = Some(log);
+        Ok(run)
+    }
+
+    fn begin(setup: &Setup, mut bench: Bench<C>) -> Result<Self, Error> {
         let kept = Outputs::begin(setup, &mut bench)?;
         let course = Course::new(bench.relay.b.now(), setup.duration_ns, STEP);
         Ok(Self { bench, course, kept, end: setup.duration_ns })

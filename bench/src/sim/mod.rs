@@ -14,13 +14,16 @@ pub mod flips;
 mod hold;
 mod marks;
 pub mod phases;
+#[cfg(feature = "plot")]
+mod picture;
 mod recorder;
+#[cfg(feature = "speed")]
 pub mod speed;
 pub mod telemetry;
 mod upstream;
 
 use std::fs::File;
-use std::io::{BufWriter, ErrorKind, Write};
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -29,7 +32,7 @@ use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
 use emulator_part::Part;
 use gnss_sim::{Flight, LogError, Port, Receiver};
 use nrf52840::{Nrf52840, Settings};
-use profile::{Layout, Uplink};
+use profile::Uplink;
 use st25r3916_model::Chip;
 /// The settings of a front end's chip.
 pub use st25r3916_model::Config as FrontEndConfig;
@@ -37,9 +40,8 @@ use stm32f429::{Oscillators, Stm32f429};
 
 use crate::boards::{self, Dpr, Horus};
 use crate::faults::{Faults, Rng};
-use crate::plot::History;
 use crate::report::{self, Report};
-use crate::trace::{self, TaskWatch, Trace};
+use crate::trace::{self, Mark, TaskWatch, Trace};
 use crate::world::flight_controller::{self, Schedule};
 use crate::world::{BaseStation, FlightController};
 pub use debugged::Debugged;
@@ -63,6 +65,32 @@ pub struct Images {
     pub horus: PathBuf,
     /// The DPR's ELF file.
     pub dpr: PathBuf,
+}
+
+/// The firmwares of a run, as they are loaded into the boards.
+#[derive(Clone, Debug)]
+pub struct Programs {
+    /// HORUS's firmware.
+    pub horus: Firmware,
+    /// The DPR's firmware.
+    pub dpr: Firmware,
+    /// The firmware of the active hold, if there is one.
+    pub hold: Option<Firmware>,
+}
+
+impl Programs {
+    /// Reads the ELF files of `setup`.
+    ///
+    /// # Errors
+    ///
+    /// An ELF file cannot be read.
+    pub fn read(setup: &Setup) -> Result<Self, Error> {
+        Ok(Self {
+            horus: Firmware::read(&setup.images.horus)?,
+            dpr: Firmware::read(&setup.images.dpr)?,
+            hold: setup.hold.as_deref().map(Firmware::read).transpose()?,
+        })
+    }
 }
 
 /// The memory that both boards keep without supply, as an earlier [`emulator_debug_port::Wire::kept`] returned it.
@@ -131,8 +159,10 @@ pub struct Setup {
     pub trace: Option<PathBuf>,
     /// The file that stores the event log.
     pub log: Option<PathBuf>,
-    /// The SVG file of the flight's picture.
+    /// The SVG file of the flight's picture. A bench without the feature `plot` ignores it.
     pub plot: Option<PathBuf>,
+    /// Whether the observer gets the changes of the wires.
+    pub wires: bool,
 }
 
 impl Setup {
@@ -161,6 +191,7 @@ impl Setup {
             trace: None,
             log: None,
             plot: None,
+            wires: false,
         }
     }
 }
@@ -198,8 +229,12 @@ pub trait Observer {
         None
     }
 
-    /// The length, virtual ns, of the pieces into which the run is divided: a multiple of 10 ms. By default there is
-    /// one piece.
+    /// The changes of the wires since the last call, which may be slightly out of order, if [`Setup::wires`] is set.
+    fn wires(&mut self, marks: &[Mark]) {
+        let _ = marks;
+    }
+
+    /// The length of a piece of the run, virtual ns: a multiple of 10 ms. By default the run has one piece.
     fn piece_ns(&self) -> u64 {
         u64::MAX
     }
@@ -293,17 +328,16 @@ pub struct Finished {
 fn switched_on<B: Board, C: Cost>(
     mut part: B::Part,
     board: B,
-    image: &Path,
+    firmware: &Firmware,
     kept: Option<&Vec<u8>>,
 ) -> Result<Node<B, C>, Error>
 where
     B::Part: emulator_debug_port::Debugged,
 {
-    let firmware = Firmware::read(image)?;
-    let Some(kept) = kept else { return Ok(Node::new(part, board, &firmware)?) };
+    let Some(kept) = kept else { return Ok(Node::new(part, board, firmware)?) };
     emulator_debug_port::restore(&mut part, kept)
         .ok_or(node::Error::OtherFlash { part: <B::Part as Part>::NAME, length: kept.len() })?;
-    Ok(Node::programmed_with(part, board, &firmware)?)
+    Ok(Node::programmed_with(part, board, firmware)?)
 }
 
 impl<C: Cost> Bench<C> {
@@ -313,10 +347,19 @@ impl<C: Cost> Bench<C> {
     ///
     /// An ELF file cannot be loaded, or a recording cannot be played.
     pub fn new(setup: &Setup) -> Result<Self, Error> {
+        Self::with(setup, &Programs::read(setup)?)
+    }
+
+    /// Returns the bench at power-on with these firmwares in place of the ELF files of `setup`.
+    ///
+    /// # Errors
+    ///
+    /// A firmware does not fit into its board, or a recording cannot be played.
+    pub fn with(setup: &Setup, programs: &Programs) -> Result<Self, Error> {
         let flight = Arc::new(Flight::new(setup.seed, setup.duration_ns as f64 / 1e9));
         let receivers = receivers(setup, &flight)?;
         let recorded = setup.recordings.iter().any(Option::is_some);
-        let traced = setup.trace.is_some();
+        let traced = setup.trace.is_some() || setup.wires;
         let Crystals { horus_ppb, dpr_ppb, flight_controller_ppb, hold_ppb } = setup.crystals;
         // ST's expansion boards supply the front end's chip from the 5 V of their header.
         let chip = |crystal_ppb, seed| {
@@ -332,13 +375,13 @@ impl<C: Cost> Bench<C> {
         }
         let mut dpr = Dpr::new(chip(dpr_ppb, !setup.seed), traced);
         let mut hold = None;
-        if let Some(image) = &setup.hold {
+        if let Some(firmware) = &programs.hold {
             let [port, own, of_hold] = [1, 2, 3].map(|stream| Rng::stream(setup.seed, 0x4100 + stream).word());
             let front_ends = FrontEndConfig { answers: true, ..setup.front_ends.clone() };
             let port = Chip::new(FrontEndConfig { crystal_ppb: dpr_ppb, seed: port, vdd_mv: 5000, ..front_ends });
             dpr = dpr.with_hold_port(port);
             let board = boards::Hold::new(chip(hold_ppb, own), of_hold);
-            hold = Some(Beside::new(switched_on(nrf(hold_ppb, of_hold), board, image, None)?, setup.seed));
+            hold = Some(Beside::new(switched_on(nrf(hold_ppb, of_hold), board, firmware, None)?, setup.seed));
         }
         let mut config = flight_controller::Config {
             crystal_ppb: flight_controller_ppb,
@@ -364,8 +407,8 @@ impl<C: Cost> Bench<C> {
             hold,
         };
         let flashed = |part: fn(&Flashed) -> &Vec<u8>| setup.flashed.as_ref().map(part);
-        let a = switched_on(stm32, horus, &setup.images.horus, flashed(|flashed| &flashed.horus))?;
-        let mut b = switched_on(nrf(dpr_ppb, setup.seed), dpr, &setup.images.dpr, flashed(|flashed| &flashed.dpr))?;
+        let a = switched_on(stm32, horus, &programs.horus, flashed(|flashed| &flashed.horus))?;
+        let mut b = switched_on(nrf(dpr_ppb, setup.seed), dpr, &programs.dpr, flashed(|flashed| &flashed.dpr))?;
         b.input(|part, _, _| part.wire_spis(boards::SSI));
         let upstream = Receivers::new(receivers, config.layout(), &setup.faults, setup.seed);
         let relay = Relay { a, b, upstream, downstream: Link::new(surroundings, &setup.faults) };
@@ -564,8 +607,9 @@ fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome
 struct Outputs {
     setup: Setup,
     trace: Option<Trace>,
-    stored: Option<LogWriter<BufWriter<File>>>,
-    plotted: Option<Plot>,
+    stored: Option<LogWriter<Box<dyn Write>>>,
+    #[cfg(feature = "plot")]
+    plotted: Option<picture::Picture>,
     logs: Vec<(&'static str, String)>,
 }
 
@@ -577,12 +621,19 @@ impl Outputs {
             Some(path) => {
                 let file = File::create(path).map_err(unwritten)?;
                 let header = bench.relay.downstream.header();
-                Some(LogWriter::new(BufWriter::new(file), header).map_err(unwritten)?)
+                let file: Box<dyn Write> = Box::new(BufWriter::new(file));
+                Some(LogWriter::new(file, header).map_err(unwritten)?)
             }
             None => None,
         };
-        let plotted = setup.plot.as_deref().map(|path| Plot::create(path, setup)).transpose()?;
-        Ok(Self { setup: setup.clone(), trace, stored, plotted, logs: vec![] })
+        Ok(Self {
+            trace,
+            stored,
+            #[cfg(feature = "plot")]
+            plotted: setup.plot.as_deref().map(|path| picture::Picture::create(path, setup)).transpose()?,
+            setup: setup.clone(),
+            logs: vec![],
+        })
     }
 
     fn take<C: Cost>(
@@ -600,6 +651,7 @@ impl Outputs {
             self.logs.push((board, line));
         }
         let marks = link.take_marks(dpr);
+        observer.wires(&marks);
         if let Some(trace) = &mut self.trace {
             trace.take(marks);
             trace.flush_before(reached)?;
@@ -608,8 +660,9 @@ impl Outputs {
             if let Some(stored) = &mut self.stored {
                 stored.take(&event).map_err(|source| unwritten(&self.setup, source))?;
             }
+            #[cfg(feature = "plot")]
             if let Some(plotted) = &mut self.plotted {
-                plotted.history.take(&event);
+                plotted.take(&event);
             }
         }
         for (at, image) in link.take_images() {
@@ -629,7 +682,7 @@ impl Outputs {
     }
 
     fn finish<C: Cost>(self, bench: Bench<C>, reached: u64) -> Result<Outcome, Error> {
-        let Self { setup, trace, stored, plotted, logs } = self;
+        let Self { setup, trace, stored, logs, .. } = self;
         let Finished { report, verdict, log, base, phases } = bench.finish(reached);
         if let Some(trace) = trace {
             trace.finish()?;
@@ -641,8 +694,9 @@ impl Outputs {
             }
             stored.finish().map_err(unwritten)?;
         }
-        if let Some(mut plotted) = plotted {
-            log.events.iter().for_each(|event| plotted.history.take(event));
+        #[cfg(feature = "plot")]
+        if let Some(mut plotted) = self.plotted {
+            log.events.iter().for_each(|event| plotted.take(event));
             plotted.write(&setup)?;
         }
         Ok(Outcome { report, verdict, base, logs, phases })
@@ -651,31 +705,6 @@ impl Outputs {
 
 fn unwritten(setup: &Setup, source: std::io::Error) -> Error {
     Error::Log { path: setup.log.clone().unwrap_or_default(), source }
-}
-
-struct Plot {
-    path: PathBuf,
-    file: File,
-    history: History,
-}
-
-impl Plot {
-    fn create(path: &Path, setup: &Setup) -> Result<Self, Error> {
-        let unwritten = |source: std::io::Error| Error::Plot { path: path.to_owned(), source: source.into() };
-        let title = format!("{} receivers, seed {}, {} clock", setup.gps, setup.seed, setup.clock);
-        let layout = Layout::for_receivers(setup.gps).ok_or_else(|| unwritten(ErrorKind::InvalidInput.into()))?;
-        let file = File::create(path).map_err(unwritten)?;
-        Ok(Self { path: path.to_owned(), file, history: History::new(layout, title) })
-    }
-
-    fn write(mut self, setup: &Setup) -> Result<(), Error> {
-        let recorded = setup.recordings.iter().any(Option::is_some);
-        let flight = (!recorded).then(|| Flight::new(setup.seed, setup.duration_ns as f64 / 1e9));
-        let drawn = self.history.svg(flight.as_ref()).map_err(|error| error.to_string().into());
-        drawn
-            .and_then(|svg: String| Ok(self.file.write_all(svg.as_bytes())?))
-            .map_err(|source| Error::Plot { path: self.path, source })
-    }
 }
 
 /// Returns `config` for the link, on which frames that the settings cannot send or receive are lost.

@@ -14,6 +14,7 @@ use super::Error;
 
 /// A symbol of a firmware image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "pack", derive(serde::Serialize, serde::Deserialize))]
 pub struct Symbol {
     /// The symbol's address. For a function it is that of its first instruction, with the Thumb bit clear.
     pub address: u64,
@@ -22,26 +23,26 @@ pub struct Symbol {
 }
 
 #[derive(Clone, Debug)]
-struct Function {
-    start: u64,
-    size: u64,
-    name: String,
+pub(crate) struct Function {
+    pub(crate) start: u64,
+    pub(crate) size: u64,
+    pub(crate) name: String,
 }
 
 /// One firmware image, read once and shared by every node that runs it.
 #[derive(Clone, Debug)]
 pub struct Firmware(Arc<Contents>);
 
-#[derive(Debug)]
-struct Contents {
-    name: String,
-    elf: Vec<u8>,
-    segments: Vec<(u64, Vec<u8>)>,
-    symbols: BTreeMap<String, Symbol>,
-    functions: Vec<Function>,
-    log: Option<defmt_decoder::Table>,
+#[derive(Debug, Default)]
+pub(crate) struct Contents {
+    pub(crate) name: String,
+    pub(crate) elf: Vec<u8>,
+    pub(crate) segments: Vec<(u64, Vec<u8>)>,
+    pub(crate) symbols: BTreeMap<String, Symbol>,
+    pub(crate) functions: Vec<Function>,
+    pub(crate) log: Option<defmt_decoder::Table>,
     /// Why the table of log messages cannot be read, if the image has one.
-    log_error: Option<String>,
+    pub(crate) log_error: Option<String>,
 }
 
 impl Firmware {
@@ -129,15 +130,16 @@ impl Firmware {
     /// Makes an image of bytes at addresses, without symbols, for tests with a few hand-assembled instructions.
     #[must_use]
     pub fn raw(name: &str, segments: Vec<(u64, Vec<u8>)>) -> Self {
-        Self(Arc::new(Contents {
-            name: name.to_owned(),
-            elf: Vec::new(),
-            segments,
-            symbols: BTreeMap::new(),
-            functions: Vec::new(),
-            log: None,
-            log_error: None,
-        }))
+        Self::of(Contents { name: name.to_owned(), segments, ..Contents::default() })
+    }
+
+    pub(crate) fn of(contents: Contents) -> Self {
+        Self(Arc::new(contents))
+    }
+
+    #[cfg(feature = "pack")]
+    pub(crate) fn contents(&self) -> &Contents {
+        &self.0
     }
 
     /// The image's name in reports, which is that of the ELF file.

@@ -48,6 +48,8 @@ mod hold;
 mod input;
 mod leads;
 mod memory;
+#[cfg(feature = "pack")]
+mod packed;
 mod pair;
 mod probe;
 mod relay;

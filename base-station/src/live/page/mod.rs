@@ -6,7 +6,7 @@
 //!
 //! **Pushed.** Server-sent events come at most every [`PUSH`]. Each has a whole state, made when the connection can
 //! accept it. So a slow reader gets fewer states, never old ones, and no queue grows. The first state of a connection
-//! includes the drone's last ten minutes ([`history`](super::history)), at most 150 kB. A browser allows six
+//! includes the drone's last ten minutes ([`history`](crate::station::history)), at most 150 kB. A browser allows six
 //! connections to one host, so its tabs share one (`stream.js`).
 //!
 //! **Nothing from elsewhere.** HTML, style and script are in the binary, and the content security policy allows no
@@ -14,8 +14,6 @@
 //! numbers. So no foreign page can reach the station through a name that resolves to this machine. Only this page may
 //! request changes.
 
-mod hold;
-mod state;
 #[cfg(test)]
 mod tests;
 
@@ -43,8 +41,8 @@ use super::{Station, StationData};
 use crate::carrier::mavlink::Voice;
 use crate::carrier::mavlink::commander;
 use crate::carrier::mavlink::voice::NotSent;
+use crate::station::state::{self, Playback, With};
 use crate::{DroneId, Fleet};
-use state::With;
 
 /// The shortest time between two states: about a screen's refresh.
 pub const PUSH: Duration = Duration::from_millis(16);
@@ -188,16 +186,25 @@ fn value<'a>(query: Option<&'a str>, name: &str) -> Option<Cow<'a, str>> {
     parts(query).find_map(|(is, value)| (is == name).then_some(value))
 }
 
+fn json(page: &Page, drone: Option<&str>, asked: &str, with: With) -> String {
+    let playback = page.player.as_ref().map(|player| {
+        let (first_us, last_us) = player.span_us();
+        let seconds = |us: u64| us.saturating_sub(first_us) as f64 / 1e6;
+        // The number is read first, so that the state includes all changes that it counts.
+        let changes = player.changes();
+        let now_us = player.now_us();
+        Playback { speed: player.speed(), at_s: seconds(now_us), length_s: seconds(last_us), changes, now_us }
+    });
+    let known = page.station.known();
+    let state = state::state(&known, page.station.dropped(), playback, drone, asked, with);
+    drop(known);
+    serde_json::to_string(&state).unwrap_or_default()
+}
+
 async fn state_once(State(page): State<Page>, RawQuery(query): RawQuery) -> impl IntoResponse {
     let drone = value(query.as_deref(), "drone");
     let with = With { list: true, history: false };
-    let state = state::json(
-        &page.station,
-        page.player.as_deref(),
-        drone.as_deref(),
-        drone.as_deref().unwrap_or_default(),
-        with,
-    );
+    let state = json(&page, drone.as_deref(), drone.as_deref().unwrap_or_default(), with);
     ([(header::CONTENT_TYPE, "application/json")], state)
 }
 
@@ -228,7 +235,7 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
         if shown.is_none() {
             *shown = page.station.known().intake.fleet().iter().next().map(|(id, _)| id.to_string());
         }
-        let state = state::json(&page.station, page.player.as_deref(), shown.as_deref(), name, *with);
+        let state = json(&page, shown.as_deref(), name, *with);
         *next = (*next + 1) % drones.len();
         let event = Ok::<_, Infallible>(Event::default().retry(RETRY).data(state));
         let permit: OwnedSemaphorePermit = permit;

@@ -30,9 +30,10 @@ let clock = -Infinity;         // the station's time of the last state, which sh
 
 function connect() {
   const ask = wanted === null ? "" : wanted;
-  if (window.SharedWorker) {
+  // Where there is no server, the station is in a worker, and its states come through a port (bench/web/page).
+  if (window.stationPort || window.SharedWorker) {
     if (!source) {
-      source = new SharedWorker("/stream.js").port;
+      source = window.stationPort || new SharedWorker("/stream.js").port;
       source.onmessage = ({ data }) => {
         if (data.what === "state") take(data.data);
         else if (data.what === "open") opened = true;

@@ -4,13 +4,16 @@
 const EVERY_MS = 250;
 const LINES = 1000;
 
+// Where there is no server, the page around this one has the bench (bench/web/page).
+const request = parent.askPanel || fetch;
+
 const element = (id) => document.getElementById(id);
 let next = 0;
 let shown = "";
 
 async function command(what) {
   try {
-    const answer = await fetch(what, { method: "POST" });
+    const answer = await request(what, { method: "POST" });
     element("answer").textContent = answer.ok ? "" : await answer.text();
   } catch {
     element("answer").textContent = "the bench does not answer";
@@ -26,7 +29,7 @@ function button(words, act) {
 }
 
 async function things() {
-  const all = await (await fetch("/things")).json();
+  const all = await (await request("/things")).json();
   element("things").replaceChildren(...all.map((thing) => button(thing.words, () => {
     const lasts = thing.how === "lasting" && element("until").checked;
     const long = lasts || thing.how === "once" ? "" : "&seconds=" + element("seconds").value;
@@ -51,7 +54,7 @@ function showBroken(broken) {
 
 async function look() {
   try {
-    const state = await (await fetch("/state?from=" + next)).json();
+    const state = await (await request("/state?from=" + next)).json();
     next = state.next;
     element("now").textContent = state.now_s.toFixed(1) + " s";
     showBroken(state.broken);

@@ -4,7 +4,7 @@ use profile::ResetReason;
 use profile::hold::Outcome;
 use serde::Serialize;
 
-use super::super::{StationData, history};
+use super::{StationData, history};
 use crate::carrier::mavlink::commander::{self, CommandRecord};
 use crate::drone::hold::{HoldState, Presence};
 use crate::drone::words;

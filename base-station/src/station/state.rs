@@ -3,29 +3,13 @@
 use profile::ResetReason;
 use serde::Serialize;
 
-use super::super::playback::Player;
-use super::super::{Station, StationData, history};
 use super::hold::{self, Hold};
+use super::{StationData, history};
 use crate::alarm::Alarms;
 use crate::carrier::mavlink::Voice;
 use crate::carrier::mavlink::voice::{Sending, State as Outcome};
 use crate::drone::words;
 use crate::{Alarm, Drone, DroneId, Fleet, Severity};
-
-#[derive(Serialize)]
-struct State {
-    now_us: u64,
-    asked: String,
-    playback: Option<Playback>,
-    station: About,
-    drones: Option<Vec<Line>>,
-    log: Option<Vec<Change>>,
-    drone: Option<Detail>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    history: Option<Vec<Sample>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    hold_history: Option<Vec<hold::Sample>>,
-}
 
 /// An alarm that began or ended: instant (ms since 1970), drone, alarm, whether it is critical, whether it began.
 #[derive(Serialize)]
@@ -36,13 +20,20 @@ struct Change(u64, String, &'static str, bool, bool);
 #[derive(Serialize)]
 struct Sample(u64, Option<[f64; 2]>, Vec<Option<[f64; 2]>>, Option<f32>, Option<f32>, Option<u8>);
 
-#[derive(Serialize)]
-struct Playback {
-    speed: f64,
-    at_s: f64,
-    length_s: f64,
-    /// The number of changes of pace or instant so far. From it the page knows which states include its own change.
-    changes: u64,
+/// The pace and the instant of a playback.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Playback {
+    /// The pace as a multiple of real time.
+    pub speed: f64,
+    /// The instant, s from the recording's begin. During a jump back the station is behind it.
+    pub at_s: f64,
+    /// The length of the recording, s.
+    pub length_s: f64,
+    /// The number of changes of pace or instant. By it the page knows which states include its own change.
+    pub changes: u64,
+    /// The instant, µs since 1970.
+    #[serde(skip)]
+    pub now_us: u64,
 }
 
 #[derive(Serialize)]
@@ -207,23 +198,43 @@ struct Counts {
     restarts: u64,
 }
 
+/// What a state has beside the details of one drone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct With {
-    pub(super) list: bool,
-    pub(super) history: bool,
+pub struct With {
+    /// Whether the state has the list of all drones and of the alarms that began or ended.
+    pub list: bool,
+    /// Whether the state has the last minutes of the drone.
+    pub history: bool,
 }
 
-/// Returns the state in JSON, as the answer to the query `asked`. The details are those of `drone`, or of the first
-/// drone if `drone` is `None`.
-pub(super) fn json(station: &Station, player: Option<&Player>, drone: Option<&str>, asked: &str, with: With) -> String {
-    let known = station.known();
-    let state = State { asked: asked.to_owned(), ..state(&known, station.dropped(), player, drone, with) };
-    drop(known);
-    serde_json::to_string(&state).unwrap_or_default()
+/// The state as the page gets it.
+#[derive(Serialize)]
+pub struct State {
+    now_us: u64,
+    asked: String,
+    playback: Option<Playback>,
+    station: About,
+    drones: Option<Vec<Line>>,
+    log: Option<Vec<Change>>,
+    drone: Option<Detail>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    history: Option<Vec<Sample>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    hold_history: Option<Vec<hold::Sample>>,
 }
 
-fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Option<&str>, with: With) -> State {
-    let now_us = player.map_or(known.now_us, |player| player.now_us().max(known.now_us));
+/// Returns the state as the answer to the query `asked`. It has the details of `drone`, or of the first drone if
+/// `drone` is `None`. The number of arrivals that were dropped is `dropped`.
+#[must_use]
+pub fn state(
+    known: &StationData,
+    dropped: u64,
+    playback: Option<Playback>,
+    drone: Option<&str>,
+    asked: &str,
+    with: With,
+) -> State {
+    let now_us = playback.map_or(known.now_us, |playback| playback.now_us.max(known.now_us));
     let fleet = known.intake.fleet();
     let line = |(id, drone): (DroneId, &Drone)| {
         let alarms = drone.alarms_at(now_us);
@@ -238,7 +249,7 @@ fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Opti
             place: valid.map(|held| [held.values.latitude, held.values.longitude]),
         }
     };
-    let shown = drone.map_or_else(|| fleet.iter().next(), |drone| asked(fleet, drone));
+    let shown = drone.map_or_else(|| fleet.iter().next(), |drone| named(fleet, drone));
     let refused = known.intake.refused();
     let change = |(id, change): &(DroneId, crate::Change)| {
         let (words, critical) = (change.alarm.words(), change.alarm.severity() == Severity::Critical);
@@ -246,16 +257,8 @@ fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Opti
     };
     State {
         now_us,
-        asked: String::new(),
-        playback: player.map(|player| {
-            let (first_us, last_us) = player.span_us();
-            let seconds = |us: u64| us.saturating_sub(first_us) as f64 / 1e6;
-            // The count of changes is read before the state, so that the state includes all changes that it counts.
-            let changes = player.changes();
-            // The displayed instant is the player's, because during a jump back the station is behind it.
-            let at_s = seconds(player.now_us());
-            Playback { speed: player.speed(), at_s, length_s: seconds(last_us), changes }
-        }),
+        asked: asked.to_owned(),
+        playback,
         station: About {
             lines: known.lines.clone(),
             recording: known
@@ -294,8 +297,8 @@ fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Opti
     }
 }
 
-/// Returns the drone of this name. If that drone is gone, returns another sender with its id.
-pub(super) fn asked<'a>(fleet: &'a Fleet, name: &str) -> Option<(DroneId, &'a Drone)> {
+/// Returns the drone of this name. If that one is gone, returns another sender with its id.
+fn named<'a>(fleet: &'a Fleet, name: &str) -> Option<(DroneId, &'a Drone)> {
     let who = |id: DroneId| id.who.to_string();
     fleet.iter().find(|(id, _)| id.to_string() == name).or_else(|| {
         let is_sender = |rest: &str| rest.strip_prefix('-').is_some_and(|number| number.parse::<u8>().is_ok());
