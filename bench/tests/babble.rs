@@ -207,7 +207,8 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
         }
         let images = u32::try_from((EPISODE.end - EPISODE.start) / (10 * MS)).unwrap();
         let expected = match conduct {
-            // Noise contains neither request nor object. Each transaction therefore counts one violation for each.
+            // Noise contains neither request nor object. Each transaction therefore counts one violation for the
+            // request and one for the object.
             Conduct::RunsAway => 3..=3,
             Conduct::RandomBytes => 225..=225,
             // The requested windows do not exist, and the bytes in place of an object are no object.

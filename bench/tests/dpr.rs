@@ -125,7 +125,8 @@ fn an_undriven_mosi_reads_the_image_and_violates_nothing() {
     pass(&mut node, 50 * MS);
     let (mut read, mut silent) = (0, 0);
     while node.now() < 1_000 * MS {
-        // These numbers of bytes are a whole image, less than a request, and less than the most that can be written.
+        // The transactions have the length of a whole image, less than a request, and less than the most that can be
+        // written.
         let bytes = [layout().image_len(), 96, 7, 32, 8, 1][read as usize % 6];
         let miso = transact(&mut node, bytes, 0xFF);
         if bytes >= 32 {

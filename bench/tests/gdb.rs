@@ -464,7 +464,7 @@ fn a_session_of_the_real_gdb_leaves_the_run_as_it_is() {
         "backtrace 1",
         "info registers pc xpsr msp d0 fpscr",
         "print $s0",
-        // The editor extension cortex-debug sends these commands when it attaches.
+        // These gdb commands are sent by the editor extension cortex-debug when it attaches.
         "monitor halt",
         // These commands read the images in RAM, and the first words of flash.
         &format!("x/4xw {images:#x}"),

@@ -195,7 +195,8 @@ fn both_watchdogs_run_two_microseconds_after_a_reset_on_every_clock() {
     assert!(clocks.into_iter().flatten().all(|from| from <= 1_500), "{clocks:?}");
 }
 
-/// Instants after a reset, ns. At the first both watchdogs run; the later ones are during the start.
+/// Instants of a hang after a reset, ns. At the first instant both boards' watchdogs run; at the others the boards are
+/// still starting.
 const IN_START: [u64; 3] = [WATCHDOG_STARTS, 300 * US, 2_900 * US];
 
 #[test]
@@ -375,8 +376,7 @@ fn a_receiver_excluded_before_the_watchdog_bites_is_still_excluded_after_it() {
     let (_, excluded, before) = sent[restarted - 1];
     assert!(excluded && before.state() == Some(HorusState::Monitoring), "{before:?}");
     assert_eq!(before.reset_reason(), Some(ResetReason::PowerOn));
-    // The restart was so recent that no receiver has sent a message since. The exclusion must therefore be the earlier
-    // one.
+    // No receiver has sent a message since the restart. HORUS must therefore have kept the exclusion over it.
     let (_, excluded, after) = sent[restarted];
     assert!(excluded && !after.position_valid(), "{after:?}");
     assert_eq!((after.state(), after.reset_reason()), (Some(HorusState::Starting), Some(ResetReason::Watchdog)));

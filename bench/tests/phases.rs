@@ -69,7 +69,7 @@ fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64
 /// `last`.
 fn around_a_publication(gps: usize, frame: usize, last: i64, clock: Clock, crystals: (i64, i64)) {
     let whole = Placement { edge: Edge::Rises, after_ns: 0, bytes: None };
-    // This transaction comes 0.7 ms later, so it reads the image that was published.
+    // The last transaction comes 0.7 ms after the phase, and reads the image that was published.
     let witness = falls(700 * US, 96);
     let patterns = vec![vec![whole, falls(GAP, 96), witness], vec![falls(0, 96), witness]];
     holds(gps, Sweep { frame, from_ns: FIRST, to_ns: last, step_ns: 100, patterns }, clock, crystals);
@@ -106,8 +106,8 @@ fn what_the_dpr_does_once_a_second_holds_no_transaction_up() {
         let pair = |at: i64| [falls(at, 8), falls(at + i64::from(timing::SPACING_NS) + gap, 8)];
         (0..7).flat_map(|place| pair(place * 650 * US)).collect()
     };
-    // A second has 100 cycles, and the number of patterns is prime. Successive seconds therefore use different
-    // patterns.
+    // The patterns are tried in turn, one in each of the 100 cycles of a second. Their number is prime, so successive
+    // seconds use different patterns.
     let patterns = (0..19).map(|pattern| pairs(pattern * US)).collect();
     let sweep = Sweep { frame: 0, from_ns: 300 * US, to_ns: 313_100, step_ns: 100, patterns };
     holds(3, sweep, Clock::Fast, (200_000, -200_000));

@@ -248,8 +248,7 @@ fn endless_bus_errors_take_at_most_two_percent_of_the_processor() {
 struct Table {
     failures: u64,
     silenced: u64,
-    /// The longest time without a valid position, ns. The next field is the longest time from a fault's end to a valid
-    /// position, ns.
+    /// The longest time without a valid position, ns.
     longest: u64,
     latest: u64,
     apart: u64,
@@ -263,8 +262,9 @@ fn may_disagree(one: Position, other: Position) -> bool {
     north.hypot(east) > 5.0 - 1.0 || (one.altitude - other.altitude).abs() > 8.0 - 0.5
 }
 
-/// Injects `failures` faults of buses, one a second. Asserts that there is no violation, no lost cycle, and that every
-/// other receiver stays valid, as does Reported-Position if those agree. Returns its greatest error, m.
+/// Injects `failures` faults of buses, one a second. Asserts that there is no violation and no lost cycle, and that the
+/// other two receivers stay valid. Reported-Position has to stay valid while those two agree. Returns its greatest
+/// error, m.
 fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; BusFault::ALL.len()]) -> Option<f64> {
     const SECOND: u64 = 1_000 * MS;
     const SETTLED: u64 = SECOND;

@@ -307,7 +307,7 @@ fn a_finding_has_its_instant_and_peripheral_despite_a_change_of_clock() {
 #[test]
 fn a_finding_in_a_release_image_names_the_firmwares_function_and_line() {
     let Some(path) = boards::image(3, "dpr-fw.elf") else { return };
-    // The program belongs to the other board. Its code in RAM cannot be fetched from its link address here.
+    // The DPR's program runs on HORUS's board, where code in RAM cannot be fetched from its link address.
     let outcome = on_horus(&Firmware::read(&path).unwrap());
     // The first instructions store to registers of the nRF52840. They have a symbol but no line numbers.
     let place_of = |finding: &Finding| finding.symbol.clone().unwrap_or_default();

@@ -127,8 +127,8 @@ pub const POSITION_SETTLED: u64 = SETTINGS_TOLD + RETURNED;
 /// (docs/design.md#validity).
 pub const POSITION_OLDEST: u64 =
     LONGEST_PERIOD_MS as u64 * 1_000_000 + VALID_BEYOND_PERIOD + BEFORE_ARRIVAL + BEFORE_ARRIVAL_SPREAD;
-/// The largest error of a valid position, horizontal and vertical, m. Each is five times the error that the worst
-/// receiver exceeds in one of 68 solutions.
+/// The largest error of a valid position, horizontal and vertical, m. Either limit is five times the error that the
+/// worst receiver exceeds in one of 68 solutions.
 pub const POSITION_OFF_M: [f64; 2] = [10.0, 20.0];
 
 /// The step, ns, in which a GPS object's status states the age of its solution: docs/design.md#status-words.
@@ -176,8 +176,8 @@ pub const ACCELERATION_M_S2: f64 = 2.0;
 pub const HELD_BACK: u64 = RETURNED;
 /// How long the voted position must stay where it jumped to before HORUS may show it: one second less tolerances.
 pub const NOT_HELD_BACK: u64 = NOT_RETURNED;
-/// How much a receiver's accuracy worsens with its speed while HORUS brings its position to the tick: by this time, s,
-/// times the speed. Half of [`UNCERTAIN_ACCELERATION`] times the square of the position's age is added too.
+/// How much a receiver's stated accuracy (m) worsens while HORUS brings its position to the tick: by its speed (m/s)
+/// times this constant (s), and by half of [`UNCERTAIN_ACCELERATION`] times the square of the position's age.
 pub const UNCERTAIN_SPEED_S: f64 = 0.05;
 /// The greatest acceleration of the aircraft that HORUS assumes since a receiver's message, m/s²: see
 /// [`UNCERTAIN_SPEED_S`].
@@ -253,10 +253,10 @@ pub const PUBLICATION_PESSIMISTIC: u64 = 1_000_000;
 pub const SEALED_BEFORE_FRESH: u64 = 200_000;
 /// The number of cycles that may be missing between two cycles that are in sequence: docs/design.md#sequence.
 pub const MAX_MISSED: u32 = 25;
-/// The greatest difference between two steps from cycle to cycle: the step in time, and the step of the timestamps. A
-/// share of the step is added, one part in [`STEP_TOLERANCE_SHARE`]: docs/design.md#sequence.
+/// The greatest difference between the time from one cycle to the next and the step of their timestamps. One part in
+/// [`STEP_TOLERANCE_SHARE`] of that step is added: docs/design.md#sequence.
 pub const STEP_TOLERANCE: u64 = 2_500_000;
-/// The share of the step that is added to [`STEP_TOLERANCE`]: one part in this number, 2 %.
+/// One part in this number (2 %) of the step between two cycles' timestamps is added to [`STEP_TOLERANCE`].
 pub const STEP_TOLERANCE_SHARE: u64 = 50;
 /// In the search for the sequence, the greatest difference between 10 ms and the time between two cycles
 /// (docs/design.md#sequence).
@@ -311,7 +311,7 @@ pub const SELF_TEST: u64 = 5_000_000_000;
 pub const FLASH_PASS_LONGEST: u64 = 9_000_000_000;
 /// The shortest time that a pass over the DPR's flash takes: the pass of a self-test with a program of 16 KiB.
 pub const FLASH_PASS_SHORTEST: u64 = 400_000_000;
-/// The greatest age, ms, that Port-Status may have more than Link-Status of the same image.
+/// How much older than Link-Status, ms, Port-Status of the same image may be.
 pub const PORT_BEFORE_LINK_MS: u32 = 25;
 /// The codes of the causes of a safe state in the DPR's firmware (`firmware_common::last_stop`).
 pub const STOP_CAUSES: std::ops::RangeInclusive<u32> = 1..=14;

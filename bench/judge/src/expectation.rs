@@ -89,7 +89,8 @@ enum Step {
     Irregular,
     TooEarlyOrLate,
     Regular {
-        /// Whether the step is one cycle long, within the tolerance that the search for the sequence allows.
+        /// Whether the cycle comes one cycle after the last one, within the tolerance that the search for the sequence
+        /// allows.
         exact: bool,
     },
 }
@@ -245,7 +246,7 @@ impl Expectation {
         let frame = context.frame()?;
         let number = frame.number?;
         let dpr = context.running(Board::Dpr);
-        // A DPR that hangs or has no supply publishes no image of the frame.
+        // A DPR that hangs or has no supply publishes nothing.
         if !dpr.powered || dpr.hung.is_some() {
             return None;
         }

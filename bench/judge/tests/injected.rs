@@ -49,7 +49,7 @@ fn misuse_of_the_ssi_excuses_damaged_reads_until_shortly_after_it() {
         insert(&mut log, from, injected(MISUSE, until));
         assert_eq!(found(&log), violations, "{sooner}");
     }
-    // The disturbance is another one, whose excuse does not cover the damage.
+    // A disturbance of the air does not excuse damage on the SSI.
     let mut log = read_by_wrong_clocks(from, over);
     insert(&mut log, from, injected(Disturbance::Air, until));
     assert_eq!(found(&log), [(Violation::Damaged, 30)]);
@@ -135,8 +135,8 @@ fn a_damaged_length_allows_the_latency_of_a_frame_stored_whole() {
     }
 }
 
-/// Returns the number of a frame of one receiver in its cycle, and the number of its objects. If `whole` is false, the
-/// frame broke off after `bytes` bytes.
+/// Decodes a frame of one receiver. Returns its number in the cycle and the number of its objects. If `whole` is false,
+/// the frame broke off after `bytes` bytes.
 fn objects_of(bytes: usize, whole: bool) -> (Option<usize>, usize) {
     let layout = Layout::for_receivers(1).unwrap();
     let frame = common::frame(&common::profile(1, 70));
@@ -194,7 +194,7 @@ fn a_front_end_fault_excuses_misuse_and_field_drops_until_recovery() {
     };
     assert!(dropped(DPR_FRONT_END, 299 * MS));
     assert!(!dropped(HORUS_FRONT_END, 299 * MS));
-    // The excuse covers the time until the firmware has brought the front end up again.
+    // A fault of the front end is excused until the firmware has brought the front end up again.
     let before = |ns| 299 * MS + 1 - bounds::FRONT_END_RECOVERY - ns;
     let mut log = Plan::new(3, 40).log();
     for (ns, blamed) in [(0, true), (1, true)] {

@@ -167,7 +167,8 @@ fn a_frame_that_may_be_missed_is_timed_from_its_repetition() {
         let first = plan.upstream.iter().find(|event| event.at == ended && matches!(event.what, What::Heard { .. }));
         let mut again = first.unwrap().clone();
         let What::Heard { started, .. } = &mut again.what else { unreachable!("a frame that was heard") };
-        // The fault ends just before the frame, so the front end is being brought up during the frame.
+        // The front end's fault ends just before the frame, so the front end is being brought up while the frame
+        // arrives.
         let until = *started - 1_000;
         *started += 850_000;
         again.at += 850_000;

@@ -157,7 +157,8 @@ fn kept_selected_at_a_restart(restart: u64) {
     insert(&mut log, let_go + bounds::SSI_READY, What::Ssi(SsiEvent::Ready));
     let never = |log: &bench_judge::Log| found(log).contains(&(NeverReady, 1));
     assert!(!never(&log), "it is selected until {let_go}");
-    // The DPR would have to be ready if the flight controller raised chip select earlier.
+    // Chip select is held while the DPR should become ready. If the flight controller raised it earlier, the DPR would
+    // have to be ready.
     for event in &mut log.events {
         if matches!(event.what, What::Transaction { selected, .. } if selected == held) {
             event.at = 300 * MS;
@@ -297,8 +298,7 @@ fn the_dpr_must_be_ready_10_us_after_a_transaction() {
     assert_eq!(found(&at(bounds::SSI_READY + 1)), [(NotReady, 1)]);
     assert_eq!(verdict.violations[0].first_at, ended);
     assert_eq!(verdict.figures.ready_ns, Some(Max { max: 10_001 }));
-    // The DPR becomes ready only after the next transaction has begun. It therefore serves neither that one nor the one
-    // after it.
+    // The DPR is not ready when the next transaction begins. It serves neither that transaction nor the one after it.
     let mut late = at(2 * CONTROL_CYCLE + 100_000);
     blind(&mut late, ended + 1, ended + 2 * CONTROL_CYCLE + 200_000);
     late.events.retain(|event| {
@@ -350,7 +350,7 @@ fn a_dpr_that_is_never_ready_again_is_one_violation() {
         .retain(|event| event.at <= ended || !matches!(event.what, What::Ssi(SsiEvent::Released | SsiEvent::Ready)));
     assert!(log.events.last().unwrap().at > ended + bounds::SSI_READY);
     assert_eq!(found(&log), [(NotReady, 1)]);
-    // The figure leaves this time out, because the restart hides how long it would have become.
+    // `ready_ns` leaves out a time that a restart cut short.
     assert_eq!(judged(&log).figures.ready_ns, Some(Max { max: TO_READY }));
 }
 
@@ -455,7 +455,7 @@ fn the_dpr_may_hold_its_buffers_once_an_image_has_expired() {
     plan.selects.retain(|selected| !(from + 20 * MS..from + 39 * MS).contains(selected));
     let log = plan.log();
     assert_eq!(found(&log), []);
-    // The DPR's clock may be fast, so an image may expire early, but not earlier than this.
+    // The DPR's clock may be fast, so the image may expire `bounds::EXPIRY_EARLIEST` after FRESH, but no earlier.
     for (after, violations) in [(bounds::EXPIRY_EARLIEST, vec![]), (bounds::EXPIRY_EARLIEST - 1, vec![(HeldBack, 1)])] {
         let log = moved(&log, from + bounds::EXPIRY, from + after, &[SsiEvent::Held]);
         assert_eq!(found(&log), violations, "{after}");
@@ -677,7 +677,7 @@ fn a_restart_of_the_dpr_keeps_supply_violations_and_figures() {
     let mut log = without_transactions(251 * MS, 450 * MS).log();
     insert(&mut log, 400 * MS, dpr_reset(true));
     assert_eq!(found(&log), [(NoTransaction, 1)]);
-    // The figure may come from before the restart.
+    // The longest time until the DPR is ready may have been measured before its restart.
     let log = restarted(250 * MS, BACK, &[dpr_reset(true)]);
     let place = repeats(&log)[10];
     let ended = log.events[place].at;
@@ -715,7 +715,7 @@ fn a_transaction_must_be_served_while_an_image_is_readable() {
     let (log, _) = nothing();
     assert!(is_unserved(&log) && !is_unserved(&Plan::new(3, 40).log()));
     // FRESH rises again, `apart` before a transaction, for an image that is already readable. The transaction finds the
-    // DPR busy. This is a violation only if the DPR had longer than its bound.
+    // DPR busy, which is a violation if `apart` is longer than `bounds::SSI_READY`.
     for (apart, unserved) in [(bounds::SSI_READY, false), (bounds::SSI_READY + 1, true)] {
         for within in [false, true] {
             let (mut log, selected) = nothing();

@@ -52,7 +52,7 @@ pub struct Position {
     truths: VecDeque<Truth>,
     /// The instant, ns, since which HORUS has sent no valid position.
     waits_since: u64,
-    /// The number of explaining violations that had been found at that instant.
+    /// The number of violations that explain a missing position, as found at the instant `waits_since`.
     explained: u64,
     told: bool,
     worst_mm: Option<u64>,

@@ -215,8 +215,7 @@ mod tests {
     type Change = Box<dyn Fn(ReportedStatus) -> ReportedStatus>;
 
     const CYCLES: u64 = 10;
-    /// The instant, ns, of the last cycle's tick. The next constant is the instant at which the cycle's profile
-    /// arrives.
+    /// The instant, ns, of the last cycle's tick.
     const TICK: u64 = testing::FIRST_TICK + (CYCLES - 1) * bounds::CYCLE;
     const ARRIVED: u64 = TICK + 8 * MS;
 
@@ -281,7 +280,7 @@ mod tests {
         ] {
             assert_eq!(told(age), expected, "{age:?}");
         }
-        // In the first case too few profiles have arrived; in the second HORUS runs without its crystal.
+        // No age is required if too few profiles have arrived, or if HORUS runs without its crystal.
         let few = u64::from(bounds::CLIENT_FINDS) - 1;
         assert_eq!(broken(same, few, &[(at, Some(0), &[])]), []);
         assert_eq!(broken(|it| it.with_without_crystal(true), CYCLES, &[(at, Some(0), &["no-crystal"])]), []);

@@ -261,8 +261,8 @@ impl LinkStatus {
         let Some(Ok(values)) = &reading.link else { return };
         let before = |rose: &&u64| **rose <= reading.selected;
         let Some(&published) = self.fresh.iter().rev().find(before) else { return };
-        // An image is published at each deadline at the latest, so FRESH did not announce an image older than a
-        // deadline.
+        // FRESH must rise at least once per deadline. If its last rise is longer ago, no rise announced this image, and
+        // rule `ssi` reports that.
         let announced = reading.selected <= published + bounds::FRAME_DEADLINE + self.publication;
         if !dpr.powered || published < dpr.since || !announced {
             return;

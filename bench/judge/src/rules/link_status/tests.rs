@@ -148,7 +148,7 @@ fn each_flag_that_contradicts_what_was_heard_and_shown_is_wrong() {
             let broken = run.broken(of(&run, 20, |values| flip(values, bit)));
             assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, bit {bit}");
         }
-        // Bit 7 says that an uplink was rejected, which another rule judges.
+        // Bit 7 of Link-Status says that an uplink was rejected, which another rule judges.
         assert_eq!(run.broken(of(&run, 20, |values| flip(values, 7))), []);
         let run = Run::new(n).hit_all(20..25, &Air::Lost);
         for bit in [0, 1, 2, 3, 8, 9] {
@@ -189,7 +189,7 @@ fn the_flags_of_a_damaged_cycle_say_so() {
 
 #[test]
 fn what_an_image_lacks_is_not_also_a_wrong_flag() {
-    // The flags of an image without its objects may describe the image or the frames that the DPR received.
+    // If an image lacks its objects, its flags may describe either the image or the frames that the DPR received.
     for bits in [LinkStatusBits::new().with_link_up(true).with_all_accepted(true), LinkStatusBits::new()] {
         let run = Run::new(3);
         let broken = run.broken(|images| {
@@ -351,7 +351,7 @@ fn an_image_that_fresh_has_not_announced_is_not_asked() {
     let run = Run::new(3);
     let wrong = of(&run, 20, |values| values.age_100us += 50);
     let mut log = run.log(&wrong);
-    // After this instant FRESH stays at one level.
+    // FRESH no longer changes after tick 15.
     log.events.retain(|event| !(matches!(event.what, What::Fresh { .. }) && event.at > run.tick(15)));
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
     assert_eq!(crate::judge(&log).kinds().filter(own).count(), 0);
@@ -363,7 +363,8 @@ fn a_rise_of_fresh_for_the_same_image_is_no_publication() {
     // Most images are first read after FRESH has risen twice.
     let run = Run { control: 7 * MS, ..Run::new(3) };
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
-    // A number identifies each image. FRESH rises again 3 ms later, for the same image or for another one.
+    // `offered` identifies each announced image by a number. FRESH rises again 3 ms after each rise, for the same image
+    // or for another one.
     let broken = |another: u64| {
         let mut log = run.log(|_| {});
         let mut again = vec![];
@@ -507,7 +508,7 @@ fn a_front_end_is_called_at_fault_only_after_long_silence() {
     let heard = run.end(19);
     assert_eq!(told(heard + 430 * MS..heard + 450 * MS), [Violation::LinkFlags]);
     assert_eq!(told(heard + 455 * MS..run.end(89)), []);
-    // Link-Status may report the fault until the first new frame's image is published.
+    // Link-Status may report the front end's fault until the image of the first frame after the silence is published.
     assert_eq!(told(run.end(90)..run.end(90) + 15 * MS), []);
     assert_eq!(told(run.end(93)..run.end(94)), [Violation::LinkFlags]);
 }
@@ -517,7 +518,7 @@ fn frames_that_a_deaf_front_end_may_have_missed_end_no_silence() {
     let run = Run { cycles: 100, ..Run::new(3).hit_all(20..90, &Air::Lost) };
     let told = |mut run: Run| {
         let deaf = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Deaf };
-        // The excuse, which ends with cycle 50, allows the DPR to miss the frames of cycles 10 to 19.
+        // A deaf front end excuses the DPR until cycle 50, so the DPR may have missed the frames of cycles 10 to 19.
         run.extra.push(Event { at: run.tick(10), what: injected(deaf, run.tick(50) - bounds::FRONT_END_RECOVERY) });
         let silent = run.end(9) + bounds::SILENCE;
         run.broken(within(silent + 5 * MS..run.end(19) + bounds::SILENCE, |values| flip(values, 5)))

@@ -7,10 +7,10 @@
 //! # What is not required
 //!
 //! - While [`Excuse::Service`] holds, this rule requires nothing, because the DPR may have received any number of the
-//!   written bytes. Afterwards the judge accepts Port-Status once as the reference for later values. No written object
-//!   may be pending then, and the transactions must be able to lead to its values.
-//! - While [`Excuse::UnsoundImage`] holds, a damaged object need only not be valid.
-//! - A map that FRESH has not announced in time is left out, because another rule reports it.
+//!   written bytes. Afterwards the judge takes over the values of one Port-Status, if the transactions can lead to them
+//!   and no written object is pending, and judges later values by these.
+//! - While [`Excuse::UnsoundImage`] holds, a damaged Port-Status or uplink is only required to be invalid.
+//! - Port-Status is not judged in a map that FRESH has not announced in time, because another rule reports that map.
 
 mod health;
 mod model;
@@ -189,8 +189,8 @@ impl PortRule {
             findings.add(Violation::PortStatusWrong, selected, || "a self-test failed, and nothing is damaged".into());
         }
         if self.entries.is_empty() {
-            // No written object is pending, so Port-Status must show the last one. An image that replaced one with the
-            // same content is an exception.
+            // If no written object is pending, Port-Status must show the effect of the last one. Only an image that
+            // replaced an unsound one with the same content need not.
             let shows = previous.is_some_and(|previous| self.written < previous);
             if shows && !disturbances.excuse(Excuse::UnsoundImage, selected) {
                 let (before, transactions) = self.known;
@@ -205,8 +205,8 @@ impl PortRule {
             }
             return;
         }
-        // An object written before the last rise of FRESH but one must show. An object written later, before the last
-        // rise, may show.
+        // The last two rises of FRESH bound what Port-Status may show: at least the objects written before the earlier
+        // rise, at most those written before the later one.
         let last = self.entries.partition_point(|entry| entry.at <= published).saturating_sub(1);
         let first = previous.map_or(0, |previous| self.entries.partition_point(|entry| entry.at < previous));
         let first = first.saturating_sub(1).min(last);
@@ -249,7 +249,8 @@ impl PortRule {
         }
     }
 
-    /// Records that Port-Status shows the objects written up to entry `place`, because its values allow no other.
+    /// Records that Port-Status must include the objects written up to entry `place`, because its values fit no other
+    /// entry.
     fn decided(&mut self, place: usize, values: &PortValues, published: u64) {
         self.entries[place].models.retain(|model| model.fits(values, published));
         self.entries[place].models.iter_mut().for_each(|model| model.told(values));

@@ -249,7 +249,8 @@ fn after_misconduct_port_status_is_believed_once_and_held_against_what_follows()
 
 #[test]
 fn port_status_is_believed_from_the_second_image_after_misconduct_on() {
-    // The excuse lasts until 220 ms. Its last transaction ends at 217.5 ms, and images show its effect from 230 ms on.
+    // The flight controller's misuse is excused until 220 ms. The last excused transaction ends at 217.5 ms, and images
+    // show its effect from 230 ms on.
     let counted_from = |from: u64| {
         let mut log = log(&[], |published| {
             let mut shown = Shown::default();
@@ -293,8 +294,8 @@ fn after_misconduct_counters_are_bounded_by_the_transactions() {
         insert(&mut log, 120 * MS, injected(MISUSE, 200 * MS));
         broken(&log)
     };
-    // This many transactions may have counted: 29 from 121 ms to 233 ms, when Port-Status is first accepted, and those
-    // of two images.
+    // The greatest number of transactions that can have counted: 29 from 121 ms to 233 ms, when Port-Status is first
+    // accepted, and those of two images.
     const MOST: u16 = 29 + 2 * bounds::SSI_BUDGET as u16;
     let wrong = [(Violation::PortStatusWrong, 1)];
     assert_eq!(after(&|values| values.violations.count(TooMany, 2 * MOST)), []);

@@ -31,8 +31,8 @@
 //!
 //! # Limits
 //!
-//! - The previous image may stay after a received frame that brought nothing to show. It is reported only when its
-//!   deadline or its 25 ms have passed.
+//! - After a received frame that brought nothing to show, the previous image may stay. It is reported only after its
+//!   deadline, or after 25 ms.
 //! - A transaction longer than a second is not judged, because the frames that it may have read are no longer kept.
 //! - While [`Excuse::Hearing`] holds, no cycle must be shown, and any cycle that reached the antenna may be. When an
 //!   [`Excuse::Withdrawal`] begins, a cycle that no transaction has had to show yet need not be shown.
@@ -340,8 +340,8 @@ impl Shown {
                 return None;
             }
         }
-        // The object was shown rightly before. It is still in the image, although its frame has been dropped from the
-        // record.
+        // A transaction showed this object rightly before. The image still has it, although the record of frames has
+        // dropped its frame.
         let known = self.known[placed.index].as_ref().filter(|known| !found && known.bytes == placed.bytes);
         known.map(|known| known.expired)
     }

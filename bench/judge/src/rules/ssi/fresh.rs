@@ -3,13 +3,14 @@
 //! # What FRESH announces
 //!
 //! After a rise of FRESH, a transaction reads the new image, or 0xFF throughout while the DPR is putting the image in.
-//! It never reads an older image (docs/design.md#publication, `dpr_fw::publish`). The DPR raises FRESH
+//! It never reads an older image (docs/design.md#publication, `dpr_fw::publish`). There are two cases:
 //!
-//! - before the processor gives the SSI's buffers back, so that no image is readable before FRESH has announced it;
-//! - at once if a transaction is under way, although this transaction still reads the image before.
+//! - Without a transaction under way, FRESH rises before the processor gives the SSI's buffers back, so that no image
+//!   is readable before FRESH has announced it.
+//! - With a transaction under way, FRESH rises at once, although this transaction still reads the previous image.
 //!
-//! The bytes that FRESH announces may therefore not be known when it rises. The first evidence counts: the bytes that
-//! could be read when FRESH falls, or the bytes of a transaction that began after the rise. FRESH rises for each
+//! When FRESH rises, the log may therefore not yet have the bytes of the announced image. The judge takes them from
+//! what could be read when FRESH falls, or from the first transaction that begins after the rise. FRESH rises for each
 //! publication, also for an image without objects after a missed frame.
 //!
 //! An image must have been announced before the transaction that reads it began.

@@ -26,7 +26,7 @@
 //!   The objects that are read as valid still have to be right ([`super::shown`]), and no image may be late because of
 //!   the flight controller.
 //! - After a transaction, the DPR pauses for [`SSI_PAUSE`](crate::bounds::SSI_PAUSE) once it is ready again. If the
-//!   next transaction ends within this pause, the DPR has to be ready a certain time after the pause.
+//!   next transaction ends within this pause, the time until the DPR must be ready counts from the end of the pause.
 //! - Bytes that are unsound while [`Excuse::UnsoundImage`] holds only have to be rejected, which [`super::shown`]
 //!   judges. The DPR may replace such an image by one with the same content.
 //! - A transaction that reads an older image than the announced one is [`Violation::FreshNotNew`]. If its objects are

@@ -102,7 +102,8 @@ pub(super) struct Service {
     /// The instant, ns, until which the DPR pauses and need not detect that a transaction has ended.
     paused_until: u64,
     pending: Option<Pending>,
-    /// The instant, ns, at which FRESH rose for an image for whose readability there is no other bound.
+    /// The instant, ns, at which FRESH rose for an image that must become readable, if no other limit of time applies
+    /// to that image.
     claimed: Option<u64>,
     ready_at: Option<u64>,
     rose_at: Option<u64>,
@@ -329,8 +330,8 @@ impl Service {
         let streak = self.streak.get_or_insert(new);
         streak.last = selected;
         streak.count += 1;
-        // A DPR that hangs is soon restarted, and another rule judges that. Only a series longer than this counts as a
-        // silence.
+        // A series of unserved transactions counts as a silence only if it is longer than a restart of a hung DPR
+        // takes.
         if streak.last - streak.first > bounds::EXPIRY + bounds::START {
             self.silence(findings);
         }

@@ -285,7 +285,8 @@ fn a_message_of_a_disturbed_line_may_have_been_found_late() {
     };
     assert_eq!(at(400, true), []);
     assert_eq!(at(480, true), STATUS);
-    // The period is uncertain too. The position may be valid for one second, for 150 ms more, and for HORUS's delay.
+    // HORUS may assume a period of up to one second. A position is valid for that period, for 150 ms more, and for
+    // HORUS's delay.
     let mut scene = scene.clone();
     scene.cycles = 300;
     let valid = |age: u64| {

@@ -3,7 +3,7 @@ use super::*;
 
 #[test]
 fn every_bit_of_the_status_is_judged() {
-    // Bit 10 may have either value: it is the lowest bit of the solution's age.
+    // Bit 10 of the status may have either value: it is the lowest bit of the solution's age.
     for bit in [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 12, 13, 14, 15] {
         let said = Scene::new(3).said(|cycle, _, gps| {
             if cycle == STEADY {

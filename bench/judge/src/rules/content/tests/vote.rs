@@ -359,10 +359,11 @@ fn a_position_is_older_if_its_message_comes_late() {
         ([0, 40, 20], 0.070),
         ([20, 0, 40], 0.030),
         ([0, 40, 0], 0.090),
-        // These delays differ by more than HORUS accepts.
+        // The delays of these receivers differ by more than HORUS accepts.
         ([0, 70, 0], 0.050),
         ([70, 0, 65], 0.050),
-        // These delays are close to the limit: HORUS processes a message up to 12 ms after its arrival.
+        // The delays of these receivers differ by about as much as HORUS accepts. HORUS processes a message up to 12 ms
+        // after its arrival.
         ([0, 50, 0], 0.050),
         ([0, 50, 0], 0.100),
     ] {
@@ -664,10 +665,10 @@ fn who_comes_back_from_a_jump_has_to_be_shown_at_once() {
     let scene = jumping(3, 8..12, 1_000.0, 0.0);
     let (from, until) = (voted_from(&scene, 8), voted_from(&scene, 12));
     assert_eq!(withheld(&scene, from..until), []);
-    // In the first of these cycles the vote may still have used the burst before.
+    // In the first cycle after the jump, the vote may still have used the burst before the jump.
     assert_eq!(withheld(&scene, from..until + 4), [(Violation::VoteMissing, 3)]);
-    // HORUS holds the position back for 400 ms. The position then returns for one burst and jumps again, so the second
-    // must begin anew.
+    // HORUS holds the new position back for 400 ms. Then the old position returns for one burst, so the second of
+    // holding back begins anew.
     let mut scene = jumping(3, 8..99, 1_000.0, 0.0);
     for receiver in &mut scene.receivers {
         receiver[12].pvt.as_mut().unwrap().latitude_1e7 -= (1_000.0 * PER_METRE) as i32;

@@ -34,7 +34,7 @@ pub(super) trait Mark: Clone {
             let (floor, ceiling) = Self::LIMITS_M;
             (bounds::AGREEMENT_SIGMAS * one.hypot(its)).clamp(floor, ceiling) + flown(ns)
         };
-        // HORUS counts time in its own ticks, whose clock may be wrong, so the limits become wider.
+        // HORUS counts time in its own ticks, whose clock may be wrong, so each limit of the distance becomes wider.
         let slack = ns / (bounds::CYCLE / bounds::TICK_TOLERANCE);
         if least - off(least) > limit(one.most, its.most, ns + slack) {
             Relation::Disagree
@@ -136,11 +136,11 @@ enum Last<T> {
 #[derive(Clone, Debug)]
 pub(super) struct Course<T> {
     last: Last<T>,
-    /// The results of the votes at the last two ticks; `None` if not known. If HORUS may have used a message at either
-    /// of two ticks, the ranges cover both.
+    /// The votes' results at the last two ticks; `None` if not known. Where HORUS may have used a message at either of
+    /// two ticks, a result is a range that covers both cases.
     before: [Option<T>; 2],
-    /// The last tick, ns, at which the second of holding back certainly began anew: there was no result, a jump, or a
-    /// shown place.
+    /// The last tick, ns, at which the second for which HORUS holds a jump back certainly began anew. It begins anew if
+    /// there is no result, if the result jumps, or if HORUS shows the place.
     broke: u64,
     /// The last tick, ns, at which the vote may have had no result, or may have jumped.
     may_have_broken: u64,

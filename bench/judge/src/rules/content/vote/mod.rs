@@ -36,17 +36,18 @@
 //! Another receiver must not be excluded then if it agreed with all others, has sent nothing new, and fewer than M
 //! others have sent something new.
 //!
-//! An altitude, an attitude and an acceleration are each voted from at least M members that state one, all of which
-//! agree.
+//! An altitude, an attitude and an acceleration are each voted from receivers that state one. They must be at least M,
+//! the quorum, and must all agree.
 //!
 //! At most one violation is reported for a cycle. M, the quorum, is 1, 1, 2, 3 for 1, 2, 3, 5 receivers.
 //!
 //! # What is not judged
 //!
-//! - The cycle after a missing or wrong object, because the receivers excluded before it are not known.
-//! - Positions and agreement while it is not known which message HORUS uses. This is so if HORUS's ticks are irregular,
-//!   or if the object does not fit a message that HORUS may have used, neither as used nor as missed.
-//! - The choice that HORUS makes between several sets of the same size.
+//! - Exclusions are not judged in the cycle after a missing or wrong object, because the receivers excluded before are
+//!   not known.
+//! - Positions and agreement are not judged while it is not known which message HORUS uses. This is so while HORUS's
+//!   ticks are irregular, or if an object fits no message that HORUS may have used.
+//! - HORUS's choice between several sets of the same size is not judged.
 //! - The status bit about HORUS's clock.
 //!
 //! Injected faults excuse nothing in this rule: HORUS applies decision 15 to whatever messages it has.
@@ -265,7 +266,7 @@ impl Vote {
     pub(super) fn restart(&mut self, ram: Ram, ticks: u64, heard: Set) {
         let all = (0..self.receivers).fold(0, |set, receiver| set | bit(receiver));
         let restarted = match self.restarted {
-            // The judge saw no cycle between HORUS's previous start and this one.
+            // There was no cycle to judge between HORUS's previous start and this one.
             Some((must, may)) => (must, if ticks == 0 { may } else { all }),
             None if ticks > self.last.0 + 1 => (0, all),
             None => {
@@ -335,7 +336,6 @@ impl Vote {
         }
         self.remember(tick, follows, result, &cycle, &members);
         if !follows || result && judged.wrong.is_some() {
-            // HORUS may compare its next result with this result or with an earlier one.
             self.places.lose();
             self.altitudes.lose();
         } else if result {
@@ -422,7 +422,8 @@ impl Vote {
         let agreeing = usize::from(reported.status.receivers_agreeing());
         let wrong = |what: String| Some((Violation::ReportedWrong, what));
         let (eligible, _) = cycle.eligible();
-        // Another state depends on HORUS's inputs, so the rule about inputs judges it.
+        // Only `Starting`, `Monitoring` and `PositionLost` follow from the vote. Rule `inputs` judges every other
+        // state.
         let is_located = reported.status.position_valid();
         let was_located = self.located || self.may_be_located;
         let wrong_state = match reported.status.state() {
@@ -500,7 +501,8 @@ impl Vote {
     }
 }
 
-/// Returns the place and altitude in Reported-Position, if one of these sets of receivers may have voted for them.
+/// Returns the voted place and altitude that Reported-Position shows, if one of these sets of receivers may have voted
+/// for them.
 fn shown(reported: &ReportedValues, members: &[Set], cycle: &Cycle) -> (Spot, Option<Level>) {
     let ReportedValues { latitude, longitude, altitude, .. } = *reported;
     let accuracy = |axis: usize, of: Set| {

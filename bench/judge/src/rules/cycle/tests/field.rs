@@ -63,7 +63,7 @@ fn horus_may_drop_the_field_to_recover_from_lost_frames() {
             events.field(at, false).field(tick(8), true);
         })
     };
-    // The second of the two frames never ends. HORUS brings its front end up 0.5 ms after that end was due.
+    // The second of two commanded frames never ends. HORUS brings its front end up 0.5 ms after the end that was due.
     let command = (Violation::CommandWithoutFrame, 2, tick(5) + COMMAND[0]);
     assert_eq!(lost(5_700_000, is_sent), [command]);
     assert_eq!(lost(200_000, |event| !is_tick(event)), [(Violation::NoFrame, 1, tick(6))]);

@@ -39,7 +39,7 @@ fn a_hang_of_horus_excuses_its_unfinished_cycle() {
         {
             let at = tick(5) + after;
             assert_eq!(broken(&hung(gps, at, Some(at))), [], "{gps} {after}");
-            // The restart is asked for, but the log states no hang.
+            // The log calls the restart intended (`asked`), but has no event that states the hang.
             let mut asked = hung(gps, at, None);
             for event in &mut asked.events {
                 if let What::Reset { asked, .. } = &mut event.what {
