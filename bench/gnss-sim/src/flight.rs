@@ -131,8 +131,8 @@ impl Flight {
             Uniform::new_inclusive(low, high).expect("the bounds of every draw are finite and ordered").sample(&mut rng)
         };
 
-        // Each phase takes a fixed share of a short flight, but at most a given time, s. The cruise fills the rest of a
-        // long flight.
+        // In a short flight each phase takes a fixed share of the time, in a long flight a fixed number of seconds. The
+        // cruise fills the rest of a long flight.
         let standing = (0.03 * planned).min(2.0);
         let climb = (0.22 * planned).min(28.0);
         let acceleration = (0.15 * planned).min(11.0);
@@ -271,7 +271,7 @@ impl Flight {
         let [_, climb, climb_rate] = self.height.at(t);
         let [speed, speed_rate, _] = self.speed.at(t);
         let [course, turn_rate, _] = self.course.at(t);
-        // Front, right and down in the level frame along the course.
+        // The components point front, right and down in the level frame along the course.
         let acceleration = [speed_rate, speed * turn_rate, -climb_rate];
         let force = [acceleration[0] + DRAG * speed, acceleration[1], acceleration[2] - DRAG * climb - GRAVITY];
         let total = sqrt(force.iter().map(|f| f * f).sum());

@@ -57,7 +57,7 @@ fn a_log_is_scheduled_despite_gaps_and_time_that_stands_still() {
         &pvt(WEEK_MS - 200, 1).encode(),
         &pvt(0, 2).encode(),
         &pvt(3_600_000, 3).encode(),
-        // This message repeats the last time of week, and the next has an earlier one.
+        // The first of two NAV-PVT messages repeats the last time of week, and the second has an earlier one.
         &pvt(3_600_000, 4).encode(),
         &pvt(1_000, 5).encode(),
         // A NAV-ATT with an earlier time of week begins no epoch.

@@ -96,7 +96,8 @@ pub enum WireFault {
     ClientMute,
 }
 
-/// The time from a pulse or tick to the additional one, ns. It ends between two publications.
+/// The time from a pulse or tick to the additional one, ns. At this distance the additional one falls between two
+/// publications.
 pub const GLITCH_AFTER_NS: u64 = 3_000_000;
 
 /// The length of an additional pulse of FRESH, ns.

@@ -116,7 +116,7 @@ pub struct Bus {
     pub(super) cs: Wire,
     pub(super) mosi_byte: Word,
     pub(super) miso_byte: Word,
-    /// Whether data change on the clock's rising edge (SPI mode 1); in mode 0 they change before it.
+    /// Whether data change on the clock's rising edge, as in SPI mode 1. In mode 0 they change before that edge.
     pub(super) changes_on_rise: bool,
 }
 

@@ -32,11 +32,12 @@ fn clean_air_forwards_every_event_at_its_instant() {
 #[test]
 fn a_frame_that_the_poller_broke_off_is_not_delivered() {
     let bytes = frame(20, 1);
-    // The numbers are the bytes that the poller gave to the air, and the data bits that it sent.
+    // Each case has the number of bytes that the poller gave to the air, and the number of data bits that it sent.
     let cases = [
         // The poller's FIFO ran dry after ten bytes, which are fewer than LEN announces.
         (10, 80),
-        // The field went off during the last byte of the CRC, and during an earlier byte.
+        // The field went off during the last byte of the CRC in the first of these cases, and during an earlier byte in
+        // the second.
         (23, 8 * 23 - 1),
         (23, 100),
         // The poller sent only preamble and sync.

@@ -198,7 +198,7 @@ fn clearing_the_fifo_in_mid_frame_never_lets_the_frame_arrive_whole() {
             pair.spi(Side::Poller, &load);
         }
         pair.run_for(6_000_000);
-        // The bytes that were loaded after the clear are still in the FIFO.
+        // The FIFO still holds the bytes that were loaded after it had been cleared.
         assert_eq!(pair.fifo(Side::Poller).0, if reload { 244 } else { 0 });
         assert_eq!(found(&pair.poller, Kind::TransmitUnderflow), 1);
         assert_eq!(pair.fifo(Side::Poller).1 & 0x20, 0x20, "fifo_unf");
@@ -355,7 +355,7 @@ fn a_mode_or_rate_that_is_not_modelled_is_reported() {
         pair.spi(Side::Poller, &[0x03, mode, rate]);
         nfc_a_answer(&mut pair, &[1, 2, 3]);
         assert_eq!(found(&pair.poller, kind), 1);
-        // A chip whose receiver is off reports no finding.
+        // A poller whose receiver is off reports nothing when an answer arrives.
         pair.spi(Side::Poller, &[0x02, 0x88]);
         nfc_a_answer(&mut pair, &[1, 2, 3]);
         assert_eq!(found(&pair.poller, kind), 1);
@@ -391,8 +391,7 @@ fn bits_that_are_kept_without_effect_are_reported_and_others_are_not() {
 
 #[test]
 fn collision_avoidance_sees_a_field_at_any_instant_of_its_window() {
-    // A foreign field appears and disappears within the window of 302 µs in these two cases. In the next case it is
-    // present at the start.
+    // Collision avoidance listens for 302 µs. A foreign field appears and disappears within that time.
     for (on, off) in [(100_000, 150_000), (250_000, 290_000)] {
         let mut pair = Pair::new(exact(), exact(), clean());
         pair.start(Side::Listener);
@@ -462,7 +461,7 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
         assert_eq!(found(&pair.listener, Kind::ChangedInFrame(register)), 1);
         assert_eq!(pair.irqs(Side::Listener)[0] & 0x10 == 0, lost, "{write:02X?}");
     }
-    // A frame that is being sent goes on unchanged.
+    // A change of the mode or of the rate leaves a frame unchanged that is being sent.
     for write in [[0x03, 0x08], [0x04, 0x11]] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.load(&payload(200, 1));

@@ -261,7 +261,7 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("TIMER0: no prescaler", &[bits(TIMER0 + 0x510, 0xF, 0)], Expected::Nothing, |seen| {
         deaf_for(seen, "Oscillator") && seen.log.contains("\n1.0")
     }),
-    // The idle loop finds no work, and does not feed the watchdog either.
+    // Without TIMER0 the idle loop finds no work and does not feed the watchdog.
     row("TIMER0: not started", &[never(TIMER0)], Expected::Nothing, |seen| {
         seen.valid == 0 && restarts_by_watchdog(seen)
     }),

@@ -30,7 +30,7 @@ const NEAR: u32 = 0x2000;
 pub struct Change {
     /// The register's address.
     pub address: u32,
-    /// The patch's effect on a store to that register.
+    /// The patch's effect on a store to the register at `address`.
     pub to: To,
 }
 

@@ -476,7 +476,7 @@ impl LineFaults {
                 _ => ubx::frame(0x0A, 0x04, &[self.rng.byte(); CHUNK - ubx::OVERHEAD]),
             };
             let on_line = OnLine::clean(now, receiver, &bytes);
-            // The next frames begin as soon as these end. The line is therefore busy all the time.
+            // The line is busy all the time, because the next group of frames begins as soon as this group ends.
             active.next = now + on_line.frames.iter().map(UartFrame::ns).sum::<u64>();
             taken.push(on_line);
         }

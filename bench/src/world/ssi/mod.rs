@@ -266,7 +266,7 @@ struct UnderWay {
     /// The instant at which chip select fell at the DPR's pin, ns; `None` if it has not fallen yet.
     selected_ns: Option<u64>,
     done: usize,
-    /// The number of bytes that are being clocked together.
+    /// The number of bytes in the group that is being clocked.
     run: usize,
     /// The instant, ns, at which chip select rises; set in a transaction that is cut short.
     released: Option<u64>,
