@@ -189,8 +189,8 @@ fn transactions_that_clock_too_many_bytes_out_or_in_are_counted() {
     };
     assert_eq!(counts(&node), (0, 0));
     let image = layout().map_len();
-    // Each row has the number of bytes, and whether the DPR counts (1) or does not count (0) it as reading too much,
-    // and as writing too much.
+    // Each row has the length of a transaction, bytes, and whether the DPR counts it (1) or not (0): as reading too
+    // much, and as writing too much.
     let mut expected = (0, 0);
     for (bytes, reads, writes) in [
         (RECEIVE_BYTES, 0, 0),

@@ -430,7 +430,7 @@ fn the_dpr_shows_nothing_while_a_bit_of_its_flash_is_wrong() {
     assert_eq!(dpr.resets().len(), bites, "and no other");
     let log = logged(&mut dpr);
     assert!(log.contains("flash"), "{log}");
-    // The firmware has compared its flash with the CRC and waits for the watchdog. Only then is the bit flipped back.
+    // The bit is flipped back only when the firmware has found it and waits for the watchdog.
     until_restart(&mut dpr, BITE, |_| {});
     dpr.advance(dpr.now() + 50 * MS);
     flip(&mut dpr, address);

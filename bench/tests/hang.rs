@@ -22,7 +22,8 @@ const MS: u64 = 1_000_000;
 const US: u64 = 1_000;
 /// The instant, ns, of a hang. Both boards have started by then, and the link has been up for 200 ms.
 const BEGINS: u64 = 303 * MS;
-/// The time from a hang to the end of the run, ns. It is longer than the watchdog and the limit for a recovery take.
+/// The time from a hang to the end of the run, ns. It covers the watchdog's longest time and the longest recovery
+/// allowed.
 const AFTER: u64 = 700 * MS;
 
 const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];

@@ -123,7 +123,7 @@ fn a_bit_that_flips_in_the_dprs_flash_withholds_all_objects() {
     let Some(mut node) = boards::dpr() else { return };
     field_on(&mut node);
     run(&mut node, 40 * MS);
-    // The bit is in an unused vector of the vector table, which the memory protection unit lets nobody access.
+    // The flipped bit is in an unused vector of the vector table, where the memory protection unit permits no access.
     let table = Upset::Flash { address: 0xFC, bit: 2 };
     let last = Upset::Flash { address: address(&node, "__program_crc") - 4, bit: 30 };
     let within = u64::from(dpr::FLASH_DETECT_US) * US;

@@ -345,7 +345,8 @@ fn either_part_carries_the_link_with_and_without_i_txe() {
     }
 }
 
-/// This is a sample of `cargo xtask sim --flips`: one bit of each of several registers, with and without an effect.
+/// Flips one bit of each of several registers, some with and some without an effect. `cargo xtask sim --flips` tries
+/// more.
 #[test]
 fn a_bit_that_flips_in_a_front_end_costs_under_1500_ms() {
     let Some(setup) = setup(3, 100) else { return };

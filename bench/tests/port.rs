@@ -51,7 +51,7 @@ fn uplinks_are_read_back_as_they_were_written_until_they_are_old() {
     let own = Uplink::seal(OWN, &UplinkValues { timestamp: 9, payload, ..UplinkValues::default() });
     write(&mut node, &[IDLE, base.as_bytes()]);
     write(&mut node, &[&encode(Request { offset: 276, length: 192 }), own.as_bytes()]);
-    // This transaction reads the window that the second write requested.
+    // The next transaction reads the window that the second write requested.
     let window = transact(&mut node, 192, 0);
     let whole = map(&mut node);
     assert_eq!(whole[276 + 64..], window[64..]);

@@ -68,8 +68,8 @@ fn the_link_recovers_from_misuse_of_the_ssi_within_5_cycles() {
 fn the_link_recovers_from_each_front_end_fault_within_15_cycles() {
     for board in BOARDS {
         for fault in ChipFault::ALL {
-            // The fault is shorter than a cycle, ends just after the firmware doubled its wait before the next
-            // bring-up, or ends during the longest wait.
+            // A fault of the front end ends within a cycle, just after the firmware has doubled its wait before the
+            // next bring-up, or during the longest wait.
             for length in [4 * MS, 140 * MS, 390 * MS] {
                 if !recovers(one(Fault::Chip(board, fault), length), length, 15) {
                     return;

@@ -41,7 +41,7 @@ fn a_profile_must_arrive_within_100_ms_or_it_is_missed() {
         found(&log)
     };
     assert_eq!(late(bounds::DOWNLINK), []);
-    // The profile arrives so late that it counts as missed. Its arrival counts as a profile that was not forwarded.
+    // The profile arrives so late that it counts as missed. Its late arrival then counts as that of a changed profile.
     assert_eq!(late(bounds::DOWNLINK + 1), [(BaseMissed, 1), (BaseChanged, 1)]);
     let mut log = log;
     let last = log.events.iter().rposition(|event| matches!(event.what, What::Arrived { .. })).unwrap();
@@ -181,7 +181,7 @@ fn the_base_station_may_not_show_an_invalid_object() {
         *arrived(&mut log, place + 1).1 |= 1 << index;
         assert_eq!(found(&log), [(BaseInvalid, 1)], "{index}");
     }
-    // The profile has two of its objects in each other's place.
+    // Two objects of the profile have changed places.
     let mut log = log;
     let (profile, _) = arrived(&mut log, place + 1);
     let second = profile[124..184].to_vec();
@@ -270,7 +270,7 @@ fn not_forwarded(log: &Log) -> Vec<(u64, u64)> {
 #[test]
 fn a_new_profile_must_be_forwarded_when_it_is_read() {
     let log = Plan::new(3, 40).log();
-    // The test needs a profile that differs from the one before it.
+    // The cycle must not be one that was forwarded already, so its profile differs from the one before it.
     let of = |place: usize| match &log.events[place].what {
         What::Forwarded { profile } => Some(profile),
         _ => None,

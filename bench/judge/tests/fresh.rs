@@ -268,7 +268,7 @@ fn a_transaction_outlasting_the_kept_announcements_is_not_judged_by_them() {
     insert(&mut log, over, What::Ssi(bench_judge::SsiEvent::Ready));
     let miso = image.into();
     insert(&mut log, over, What::Transaction { selected: from, mosi: vec![].into(), miso });
-    // The disturbance excuses the DPR: the flight controller has held chip select for too long.
+    // A flight controller that holds chip select for too long misuses the SSI, which excuses the DPR.
     assert_eq!(found(&log), [(NoTransaction, 1)]);
     insert(&mut log, from, injected(MISUSE, over));
     assert_eq!(found(&log), []);

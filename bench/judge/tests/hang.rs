@@ -71,7 +71,8 @@ fn a_hang_excuses_unserved_transactions_until_the_run_ends() {
     assert_eq!(judged_at(&log, first - MS), []);
     let told: Vec<Violation> = found(&log).into_iter().map(|(violation, _)| violation).collect();
     assert!(told.contains(&Silent), "{told:?}");
-    // One transaction after the hang is too few for a silence, so the violation is that the DPR is not ready.
+    // After the hang there is only one transaction, which is too few for a silence. The DPR is therefore reported as
+    // not ready.
     log.events.retain(|event| {
         event.at <= first || !matches!(event.what, What::Selected | What::Transaction { .. } | What::Ssi(_))
     });

@@ -76,7 +76,7 @@ fn misuse_of_the_ssi_excuses_the_dprs_silence() {
 #[test]
 fn a_transaction_begun_before_the_dpr_was_ready_demands_no_readiness() {
     let mut plan = Plan::new(3, 20);
-    // The transaction begins before the DPR puts in its first image, and ends after that.
+    // A transaction is under way when the DPR puts in its first image.
     let took = plan.transaction_ns();
     let first = plan.publications[0].at;
     plan.selects.retain(|at| *at > first + 2 * MS);
@@ -121,7 +121,7 @@ fn a_damaged_length_allows_the_latency_of_a_frame_stored_whole() {
             let place = plan.showing(200);
             let ended = plan.publications[place].at - common::TO_FRESH;
             plan.publications[place].at = ended + bounds::STORE_AND_FORWARD + waits + late;
-            // The test removes transactions close to the publication, so that none delays the image.
+            // No transaction comes close to the publication, so none can delay the image.
             let at = plan.publications[place].at;
             plan.selects.retain(|selected| !(at - 2 * MS..at + MS).contains(selected));
             let mut log = plan.log();
@@ -233,7 +233,7 @@ fn a_frame_lost_with_the_front_ends_supply_is_excused() {
         let place = plan.showing(300);
         let ended = plan.publications[place].at - common::TO_FRESH;
         let mut log = plan.log();
-        // The cycle reaches the antenna, but no image contains it.
+        // The frames with the timestamp 300 ms reach the antenna, but no image contains their objects.
         let layout = Layout::for_receivers(3).unwrap();
         let shown = |bytes: &[u8]| bytes[layout.in_image(0).unwrap()].starts_with(&300_u32.to_le_bytes());
         for (_, miso) in transactions(&mut log).filter(|(_, miso)| shown(miso)) {

@@ -225,7 +225,7 @@ fn a_sample_dates_from_the_tick_just_before_its_first_frame() {
     assert!(after > bounds::SAMPLE_TO_READABLE);
     assert_eq!(samples(&plan).unwrap().max, after);
     assert!(found(&plan.log()).contains(&(LateSample, 1)));
-    // The run has only one tick, a whole cycle before the frame or a little less.
+    // The only tick of the run comes a whole cycle before the frame, or a little less.
     for (less, measured) in [(0, false), (1, true)] {
         let mut plan = Plan::new(3, 40);
         let began = started(&plan, cycle).unwrap();
@@ -237,7 +237,7 @@ fn a_sample_dates_from_the_tick_just_before_its_first_frame() {
         let longest = samples(&plan).map_or(0, |samples| samples.max);
         assert_eq!(longest > bounds::CYCLE, measured, "{less}: {longest}");
     }
-    // The run has a single tick, which comes between the two frames of the last cycle.
+    // The only tick of the run comes between the two frames of the last cycle.
     for (after, measured) in [(0, true), (1, false)] {
         let mut plan = Plan::new(5, 20);
         let began = started(&plan, cycle).unwrap();

@@ -198,7 +198,7 @@ fn a_dpr_must_get_ready_in_time_after_a_restart() {
     let mut log = restarted(250 * MS, BACK + 10 * CYCLE, &[power(false)]);
     insert(&mut log, 440 * MS, power(true));
     assert_eq!(found(&log), []);
-    // The log has no restart, so the DPR should have been readable all the time.
+    // If the log has no restart, the DPR should have been readable all the time.
     assert_eq!(found(&restarted(250 * MS, BACK, &[])), [(Silent, 1)]);
 }
 
@@ -240,7 +240,7 @@ fn the_dpr_must_be_ready_again_once_misuse_is_over() {
         let mut plan = Plan::new(3, 60);
         let over = plan.publications[plan.showing(300)].at + 3 * MS;
         let ended = over - sooner;
-        // All other transactions near the end of the misuse are removed, and one is added that ends with the misuse.
+        // Near the end of the misuse only one transaction is left, which ends `sooner` before that end.
         plan.selects.retain(|selected| selected.abs_diff(over) > 5 * MS);
         plan.selects.push(ended - plan.transaction_ns());
         plan.selects.sort_unstable();
@@ -385,7 +385,7 @@ fn buffers_that_are_held_for_longer_than_10_us_are_a_violation() {
     assert_eq!(found(&held_for(bounds::SSI_READY)), []);
     assert_eq!(found(&held_for(bounds::SSI_READY + 1)), [(HeldBack, 1)]);
     assert_eq!(judged(&held_for(bounds::SSI_READY + 1)).violations[0].first_at, released - bounds::SSI_READY - 1);
-    // The run ends while the processor holds the buffers.
+    // The processor still holds the buffers when the run ends.
     let mut held = log.clone();
     let last = publication(plan.end - 12 * MS);
     held.events.retain(|event| event.at < last || event.what == What::End);

@@ -10,7 +10,7 @@ pub const GRAVITY: f64 = 9.80665;
 
 /// The vibration is divided into periods of this length, ns, each with at most one shock.
 const PIECE: u64 = 4_000_000_000;
-/// The time at the beginning of each period in which no shock comes, ns.
+/// The time at the beginning of each [`PIECE`] in which no shock comes, ns.
 const CALM: u64 = 2_000_000_000;
 
 /// A sinusoidal part of the vibration.

@@ -32,7 +32,7 @@ pub enum Edge {
 pub struct Placement {
     /// The edge of chip select that is placed.
     pub edge: Edge,
-    /// The time from the phase's instant to the edge, ns; negative if the edge comes first.
+    /// The time from the phase's instant to the placed edge, ns; negative if the edge comes first.
     pub after_ns: i64,
     /// The number of bytes that are clocked; `None` for the whole image.
     pub bytes: Option<usize>,

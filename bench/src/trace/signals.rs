@@ -65,9 +65,9 @@ pub enum Word {
     DprMosiByte,
     /// The byte from the DPR's front end.
     DprMisoByte,
-    /// The byte from the flight controller to the DPR.
+    /// The byte that the SSI carries from the flight controller to the DPR.
     SsiMosiByte,
-    /// The byte from the DPR to the flight controller.
+    /// The byte that the SSI carries from the DPR to the flight controller.
     SsiMisoByte,
     /// The age of Reported-Position, in units of 100 µs, as stated by Link-Status in the image that was read last.
     LinkStatusAge,

@@ -271,7 +271,7 @@ fn a_field_that_drops_within_a_frame_breaks_it_off() {
 fn late_frames_are_lost_when_they_are_due_without_a_carrier() {
     let off = AirFaults { field_off: true, ..clean() };
     for faults in [repeating(5 * MS), delaying(5 * MS)] {
-        // In one case a fault of the air switches the field off, in the other case the poller does.
+        // The field is switched off by a fault of the air, or by the poller.
         for poller in [false, true] {
             let mut antenna = Antenna::new(1, faults);
             let end = antenna.send(10 * MS, &frame(20, 1));

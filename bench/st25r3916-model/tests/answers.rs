@@ -211,11 +211,11 @@ fn settings_that_cannot_answer_are_found_and_not_heard() {
     let cases: [(Variant, &[u8], Written); 9] = [
         (a, &[0x29, 0x55], (Space::A, 0x29, 0x55)),
         (a, &[0x29, 0xF5], (Space::A, 0x29, 0xF5)),
-        // This write selects an external modulator, which the board does not have.
+        // The write to B28 selects an external modulator, which the board does not have.
         (a, &[0xFB, 0x28, 0x20], (Space::B, 0x28, 0x20)),
         (b, &[0x29, 0xEE], (Space::A, 0x29, 0xEE)),
         (b, &[0xFB, 0x28, 0xA0], (Space::B, 0x28, 0xA0)),
-        // This write selects regulator-shaped modulation, which is not allowed in card mode.
+        // The write to B28 selects regulator-shaped modulation, which is not allowed in card mode.
         (b, &[0xFB, 0x28, 0x94], (Space::B, 0x28, 0x94)),
         // These two writes lead to undocumented combinations of dis_reg_am and act_amsink.
         (b, &[0xFB, 0x28, 0x10], (Space::B, 0x28, 0x10)),

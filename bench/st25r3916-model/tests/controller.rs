@@ -44,7 +44,7 @@ fn it_tells_when_chip_select_rose_after_a_command_to_transmit() {
     let second = pair.now;
     assert_eq!(pair.poller.take_transmits(), [first, second]);
     assert_eq!(found(&pair.poller, Kind::TransmitWhileBusy), 1);
-    // The byte C4 is no command when it is a register value or a FIFO byte.
+    // The byte C4 is no command where a register's value or a FIFO byte is expected.
     pair.spi(Side::Poller, &[0x13, 0xC4, 0xC4]);
     pair.spi(Side::Poller, &[0x80, 0xC4, 0xC4]);
     pair.spi(Side::Poller, &[0xDB]);

@@ -257,7 +257,7 @@ fn a_fifo_cleared_in_time_sends_the_bytes_loaded_after_it() {
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(40, 1));
     pair.fire();
-    // The frame's first bit is not due yet, so the air has been given no byte.
+    // The FIFO is cleared before the frame's first bit is due, so the air has been given no byte.
     let now = pair.now;
     pair.poller.select(now);
     pair.poller.transfer(now + 1_000, 0xDB);
@@ -331,7 +331,7 @@ fn a_mode_or_rate_that_is_not_modelled_is_reported() {
         // These two modes are an NFC-A target with its anticollision, and active communication.
         (&[&[0x03u8, 0x88, 0x22][..]], Kind::UnmodelledMode(0x88)),
         (&[&[0x03, 0xB8, 0x22]], Kind::UnmodelledMode(0xB8)),
-        // This bit rate is 106 kbit/s, at which a target does not receive NFC-F.
+        // The bit rate 20 is 106 kbit/s, at which a target does not receive NFC-F.
         (&[&[0x03, 0xA0, 0x20]], Kind::UnmodelledBitRate(0x20)),
     ] {
         let mut pair = Pair::started(exact(), exact(), clean());
@@ -449,7 +449,7 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
     for (write, register, lost) in [
         (&[0x03u8, 0xA4][..], 0x03, true),
         (&[0x04, 0x21], 0x04, true),
-        // This write changes the bit rate of transmission only.
+        // A write of 12 to register 04 changes the bit rate of transmission only.
         (&[0x04, 0x12], 0x04, false),
     ] {
         let mut pair = Pair::started(exact(), exact(), clean());

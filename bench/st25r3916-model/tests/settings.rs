@@ -66,8 +66,8 @@ fn a_supply_that_a_measurement_may_read_as_either_range_suits_both() {
 
 #[test]
 fn supply_and_tuning_are_looked_at_whatever_puts_the_part_to_work() {
-    // In the first case the field goes on together with the oscillator. In the second the receiver goes on although the
-    // regulators were not adjusted.
+    // In the first case the field and the oscillator go on together. In the second the receiver goes on without an
+    // adjustment of the regulators.
     for operation in [[0x88, 0x88], [0x80, 0xC0]] {
         let mut pair = Pair::new(Config::default(), Config::default(), clean());
         pair.spi(Side::Poller, &[0x01, 0x9C]);

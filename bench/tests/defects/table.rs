@@ -19,7 +19,7 @@ pub(crate) struct Edit {
 pub(crate) enum Shows {
     /// The run of a defect shows this violation, perhaps among others.
     By(Violation),
-    /// The run shows no violation. A rule is missing, or only the named test finds the defect.
+    /// The run of a defect shows no violation: a rule is missing, or only the named test finds the defect.
     Not(&'static str),
 }
 

@@ -44,14 +44,14 @@ table! {
         setup: |setup| setup.sweep = Some(after_each_frame(200_000, 3)),
         ..Row::new(Violation::NoTransaction, Faults::none)
     };
-    // The run ends 6 µs after the longest start-up time, before the DPR's watchdog resets it.
+    // The run ends before the DPR's watchdog resets it, just after the longest time that a start may take.
     a_firmware_whose_commit_task_does_nothing_never_gets_ready => Row {
         also: Some(Violation::DprComplains),
         duration: || 100 * MS + 3 * US,
         ..Row::new(Violation::NeverReady, || {
             let sealed = ImageFault::Patch { address: 0, bytes: vec![], sealed: true };
             let dead = |task: &str| Fault::Image(Board::Dpr, ImageFault::Dead(task.into()));
-            // Both tasks are dead, because either `commit` or `deadline` would publish an image.
+            // The tasks `commit` and `deadline` are both dead, because either of them would publish an image.
             let both = Faults::none().with(0, u64::MAX, dead(COMMIT)).with(0, u64::MAX, dead(DEADLINE));
             both.with(0, u64::MAX, Fault::Image(Board::Dpr, sealed))
         })
@@ -87,7 +87,8 @@ table! {
                 dpr(breaks() - 2 * MS, 100 * MS, ImageFault::Constant { of, value })
             })
         };
-    // The second frame ends just before the next tick. Its image is published after that tick.
+    // With five receivers a cycle has two frames. The late one ends just before the next tick, so its image is
+    // published after that tick.
     a_second_frame_in_a_late_slot_makes_its_sample_late => Row {
         gps: 5,
         ..Row::new(Violation::LateSample, || {

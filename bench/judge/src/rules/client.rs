@@ -320,7 +320,7 @@ mod tests {
         assert_eq!(once(20 * MS, true, Some(1), None, &[]), [], "it says that it does not know");
         let misuse = [(MS, injected(MISUSE, u64::MAX))];
         assert_eq!(once(20 * MS, true, Some(1), Some(0), &misuse), []);
-        // The frame arrives again 5 ms later, and the DPR may have shown the sample of either arrival.
+        // One frame arrives twice, 5 ms apart, and the DPR may have shown the sample of either arrival.
         let mut log = Events::new(1);
         heard(&mut log, 1, true);
         let mut again = Events::new(1);

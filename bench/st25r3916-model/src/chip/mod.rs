@@ -48,7 +48,7 @@ pub struct Chip {
     /// Events of the air that have yet to take effect: the instant of the effect, the instant of the event, and the
     /// event.
     inbox: VecDeque<(u64, u64, AirEvent)>,
-    /// The register that the present measurement will set when it ends, and its new value.
+    /// The register that the measurement under way will set when it ends, and the register's new value.
     measuring: Option<(Space, u8, u8)>,
     transmits: Vec<u64>,
     /// The last bit on MOSI, and the last on MISO. In a wrong SPI mode, chip or controller samples this bit in place of

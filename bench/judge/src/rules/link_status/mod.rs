@@ -279,7 +279,7 @@ impl LinkStatus {
             Some(candidates)
         };
         self.last.clone_from(&reading.miso);
-        // The image replaces a damaged image, and so states the same time as that one.
+        // An image that replaces an unsound one states the same time as the unsound one, so its time is not judged.
         let mut of_the_start = None;
         if !disturbances.excuse(Excuse::UnsoundImage, published) {
             if let Some(words) = self.time.wrong(values.timestamp, published, dpr.since) {
@@ -324,7 +324,7 @@ impl LinkStatus {
                 newest(&|it| it.ended() <= published && it.frame.as_ref().is_some_and(|it| shows(reading, it)))?;
             let frame_of = |index: usize| self.snapshots.get(index).and_then(|snapshot| snapshot.frame.as_ref());
             let same_cycle = frame_of(last).zip(frame_of(shown)).is_some_and(|(last, shown)| last.completes(shown));
-            // The image shows an older cycle than FRESH announced. Another rule reports this.
+            // An image that shows an older cycle than FRESH announced is reported by another rule.
             if shown < first || shown < last && self.is_cause(last) && !same_cycle {
                 return None;
             }

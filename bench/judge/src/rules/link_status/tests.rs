@@ -68,7 +68,7 @@ fn the_age_is_saturated_until_an_object_is_accepted() {
 
 #[test]
 fn the_age_counts_from_the_tick_and_not_from_the_frame() {
-    // The log has this tick 1 ms early, but HORUS sends at the usual instant.
+    // The log has the tick of cycle 20 too early by 1 ms, but HORUS sends at the usual instant.
     let run = Run::new(3);
     let mut log = run.log(|_| {});
     for event in log.events.iter_mut().filter(|event| event.what == What::Tick && event.at == run.tick(20)) {
@@ -110,7 +110,7 @@ fn each_counter_that_is_off_by_one_is_a_violation() {
 #[test]
 fn counters_that_go_on_wrongly_together_are_wrong() {
     for n in RECEIVERS {
-        // The image counts a damaged object as accepted, or a received frame as missed.
+        // Link-Status counts a damaged object as accepted, or a received frame as missed.
         let run = Run::new(n).hit(20, 0, Air::Hit(vec![1]));
         let change = |values: &mut LinkValues| {
             values.objects_accepted += 1;
@@ -315,7 +315,7 @@ fn the_time_starts_with_the_dpr_and_goes_on_with_it() {
             let broken = run.broken(of(&run, 20, change));
             assert_eq!(broken == [Violation::LinkTime], wrong, "{n} receivers, {by}: {broken:?}");
         }
-        // The time in the first image may be short by the time that a start takes.
+        // In the first image, the time since the start may be too short by the time that a start takes.
         for (by, wrong) in [(3_i32, true), (-4, false)] {
             let change = |values: &mut LinkValues| values.timestamp = values.timestamp.saturating_add_signed(by);
             let broken = run.broken(within(0..u64::MAX, change));

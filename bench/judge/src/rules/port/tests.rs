@@ -520,8 +520,8 @@ fn a_write_as_fresh_rises_shows_two_images_later() {
 #[test]
 fn what_port_status_has_decided_stays_so() {
     let written = [(AT, command(50, Command::SelfTest)), (AT + 40 * MS, command(60, Command::SelfTest))];
-    // The first self-test may be over when the second command arrives. The images published within `over` say that it
-    // is.
+    // A second command for a self-test arrives when the first self-test may be over. The images published within `over`
+    // say that it is over.
     let decided = |over: Range<u64>| {
         broken(&log(&written, |published| {
             let mut shown = Shown::default();
@@ -725,7 +725,6 @@ fn only_a_self_test_may_be_refused_while_another_runs() {
         Model::at_start().after(&test(1), 0, 500).iter().any(|model| model.fits(&values, at))
     };
     assert!(runs(bounds::SELF_TEST - 1) && !runs(bounds::SELF_TEST));
-    // The first command for a self-test cannot be refused.
     let sent = [test(1)];
     assert!(says(&sent, 1, (1, Command::SelfTest), false, true));
     assert!(says(&sent, 1, (1, Command::SelfTest), false, false));

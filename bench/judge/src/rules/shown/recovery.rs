@@ -290,7 +290,7 @@ mod tests {
     fn of_causes_that_overlap_each_has_its_own_bound() {
         let front_end = injected(50 * MS, DPR_FRONT_END, 100 * MS);
         let air = |until| injected(60 * MS, Disturbance::Air, until);
-        // The fault of the front end allows a recovery until 250 ms, and that of the air until 170 ms or 260 ms.
+        // The front end's fault allows a recovery until 250 ms. The fault of the air allows it until 170 ms or 260 ms.
         let judged = |until, read| judged(&[front_end.clone(), air(until)], read, 0).0;
         assert_eq!(judged(120 * MS, 250 * MS), []);
         assert_eq!(judged(120 * MS, 250 * MS + 1), [Violation::RecoversLate]);
@@ -354,8 +354,8 @@ mod tests {
                 assert_eq!((found, longest), (vec![], Longest { all, without_bring_up: None }));
                 assert_eq!(judged(&cause, due + 1, 0).0, [Violation::RecoversLate]);
             }
-            // The disturbance lasts until the board restarts, so before that the link has not recovered and cannot be
-            // late.
+            // A hang lasts until the board restarts. Before that, the link cannot be late in its recovery from the
+            // hang.
             let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
             recovery.take(&hung(50 * MS, board), &mut findings);
             recovery.shown(60 * MS, 65 * MS);

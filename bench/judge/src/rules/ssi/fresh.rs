@@ -101,7 +101,7 @@ impl Claim {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Claims {
     claims: VecDeque<Claim>,
-    /// The bytes that FRESH announced last, if they are an unsound image; otherwise empty.
+    /// The bytes that FRESH announced last, if they are an unsound image; empty if not.
     condemned: Vec<u8>,
     /// The newest timestamp that a transaction has read, ms.
     newest: Option<u32>,
@@ -190,7 +190,7 @@ impl Claims {
     ) {
         let Some(mark) = Mark::of(reading) else { return };
         let selected = reading.selected;
-        // Another rule reports objects that are older than objects read earlier.
+        // If a transaction reads objects that are older than objects read earlier, another rule reports it.
         let regressed = self.newest.zip(mark.stamp).is_some_and(|(newest, stamp)| is_later(newest, stamp));
         let announced = self.claims.partition_point(|claim| claim.rose <= selected);
         if announced == 0 && self.claims.len() == REMEMBERED {
@@ -226,7 +226,7 @@ impl Claims {
                 }
             }
             Some(_) => {
-                // The image that was read now counts as announced, so that it is reported once.
+                // An image that FRESH did not announce counts as announced from now on, so that it is reported once.
                 (claim.mark, claim.unannounced) = (Some(mark), true);
                 if regressed {
                     return;

@@ -34,7 +34,7 @@ impl Read {
 enum Why {
     /// A transaction ended, and the SPI peripheral gave the buffers to the processor.
     Transaction,
-    /// The image's time is over, and hardware took the buffers. They must be back only with the next image.
+    /// Hardware took the buffers, because the image's time is over. They must be back only with the next image.
     Expiry,
     /// The processor took the buffers.
     Own,

@@ -58,7 +58,7 @@ fn a_message_that_is_certain_ends_the_doubt() {
         })
     };
     assert_eq!(late(&certain), []);
-    // The receiver sends nothing for a while after the burst that HORUS may have missed.
+    // The burst of GPS1 that HORUS may have missed is the last one for a while.
     assert_eq!(late(&doubtful), []);
     let certain = scene.receivers[0][6].clone();
     let values = doubtful.clone();
@@ -75,7 +75,8 @@ fn after_doubt(doubtful: usize, age: u64, valid: bool) -> Vec<(Violation, u64)> 
     scene.receivers[0].truncate(20);
     for burst in &mut scene.receivers[0] {
         (burst.att, burst.ins) = (None, None);
-        // The disturbance is limited to this burst: HORUS certainly receives the bursts before and after it.
+        // The line of GPS1 is disturbed during one burst only, so HORUS certainly receives the bursts before and after
+        // it.
         burst.clean = true;
     }
     let number = cycle_after(&scene.receivers[0][19], age * MS);

@@ -139,7 +139,7 @@ fn a_receiver_that_strays_has_no_vote() {
 fn a_receiver_is_not_excluded_without_a_cause() {
     let scene = Scene::new(3);
     assert_eq!(excluded(&scene, 0..0), []);
-    // The receiver is excluded without a cause, and returns before a second has passed.
+    // HORUS excludes a receiver without a cause, and readmits it before a second has passed.
     assert_eq!(excluded(&scene, STEADY..STEADY + 10), [(Violation::ExclusionWrong, 2)]);
     assert_eq!(excluded(&scene, STEADY..121), EXCLUSION);
     let mut scene = Scene::new(3);
@@ -190,7 +190,7 @@ fn a_result_needs_a_quorum_and_more_receivers_than_oppose_it() {
             }
         }
     }
-    // Two of five receivers are no quorum even if the others are silent; one of two is.
+    // Two of five receivers are no quorum, even if the other three are silent. One of two receivers is.
     for (speak, gps, least) in [(1, 2, 1), (1, 3, 2), (2, 3, 2), (2, 5, 3), (3, 5, 3)] {
         let mut scene = standing(&vec![(0.0, 0.0); gps]);
         scene.receivers[speak..].iter_mut().for_each(Vec::clear);
@@ -210,7 +210,7 @@ fn the_result_must_come_from_a_largest_set_of_agreeing_receivers() {
     assert_eq!(of_members(&scene, &[1, 2, 3, 4]), []);
     assert_eq!(of_members(&scene, &[0, 1, 2]), [Violation::VoteWrong]);
     assert_eq!(without(&scene, &[0]), [Violation::ExclusionWrong]);
-    // Two sets of receivers have the same size, and HORUS may vote from either.
+    // HORUS may vote from either of two sets of receivers that agree, because both have the same size.
     let scene = standing(&[(0.0, 0.0), (9.0, 0.0), (22.0, 0.0)]);
     assert_eq!(of_members(&scene, &[1, 2]), []);
     assert_eq!(of_members(&scene, &[0, 1]), []);

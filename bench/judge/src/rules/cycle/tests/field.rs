@@ -90,7 +90,7 @@ fn the_field_may_be_off_until_it_first_comes_on() {
 
 #[test]
 fn the_bounds_around_a_drop_are_as_stated() {
-    // At this tick the field has been on again for just as long as HORUS needs before it sends.
+    // The field has been on again at the tick for just as long as HORUS needs before it sends.
     let ready = |early: u64| {
         changed(3, |events| {
             events.without(|event| (of(5)(event) || of(6)(event)) && !is_tick(event));
@@ -112,7 +112,7 @@ fn the_bounds_around_a_drop_are_as_stated() {
     let off = command + bounds::COMMAND_TO_AIR + bounds::FRAME_LONGEST;
     assert_eq!(after(0), [(Violation::FieldDropped, 1, off)]);
     assert_eq!(after(1), [(Violation::CommandWithoutFrame, 1, command)]);
-    // The frame was lost so long ago that HORUS may no longer switch the field off because of it.
+    // A frame was lost so long ago that HORUS may no longer switch the field off because of it.
     let recovered = |passed: u64| {
         changed(3, |events| {
             let off = tick(5) + bounds::FIELD_RECOVERY + passed;

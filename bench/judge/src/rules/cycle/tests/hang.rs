@@ -57,7 +57,7 @@ fn a_hang_of_horus_excuses_missing_ticks_but_no_irregular_ones() {
     let mut stopped = hung(3, at, Some(at));
     stopped.without(|event| is_tick(event) && event.at > at && event.at < at + BITES);
     assert_eq!(broken(&stopped), []);
-    // The hang may also end by the reset pin, or by the end of the run.
+    // A hang of HORUS may also end by the reset pin, or by the end of the run.
     let mut by_pin = stopped.clone();
     by_pin.without(|event| matches!(event.what, What::Reset { .. })).reset(at + BITES, Board::Horus, true);
     assert_eq!(broken(&by_pin), []);

@@ -193,7 +193,8 @@ fn a_cycle_that_was_shown_once_need_not_be_shown_again() {
             empty.places.iter_mut().for_each(|place| place.fill(0));
             images.insert(place + 1, empty);
         };
-        // The image has the Link-Status of the image before, which another rule judges.
+        // An image without objects is inserted. It repeats the Link-Status of the image before, which another rule
+        // judges.
         let is_missed = |after| run.broken(|images| withdraw(images, after)).contains(&Violation::NotShown);
         assert!(!is_missed(4 * MS));
         assert!(is_missed(0));
