@@ -342,8 +342,8 @@ fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<Repair> {
     Some(ImageFault::Stopped(u32::try_from(address).unwrap()).apply(node).unwrap())
 }
 
-/// Hangs a task of the DPR at `breaks_at` while the flight controller reads. The damage is repaired after the restart.
-/// A firmware that finds the damage in its flash before that restarts once more.
+/// Hangs a task of the DPR at `breaks_at` while the flight controller reads, and repairs the damage after the restart.
+/// The firmware restarts once more if it finds the damage in its flash before the repair.
 fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
     let (Some(a), Some(b)) = (boards::horus(), boards::dpr()) else { return None };
     let mut relay = Relay { a, b, upstream: Antenna, downstream: Reader::new(ON_LOSS.contains(&task)) };

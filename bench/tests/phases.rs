@@ -1,9 +1,11 @@
 //! Places the flight controller's transactions in every phase relative to a frame's end, in steps of 100 ns, because an
 //! ordinary control cycle reaches some coincidences once in minutes.
 //!
-//! Each phase around a publication has two patterns. In the first, the transaction of a whole image ends at the phase,
-//! and 96 bytes are read right after it. In the second, 96 bytes are read from the phase on, after a long silence. The
-//! boards' crystals are wrong by 200 ppm in opposite directions, and each phase is counted from its own frame.
+//! Each phase around a publication has two patterns of transactions. In the first, the transaction of a whole image
+//! ends at the phase, and 96 bytes are read right after it. In the second, 96 bytes are read at the phase, after a long
+//! silence.
+//!
+//! The boards' crystals are wrong by 200 ppm in opposite directions, and each phase is counted from its own frame.
 
 use crate::boards;
 
@@ -96,10 +98,11 @@ fn a_publication_with_five_receivers_may_meet_a_transaction_in_any_phase() {
     around_a_publication(5, 1, LAST_OF_PUBLICATION, Clock::Fast, (200_000, -200_000));
 }
 
-/// The DPR's idle task has some work once a second, when an event wakes it. Between two frames the end of the pause
-/// after a transaction wakes it, 96 to 106 µs after that transaction. If a second transaction ends 109 to 127 µs after
-/// the first, it coincides with this work. The DPR's second moves by 400 µs relative to HORUS's cycle each time, so 25
-/// s cover many distances from a frame.
+/// Once a second the DPR's idle task has more work, which it begins when an event wakes it. Between two frames this
+/// event is the end of the pause after a transaction, 96 to 106 µs after that transaction. A second transaction that
+/// ends 109 to 127 µs after the first therefore coincides with the work.
+///
+/// Relative to HORUS's cycle, the DPR's second moves by 400 µs each time, so 25 s cover many distances from a frame.
 #[test]
 fn what_the_dpr_does_once_a_second_holds_no_transaction_up() {
     let pairs = |gap: i64| {

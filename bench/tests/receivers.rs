@@ -1,5 +1,5 @@
-//! Tests receivers on a UART, on I2C and on SPI. Their values are shown to the last bit. A fault of one interface costs
-//! neither a cycle nor another receiver, and its effect ends soon after the fault.
+//! Tests receivers on a UART, on I2C and on SPI: their values are shown to the last bit, and a fault of one interface
+//! costs neither a cycle nor another receiver. Its effect ends soon after the fault.
 
 use crate::boards;
 
@@ -363,8 +363,8 @@ fn a_thousand_failures_of_buses() {
 const CONFIGURED: u64 = 2_500 * MS;
 
 /// The longest time, ns, from the end of a stuck MISO to a valid position, if the receiver's output buffer holds no
-/// older message. The first message comes within 200 ms and only proves that the buffer is empty (decision 16). The
-/// next comes 200 ms later.
+/// older message. The first message comes within 200 ms, but only proves that the buffer is empty (decision 16). The
+/// second comes 200 ms later and is used.
 const PROVED: u64 = 450 * MS;
 
 /// After a stuck MISO, the first bytes have waited in the receiver for more than a second.

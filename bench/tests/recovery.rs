@@ -1,6 +1,6 @@
-//! Tests every cause of a disturbance separately. While it lasts, nothing wrong is shown and Link-Status is correct.
-//! Afterwards the link works again within 5 cycles, or within 15 if a front end has to be brought up again. The judge
-//! checks both.
+//! Tests every kind of disturbance separately. While it lasts, nothing wrong is shown and Link-Status is correct.
+//! Afterwards the link must work again within 5 cycles, or within 15 if a front end has to be brought up again. The
+//! judge checks all of it.
 
 use crate::boards;
 

@@ -1,5 +1,5 @@
-//! Tests the runner of `cargo xtask run`. A file is refused, or runs alone on a board and ends within the limit, with a
-//! clear message. The log of a firmware is shown in any format.
+//! Tests the runner of `cargo xtask run`: a file is refused, or runs alone on a board and ends within the limit of
+//! time, with a clear message. The firmware's log is shown in any format.
 
 use crate::{boards, elf, thumb};
 

@@ -18,11 +18,12 @@
 //!
 //! # The length of a flight
 //!
-//! A flight fills the given duration with all its phases, so a run of 10 s shows a take-off and a landing too. A short
-//! flight is low and slow, within the acceleration limits. A long flight climbs to [`HEIGHT_MAX`], cruises at
-//! [`SPEED_MAX`] and has more legs, which curve so that the aircraft stays within a few kilometres. For a duration
-//! below [`SHORTEST`] the run shows the beginning of a flight of [`SHORTEST`]. Before and after the flight the aircraft
-//! stands on the ground.
+//! A flight fills the given duration with all its phases, so a run of 10 s shows a take-off and a landing too. If the
+//! duration is below [`SHORTEST`], the run shows the beginning of a flight of [`SHORTEST`]. Before and after the flight
+//! the aircraft stands on the ground.
+//!
+//! A short flight is low and slow, within the acceleration limits. A long flight climbs to [`HEIGHT_MAX`], cruises at
+//! [`SPEED_MAX`] and has more legs, which curve so that the aircraft stays within a few kilometres.
 
 use core::f64::consts::{PI, TAU};
 

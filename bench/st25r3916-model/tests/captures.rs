@@ -5,8 +5,10 @@
 //! the checkout or beside a folder that contains it. Without them the tests report "not run", or fail if `CI` is set.
 //!
 //! Before a replay the chip is set up over SPI as the recorded firmware had set it up. A model of the tag answers with
-//! the recorded bytes at instants derived from the recorded edges of I_rxs. These edges are therefore checked only for
-//! order and level; a separate check compares them with the frame delay time of ISO 14443-3.
+//! the recorded bytes, at instants derived from the recorded edges of I_rxs.
+//!
+//! In the replay, edges of I_rxs are therefore checked only for order and level. A separate check compares them with
+//! the frame delay time of ISO 14443-3.
 
 use std::path::Path;
 

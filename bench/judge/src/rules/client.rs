@@ -6,10 +6,11 @@
 //! | states another age than that of the sample that it read last | `ClientAge` |
 //! | has no position although it has read [`bounds::CLIENT_FINDS`] valid ones in sequence | `ClientHides` |
 //!
-//! A sample's age follows from the instant at which its frame reached the DPR's antenna, and from the frame's slot. A
-//! delay on the air is not known. If a sample arrived several times, its age may count from any of the arrivals. The
-//! client learns the age only from Link-Status and the time since FRESH rose, so it may use a lower age that
-//! Link-Status stated. Another rule judges Link-Status.
+//! A sample's age follows from the instant at which its frame reached the DPR's antenna, and from the frame's slot; a
+//! delay on the air does not count. If the sample arrived several times, its age may count from any arrival.
+//!
+//! The client learns the age only from Link-Status and from the time since FRESH rose. It may therefore use an age that
+//! Link-Status stated too low; rule `link_status` judges Link-Status.
 //!
 //! While data are out of sequence or disturbed, the client need not have a position. While [`Excuse::Service`] holds,
 //! it need not state an age. Using a forbidden position is always a violation.

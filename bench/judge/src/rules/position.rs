@@ -1,10 +1,12 @@
 //! Judges whether the position that HORUS sends is where the aircraft was, and whether HORUS sends a position at all.
 //!
 //! In a run of simulated receivers, the log has the aircraft's true position at each tick ([`What::Aircraft`]). A valid
-//! Reported-Position has to lie within [`bounds::POSITION_OFF_M`] of a position of the aircraft in the last
-//! [`bounds::POSITION_OLDEST`]. While fewer receivers than a quorum are disturbed, [`bounds::AGREEMENT_M`] is added to
-//! this limit, because a disturbed receiver may agree with the others. Nothing is required while a quorum of receivers
-//! is disturbed, or one of two receivers, or the only one.
+//! Reported-Position has to lie within [`bounds::POSITION_OFF_M`] of where the aircraft was in the last
+//! [`bounds::POSITION_OLDEST`].
+//!
+//! A disturbed receiver may agree with the others, so [`bounds::AGREEMENT_M`] is added to the limit while any receiver
+//! is disturbed. Nothing is required while a quorum of receivers is disturbed, or one of two receivers, or the only
+//! one.
 //!
 //! A position that is missing for [`bounds::POSITION_WITHIN`] is reported, unless another violation in this time
 //! explains it.

@@ -12,10 +12,11 @@
 //! | `emergency-fired`, `motors-cut`, `switched-to-redundant`, `inputs-contradict` | Reported-Position states this |
 //! | `degraded`, `no-crystal`, `horus-memory-fault` | Reported-Position states this |
 //!
-//! Close to a limit of time the judge accepts either value. A profile that does not continue the sequence may come from
-//! another sender, and the station need not show it. What the station shows is therefore certain only after profiles
-//! have arrived in sequence for [`bounds::STATION_SETTLES`]. At the beginning of a run, [`bounds::CLIENT_FINDS`]
-//! profiles are enough. While HORUS runs without its crystal, no age is required.
+//! Close to a limit of time the judge accepts either value. While HORUS runs without its crystal, no age is required.
+//!
+//! The station need not show a profile that does not continue the sequence, because it may come from another sender.
+//! The judge therefore requires a value only after profiles have arrived in sequence for [`bounds::STATION_SETTLES`],
+//! or after [`bounds::CLIENT_FINDS`] profiles at the beginning of a run.
 //!
 //! The station recognises a new start of HORUS only if the timestamps step back or the reason of the last reset changes
 //! (docs/base-station.md). Otherwise the station may take a sample to be older than it is, by the time for which HORUS

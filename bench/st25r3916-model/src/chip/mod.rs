@@ -143,7 +143,7 @@ impl Chip {
     }
 
     /// Passes an event on the air at `at` (virtual ns) to the chip. A future event takes effect at its instant. A past
-    /// event takes effect now, but the bits of its frame keep their times.
+    /// event takes effect now, but the instants of its frame's bits stay as they are.
     pub fn hear(&mut self, at: u64, event: &AirEvent) {
         let effect = at.max(self.core.now());
         let place = self.inbox.partition_point(|(t, _, _)| *t <= effect);

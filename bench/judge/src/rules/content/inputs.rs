@@ -2,8 +2,10 @@
 //!
 //! This module is written from decision 18. HORUS has three inputs, each a pair of pins that HORUS samples once per
 //! cycle, within [`bounds::SAMPLED_AFTER_TICK`] after the tick. HORUS accepts a reading after three equal samples in a
-//! row. Ten samples without three equal ones in a row are a contradiction. The next cycle's Reported-Position shows the
-//! resulting state: that of the most severe input that is not inactive.
+//! row, and a contradiction after ten samples without three equal ones in a row.
+//!
+//! Reported-Position of the next cycle shows the resulting state, which is that of the most severe input that is not
+//! inactive.
 //!
 //! If a pair's levels change during the sampling, the judge allows every outcome. After an irregular tick the number of
 //! samples is not known, so nothing is required until later samples make the reading certain.

@@ -3,11 +3,12 @@
 //! # How it is judged
 //!
 //! The judge finds the messages in the bytes of each receiver's line, with the instant at which each message had
-//! arrived. For each kind of message, a GPS object must show the newest message that had arrived
-//! [`bounds::MESSAGE_TAKEN`] before the tick. It may show a message that arrived up to [`bounds::SAMPLED_AFTER_TICK`]
-//! after the tick. Values and status are compared bit by bit; `track` determines the status bits by the message's age.
-//! HORUS may miss a message whose line was disturbed, whose bytes came before HORUS's first tick, or that lies within
-//! bytes that look like another message.
+//! arrived. Of each kind, a GPS object must show the newest message that had arrived [`bounds::MESSAGE_TAKEN`] before
+//! the tick. It may show a message that arrived up to [`bounds::SAMPLED_AFTER_TICK`] after the tick.
+//!
+//! Values and status are compared bit by bit; `track` determines the status bits by the message's age. HORUS may miss a
+//! message whose line was disturbed, whose bytes came before HORUS's first tick, or that lies within bytes that look
+//! like another message.
 //!
 //! # What is not judged
 //!

@@ -423,8 +423,8 @@ fn a_power_cycle_of_the_dpr_is_a_start() {
     assert_eq!(crate::rules::shown::synthetic::kinds(&crate::judge(&log)), []);
 }
 
-/// Returns whether a flag is wrong in a run whose last frame is that of cycle 20. An image is published `after` ns
-/// after that cycle's sample, more than 260 ms later. It says whether the sequence is `held`.
+/// Returns whether a flag is wrong in a run whose last frame is that of cycle 20. The image published `after` ns after
+/// that cycle's sample, more than 260 ms later, says whether the sequence is `held`.
 fn published_late(after: u64, held: bool) -> bool {
     let run = Run { cycles: 60, ..Run::new(3) }.hit_all(21..=60, &Air::Lost);
     let sampled = run.tick(20) + 3 * US;
@@ -491,8 +491,8 @@ fn any_number_of_samples_may_follow_the_last_certain_one() {
     snapshot.accept(sample(10), true);
     (11..100).for_each(|nth| snapshot.accept(sample(nth), false));
     let fits = |snapshot: &super::Snapshot, told| super::age_fits(snapshot, told, 1_000 * MS + 50_000);
-    // The oldest sample is 900 ms old and was certainly accepted. The newest is 10 ms old. The oldest two are merged,
-    // so any age between theirs is possible.
+    // The oldest of three samples is 900 ms old and was certainly accepted; the newest is 10 ms old. The judge merges
+    // the oldest two, so that any age between theirs is possible.
     for (told, fit) in [(9_001, true), (9_003, false), (8_950, true), (100, true), (150, false), (96, false)] {
         assert_eq!(fits(&snapshot, told), fit, "{told}");
     }

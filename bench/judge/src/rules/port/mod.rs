@@ -1,8 +1,8 @@
 //! Compares Port-Status, and the uplinks that are read back, with what the flight controller has written.
 //!
-//! The judge determines the state of a correct DPR after each transaction (`model`). The first image published after a
-//! transaction may show its effect, and the second must. Where the state is uncertain, as the duration of a self-test
-//! is, several states are possible until later readings exclude them.
+//! The judge determines the state of a correct DPR after each transaction (`model`), and several possible states where
+//! it is uncertain, as for the duration of a self-test. The first image published after a transaction may show the
+//! transaction's effect, and the second must.
 //!
 //! # What is not required
 //!
@@ -293,9 +293,9 @@ impl PortRule {
     }
 }
 
-/// Returns whether `transactions` transactions of unknown content can change Port-Status from `before` to `now`. Each
-/// adds at most one to each counter, and two to the counter of transactions beyond the budget. The effects of
-/// [`bounds::SSI_BUDGET`] transactions for each of two images may be missing in `before`.
+/// Returns whether `transactions` transactions of unknown content can change Port-Status from `before` to `now`. A
+/// transaction adds at most one to each counter, except two to the counter of transactions beyond the budget. In
+/// `before`, the effects of up to [`bounds::SSI_BUDGET`] transactions for each of two images may be missing.
 fn may_follow(before: &PortValues, now: &PortValues, transactions: u32) -> bool {
     let most = transactions.saturating_add(2 * bounds::SSI_BUDGET);
     let last_command = |values: &PortValues| (values.last_command_timestamp, values.last_command);

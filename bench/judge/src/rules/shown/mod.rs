@@ -17,17 +17,18 @@
 //!
 //! Stale data that stay in the image expire later. Data that are both stale and expired are reported only as expired.
 //!
-//! `NotShown` means that no transaction shows a cycle that must be shown. `Vacant` means that an object is missing
-//! while others of its cycle are shown. Both concern only transactions that began after the cycle's image had to be
-//! readable and before the next image could be. Neither applies if the object's bytes are reported as a violation of
-//! the table above, or as damage (rule `ssi`). Rule `ssi` also judges whether a transaction may read 0xFF throughout.
+//! `NotShown` means that no transaction shows a cycle that must be shown, and `Vacant` that an object is missing while
+//! others of its cycle are shown. They concern only transactions that began after the cycle's image had to be readable
+//! and before the next image could be.
+//!
+//! Neither is reported for an object whose bytes are reported as one of the violations above or, by rule `ssi`, as
+//! damage. Rule `ssi` also judges whether a transaction may read 0xFF throughout.
 //!
 //! # A DPR that hangs
 //!
-//! From the instant at which the bench stops the DPR's core until the DPR's next start, nothing new must be shown. Data
-//! whose deadline had not passed by that instant may stay. An expired image must not be read even then, because
-//! hardware withdraws it without the processor. A DPR with a dead task is judged in the same way, but may show what it
-//! receives.
+//! While the bench has stopped the DPR's core, until the DPR's next start, nothing new must be shown. Data whose
+//! deadline had not passed when the core stopped may stay until their image expires: hardware withdraws an expired
+//! image without the processor. A DPR with a dead task is judged in the same way, but may show what it receives.
 //!
 //! # Limits
 //!

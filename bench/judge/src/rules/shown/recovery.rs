@@ -9,9 +9,9 @@
 //! - a hang that the bench causes; it ends when the board restarts, by its watchdog or otherwise.
 //!
 //! After a disturbance the link must recover within [`bounds::RECOVERY_CYCLES`] cycles, or within
-//! [`bounds::BRING_UP_CYCLES`] cycles if a front end has to be brought up again. Disturbances that overlap, or follow
-//! each other before a recovery, count as one. The recovery is then measured from the last end, and the latest limit
-//! applies.
+//! [`bounds::BRING_UP_CYCLES`] cycles if a front end has to be brought up again. Disturbances that overlap, or that
+//! begin before the recovery from another one, count as one: it ends with the last of them and has the latest of their
+//! limits.
 //!
 //! A late recovery is not reported if another violation explains it ([`keeps_from_reading`]).
 

@@ -44,8 +44,8 @@ impl Mark {
     }
 
     /// Returns whether this image was made after the image `before`. If times and counters are equal, the image with
-    /// the greater age is newer. If the status differs, the order is not known, because an image without objects may
-    /// follow one with objects within a millisecond.
+    /// the greater age is newer. Images with different status may have been made in either order, because an image
+    /// without objects may follow one with objects within a millisecond.
     fn is_newer_than(&self, before: &Self) -> bool {
         let Some((now, then)) = self.link.zip(before.link) else { return self.stamp != before.stamp };
         let counters = |link: LinkValues| {

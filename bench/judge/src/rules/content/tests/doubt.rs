@@ -221,8 +221,9 @@ fn timestamps_that_stay_ahead_do_not_end_the_judging() {
     assert_eq!(said, CONTENT);
 }
 
-/// Returns the violations up to cycle `last`. GPS1 is silent after burst 3 (349 ms). From cycle 65 (660 ms) on its
-/// object wrongly shows a valid position and says that messages arrive. One earlier tick was moved by `moved`, ns.
+/// Returns the violations up to cycle `last`, if GPS1's last burst is burst 3 (349 ms) and one earlier tick was moved
+/// by `moved`, ns. From cycle 65 (660 ms) on, the object of GPS1 wrongly shows a valid position and says that messages
+/// arrive.
 fn still_valid(moved: i64, silent: bool, last: u64) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0].truncate(4);

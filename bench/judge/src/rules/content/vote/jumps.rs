@@ -2,9 +2,10 @@
 //!
 //! A voted place or altitude jumps if it is too far from the one that HORUS showed last. The limit is the distance that
 //! the aircraft flies in the meantime at 200 m/s, plus the distance within which two receivers of these accuracies
-//! agree. HORUS must hold a place or altitude that jumps back until every vote for one second has had a result without
-//! a further jump. After that second HORUS must show it. Close to these limits, and where the log does not determine
-//! them, the judge accepts both.
+//! agree.
+//!
+//! HORUS must hold a jump back until the vote has had a result for one second without a further jump, and must show it
+//! after that. Close to these limits, and where the log does not determine them, the judge accepts both.
 
 use gnss_sim::{Geodetic, TangentPlane};
 

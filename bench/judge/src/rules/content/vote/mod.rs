@@ -4,15 +4,16 @@
 //!
 //! # How it is judged
 //!
-//! HORUS votes for a tick in the cycle before it. The vote uses what each receiver's GPS object shows in this cycle, or
-//! showed in the cycle before. A receiver is a candidate if its position may be voted on. It certainly is if both
-//! objects have a valid position, unless the older one may expire before the newer one comes. It may be if one object
-//! has a valid position. A receiver that is excluded in both cycles is not eligible for the result. Position, velocity
-//! and accuracy come from the messages, and their ages are known within the limits of `track::Age`. For each two
-//! receivers the judge determines whether they agree, disagree, or may do either ([`places`]).
+//! HORUS votes for a tick in the cycle before it, from what each receiver's GPS object shows in this cycle or showed in
+//! the cycle before. A receiver is a candidate if its position may be voted on. If both objects have a valid position,
+//! it certainly is one, unless the older position may expire before the newer one comes. If only one has, it may be
+//! one. A receiver that is excluded in both cycles is not eligible for the result.
 //!
-//! The members of a result are the eligible receivers from which it was voted. HORUS states only how many they are. The
-//! judge therefore tries every set of that size, and reports a violation only if none fits.
+//! Position, velocity and accuracy come from the messages, and their ages are known within the limits of `track::Age`.
+//! For each two receivers the judge determines whether they agree, disagree, or may do either ([`places`]).
+//!
+//! The members of a result are the eligible receivers from which HORUS voted it. HORUS states only their number, so the
+//! judge tries every set of that size, and reports a violation only if none fits.
 //!
 //! | violation | when |
 //! |---|---|
@@ -28,13 +29,13 @@
 //! - The vote has no result.
 //! - The receiver agrees with a member of the result.
 //!
-//! A receiver must not stay excluded if it has agreed with all members for more than 1.1 s. A receiver must be excluded
-//! if it agrees with no member, or if it cannot have agreed for a second since its exclusion. If M members have an
-//! altitude, a receiver with an altitude has to agree with one of those members.
+//! A receiver must not stay excluded if it has agreed with all members for more than 1.1 s. It must be excluded if it
+//! agrees with no member, or if it has agreed for less than a second since its exclusion. If M members have an
+//! altitude, a receiver that has one too must agree with one of them.
 //!
 //! After a restart of HORUS that leaves RAM as it was, an excluded receiver stays excluded unless it may have returned.
-//! Another receiver must not be excluded then if it agreed with all others, has sent nothing new, and fewer than M
-//! others have sent something new.
+//! A receiver that agreed with all others must not be excluded then, if it has sent nothing new and fewer than M others
+//! have. M is the quorum.
 //!
 //! An altitude, an attitude and an acceleration are each voted from receivers that state one. They must be at least M,
 //! the quorum, and must all agree.
@@ -259,10 +260,10 @@ impl Vote {
     }
 
     /// Resets the state at a start of HORUS after `ticks` ticks. `ram` says whether HORUS may still know which
-    /// receivers were excluded. Those are the receivers of the last cycle that the judge has seen, changed by up to
-    /// three votes that no frame shows. In these votes the receivers `heard` may have had newer positions. A receiver
-    /// that agreed with all others can then become excluded only by a newer position of its own, or by newer positions
-    /// of a whole quorum.
+    /// receivers were excluded: those of the last judged cycle, changed by up to three votes that no frame shows.
+    ///
+    /// For these votes the receivers `heard` may have sent newer positions. A receiver that agreed with all others can
+    /// become excluded only by a newer position of its own, or by newer positions of a whole quorum.
     pub(super) fn restart(&mut self, ram: Ram, ticks: u64, heard: Set) {
         let all = (0..self.receivers).fold(0, |set, receiver| set | bit(receiver));
         let restarted = match self.restarted {
