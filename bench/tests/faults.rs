@@ -119,7 +119,7 @@ fn a_fault_in_a_horus_task_switches_the_field_off_at_once() {
         horus.run_for(STARTS);
         let (broken, repair) = (horus.node.now(), break_task(&mut horus.node, vector, ImageFault::Faulting));
         let restarted = horus.until_restart();
-        // Each damaged task runs in every cycle, so its fault must show within a cycle.
+        // Every task that is damaged here runs in every cycle, so its fault must show within a cycle.
         let off = horus.field_off(broken).unwrap_or_else(|| panic!("{task}: the field stayed on"));
         assert!(off <= broken + 11 * MS, "{task}: {off}");
         assert!(restarted > off);
@@ -172,7 +172,7 @@ fn a_fault_in_a_dpr_task_leaves_nothing_readable_until_the_restart() {
         let Some(mut dpr) = boards::dpr() else { return };
         dpr.advance(50 * MS);
         let repair = break_task(&mut dpr, vector, ImageFault::Faulting);
-        // The deadline monitor of the DPR runs every 12.5 ms and triggers each of the damaged tasks.
+        // The DPR's deadline monitor runs every 12.5 ms and triggers the damaged task.
         dpr.advance(dpr.now() + 15 * MS);
         assert!(faulted(&mut dpr), "{task}");
         let read = transact(&mut dpr, LinkStatus::SIZE, 0);

@@ -151,7 +151,8 @@ fn a_flipped_bit_of_code_or_a_guard_word_stops_the_dpr() {
         let Some(mut node) = boards::dpr() else { return };
         run(&mut node, 40 * MS);
         let (cause, within, at) = match symbol {
-            // The word before `__ehot` is in a table of the CRC. The firmware runs even if the word is damaged.
+            // The word before `__ehot`, the end of the code in RAM, is in a table of the CRC. The firmware runs even if
+            // the word is damaged.
             "__ehot" => (Cause::CodeInRam, dpr::CODE_DETECT_US, address(&node, symbol) - 4),
             _ => (Cause::GuardWord, 2 * firmware_common::patrol::SLICE_US + 12_500, address(&node, symbol)),
         };

@@ -38,7 +38,7 @@ fn falls(after_ns: i64, bytes: usize) -> Placement {
 fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64)) {
     let (Some(horus), Some(dpr)) = (image(gps, "horus-tx-fw.elf"), image(gps, "dpr-fw.elf")) else { return };
     let cycles = sweep.cycles();
-    // The sweep begins with the second frame. On a slower clock that frame comes up to four cycles later.
+    // The sweep begins with the second frame, which on a slower clock comes up to four cycles later.
     let setup = Setup {
         crystals: Crystals { horus_ppb, dpr_ppb, flight_controller_ppb: 0, hold_ppb: 0 },
         sweep: Some(sweep.clone()),

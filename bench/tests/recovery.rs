@@ -46,7 +46,7 @@ fn the_link_recovers_from_any_fault_of_the_air_within_5_cycles() {
     let none = AirFaults::default();
     let frozen = AirFaults { frozen: true, ..none };
     for fault in [AirFaults { lost: 1.0, ..none }, frozen, AirFaults { field_off: true, ..none }] {
-        // A sequence can continue after up to 25 missed cycles. The last duration is longer than that.
+        // A sequence can continue after up to 25 missed cycles. The last length is longer than 25 cycles.
         for length in [5 * MS, 57 * MS, 241 * MS, 400 * MS] {
             if !recovers(one(Fault::Air(fault), length), length, 5) {
                 return;
@@ -150,7 +150,8 @@ fn a_field_that_goes_while_the_listener_re_arms_is_told() {
 
 #[test]
 fn a_message_that_is_served_late_leaves_no_interrupt_on() {
-    // HORUS's message to GPS1 ends 38 ms after HORUS's restart. The stuck line delays the UART by more than two bytes.
+    // HORUS's message to GPS1 ends 38 ms after HORUS's restart. A stuck line delays the work of the UART by more than
+    // two bytes.
     for after in (36_000..40_000).step_by(60) {
         let stuck = BEGINS + after * 1_000;
         let faults = one(Fault::Power(Board::Horus, PowerFault::Pin), 0).with(

@@ -178,7 +178,7 @@ fn add_up<C: Cost>(gps: usize) {
         let worst = seen.frames().into_iter().map(|(last_bit, rose)| rose - last_bit).max().expect("a frame");
         assert!(worst <= readable, "{worst}");
     }
-    // The sum must include the SSI's tasks, so they must have preempted the handling of a frame.
+    // The SSI's tasks count for the sum only if they have preempted the handling of a frame.
     assert!(hostile.longest(SSI[0]) > 0 && hostile.longest(SSI[1]) > 0, "both tasks ran");
 }
 

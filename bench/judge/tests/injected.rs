@@ -32,7 +32,7 @@ fn misuse_of_the_ssi_excuses_damaged_reads_until_shortly_after_it() {
     assert!(found(&log).contains(&(Violation::Damaged, 30)), "{:?}", found(&log));
     insert(&mut log, from, injected(MISUSE, until));
     assert_eq!(found(&log), []);
-    // The wrong bytes count as damage if they are read a moment after the excuse has ended.
+    // Wrong bytes count as damage if they are read a moment after the excuse of the misuse has ended.
     let mut log = read_by_wrong_clocks(from, over + 5 * MS);
     insert(&mut log, from, injected(MISUSE, until));
     assert_eq!(found(&log), [(Violation::Damaged, 1)]);

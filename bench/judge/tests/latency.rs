@@ -90,7 +90,7 @@ fn disturbed_frames_and_cycles_without_a_tick_are_not_measured() {
     plan.upstream.retain(|event| event.what != What::Tick);
     let figures = judged(&plan.log()).figures;
     assert_eq!((figures.sample_to_readable, figures.last_bit_to_readable.is_some()), (None, true));
-    // If the last tick came long before the frame, the time from tick to readable is not measured either.
+    // The time from tick to readable is not measured if the last tick came long before the frame.
     let mut plan = Plan::new(3, 40);
     plan.upstream.retain(|event| event.what != What::Tick || event.at < 200 * MS);
     assert_eq!(judged(&plan.log()).figures.sample_to_readable.unwrap().max, 4_960_000 + 14_659);

@@ -83,7 +83,7 @@ fn a_flight_controller_must_read_at_least_every_100_ms() {
     let verdict = judged(&without_transactions(from, from + bounds::NO_TRANSACTION + 1).log());
     assert_eq!(verdict.violations.len(), 1);
     assert_eq!((verdict.violations[0].violation, verdict.violations[0].first_at), (NoTransaction, 351 * MS));
-    // Transactions are missing in two periods, of which the second lasts until the end of the run.
+    // Transactions are missing in two periods, of which the second lasts until the end of the run. Both are reported.
     let mut log = without_transactions(from, from + 150 * MS).log();
     log.events.retain(|event| event.at < 450 * MS || !matches!(event.what, What::Selected | What::Transaction { .. }));
     log.events
@@ -129,7 +129,7 @@ fn a_dpr_that_never_gets_ready_is_a_violation_and_no_other() {
 
 #[test]
 fn a_dpr_kept_selected_since_its_restart_is_ready_once_deselected() {
-    // The DPR restarts before the flight controller selects it, or while it is selected.
+    // The DPR restarts just before the flight controller selects it, or while it is selected.
     for restart in [258 * MS, 265 * MS] {
         kept_selected_at_a_restart(restart);
     }
@@ -546,7 +546,7 @@ fn a_runaway_flight_controller_must_be_served_up_to_the_budget() {
             let what = What::Transaction { selected: at, mosi: vec![0; 8].into(), miso: vec![0xFF; 156].into() };
             insert(&mut log, at + 160_000, what);
         }
-        // The flight controller forwards this profile after the first transaction that reads it.
+        // The flight controller forwards the profile of the image after the first transaction that reads the image.
         let profile = image[32..].to_vec();
         log.events.retain(|event| match &event.what {
             What::Forwarded { profile: other } | What::Arrived { profile: other, .. } => **other != *profile,
@@ -606,7 +606,7 @@ fn a_dpr_selected_for_over_a_cycle_need_not_get_ready() {
         |selected: u64| What::Transaction { selected, mosi: vec![0; 96].into(), miso: vec![0xFF; 96].into() };
     let due = bounds::START;
     for (longer, blamed) in [(0, true), (1, false)] {
-        // The flight controller keeps the DPR selected beyond the time for the DPR's start.
+        // The flight controller keeps the DPR selected until after the longest time for the DPR's start.
         let began = due + 1 - CYCLE - longer;
         let selected = [(began, What::Selected), (due + 1, What::Tick), (due + MS, What::End)];
         assert_eq!(never_ready(selected), blamed, "selected, {longer}");

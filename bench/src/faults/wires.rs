@@ -287,8 +287,8 @@ impl Wires {
             self.faults.iter().map(|fault| if let WireFault::FreshLate(ns) = fault { *ns } else { 0 }).sum();
         let mut seen = vec![];
         let stuck = self.faults.contains(&WireFault::FreshStuck);
-        // A wire that breaks completes a pulse that has begun. A wire that is mended during a pulse leaves the pulse
-        // out.
+        // If FRESH's wire breaks during a pulse, it completes the pulse. If it is mended during a pulse, it leaves the
+        // pulse out.
         if level != self.fresh && !(level && stuck) {
             self.fresh = level;
             seen.push((at + late, level));

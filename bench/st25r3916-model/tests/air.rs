@@ -340,8 +340,7 @@ fn frozen_air_repeats_the_last_frame_of_the_same_length() {
     antenna.set(8 * MS, AirFaults { frozen: true, ..clean() });
     let end = antenna.send(10 * MS, &long(4));
     antenna.send(12 * MS, &short(5));
-    // No earlier frame had this length. The fault therefore has no older bytes, and the frame is received as it is
-    // sent.
+    // The fault repeats an earlier frame of the same length. There is none, so this frame is received as it is sent.
     antenna.send(14 * MS, &frame(16, 6));
     antenna.set(16 * MS, clean());
     antenna.send(17 * MS, &long(7));

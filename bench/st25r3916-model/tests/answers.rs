@@ -217,7 +217,7 @@ fn settings_that_cannot_answer_are_found_and_not_heard() {
         (b, &[0xFB, 0x28, 0xA0], (Space::B, 0x28, 0xA0)),
         // The write to B28 selects regulator-shaped modulation, which is not allowed in card mode.
         (b, &[0xFB, 0x28, 0x94], (Space::B, 0x28, 0x94)),
-        // These two writes lead to undocumented combinations of dis_reg_am and act_amsink.
+        // The writes of B28 and of 01 lead to undocumented combinations of dis_reg_am and act_amsink.
         (b, &[0xFB, 0x28, 0x10], (Space::B, 0x28, 0x10)),
         (b, &[0x01, 0x3D], (Space::B, 0x28, 0x90)),
         (b, &[0xFB, 0x2E, 0x01], (Space::B, 0x2E, 0x01)),

@@ -143,7 +143,7 @@ fn bring_up(chip: &mut Chip, writes: &[&[u8]]) {
 fn every_register_of_both_spaces_reads_as_on_silicon() {
     let Some(lines) = capture("Read_All_Registers_SpaceA_B.txt") else { return };
     let mut chip = board();
-    // The other writes that the recorded firmware made at its start.
+    // The recorded firmware also made these writes at its start.
     bring_up(
         &mut chip,
         &[&[0x08, 0x50], &[0x26, 0x49, 0x45], &[0x29, 0x5F, 0x11, 0x00], &[0xFB, 0x05, 0x40], &[0x5A, 0, 0, 0, 0]],

@@ -341,7 +341,7 @@ proptest! {
         world.air.set_faults(world.now, AirFaults::default(), |at, event| port.hear(at, event));
         world.back.set_faults(world.now, AnswerFaults::default(), |_, _| {});
         world.answers_after_ns = 700_000;
-        // All frames and answers that are still delayed arrive in this pause.
+        // A pause of 200 ms lets all frames and answers arrive that are still delayed.
         let now = world.now;
         world.run_to(now + 200 * MS);
         works(&mut world, 7);

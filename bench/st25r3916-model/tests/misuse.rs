@@ -183,8 +183,8 @@ fn no_response_and_wake_up_timers_run_as_set() {
 
 #[test]
 fn clearing_the_fifo_in_mid_frame_never_lets_the_frame_arrive_whole() {
-    // The FIFO is cleared at different bytes of the frame, and in one case loaded again. The rest of the frame is never
-    // sent.
+    // The FIFO is cleared at different bytes of the frame, and in one case loaded again. In each case the rest of the
+    // frame is never sent.
     for (at_ns, reload) in [(200_000, false), (1_000_000, false), (1_000_000, true), (4_500_000, false)] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.load(&payload(244, 1));
@@ -277,7 +277,7 @@ fn clearing_the_fifo_when_its_last_byte_has_left_harms_nothing() {
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(20, 1));
     pair.fire();
-    // After 64 bits of preamble and sync, LEN and 20 bytes, the CRC is on the air.
+    // The FIFO is cleared while the CRC is on the air, after 64 bits of preamble and sync, LEN and 20 bytes.
     pair.run_for(3_650 + (64 + 21 * 8 + 4) * 2_360);
     assert!(pair.poller.is_transmitting());
     pair.spi(Side::Poller, &[0xDB]);
@@ -302,7 +302,7 @@ fn the_water_level_comes_again_each_time_a_reception_reaches_it() {
         let (n, _) = pair.fifo(Side::Poller);
         assert!((300..=301).contains(&n), "{n} bytes at I_wl");
         levels += 1;
-        // The read leaves 50 bytes in the FIFO, so I_wl comes again after 250 more.
+        // After the read 50 bytes are left in the FIFO, so I_wl comes again when 250 more have arrived.
         data.extend(pair.read_fifo(Side::Poller, 250));
     }
     assert_eq!(levels, 4, "at 300, 550, 800 and 1050 bytes");
@@ -328,7 +328,7 @@ fn the_water_level_comes_again_after_the_fifo_was_cleared() {
 #[test]
 fn a_mode_or_rate_that_is_not_modelled_is_reported() {
     for (writes, kind) in [
-        // These two modes are an NFC-A target with its anticollision, and active communication.
+        // Mode 88 is an NFC-A target with its anticollision, and mode B8 is active communication.
         (&[&[0x03u8, 0x88, 0x22][..]], Kind::UnmodelledMode(0x88)),
         (&[&[0x03, 0xB8, 0x22]], Kind::UnmodelledMode(0xB8)),
         // The bit rate 20 is 106 kbit/s, at which a target does not receive NFC-F.
@@ -347,7 +347,7 @@ fn a_mode_or_rate_that_is_not_modelled_is_reported() {
         assert_eq!(pair.listener.statistics().missed, 1);
     }
     for (mode, rate, kind) in [
-        // These two settings are NFC-B, and NFC-A at 212 kbit/s.
+        // Mode 10 is NFC-B. Mode 08 with rate 01 is NFC-A at 212 kbit/s.
         (0x10, 0x00, Kind::UnmodelledMode(0x10)),
         (0x08, 0x01, Kind::UnmodelledBitRate(0x01)),
     ] {
@@ -438,7 +438,7 @@ fn only_a_request_for_its_own_system_code_is_answered() {
         pair.fire();
         pair.run_for(6_000_000);
         assert_eq!(pair.air.counters().answers, u64::from(answered), "{asked:02X?}");
-        // The listener receives a request that it does not answer like any other frame.
+        // A request that the listener does not answer is received like any other frame.
         let expected = if answered { [0x28, 0, 0, 0x18] } else { [0x30, 0, 0, 0] };
         assert_eq!(pair.irqs(Side::Listener), expected);
     }
@@ -545,7 +545,7 @@ proptest! {
             let make = if started { Pair::started } else { Pair::new };
             let mut pair = make(config.clone(), config.clone(), air);
             let mut heard = Vec::new();
-            // The chips' start has left edges of the IRQ pins, which are taken first.
+            // The chips' start has left edges of the IRQ pins, which are discarded.
             let mut pins = [Side::Poller, Side::Listener].map(|side| {
                 let chip = pair.chip(side);
                 chip.take_irq_edges().for_each(drop);

@@ -287,7 +287,7 @@ fn a_poller_that_cannot_modulate_nfc_f_is_not_heard() {
         (b, &[0x28, 0x00], (Space::A, 0x28, 0x00)),
         (b, &[0x28, 0xC0], (Space::A, 0x28, 0xC0)),
         (b, &[0x28, 0x4F], (Space::A, 0x28, 0x4F)),
-        // These two writes lead to undocumented combinations of dis_reg_am and act_amsink.
+        // The writes of B28 and of 01 lead to undocumented combinations of dis_reg_am and act_amsink.
         (b, &[0xFB, 0x28, 0x04], (Space::B, 0x28, 0x04)),
         (b, &[0x01, 0x3D], (Space::B, 0x28, 0x84)),
         (b, &[0xFB, 0x2E, 0x01], (Space::B, 0x2E, 0x01)),

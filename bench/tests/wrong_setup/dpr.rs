@@ -219,8 +219,8 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("FRESH: channel is an input", &[bits(GPIOTE + 0x514, 3, 1)], Expected::Nothing, |seen| {
         shows_as_ever(seen) && seen.fresh == (0, 0)
     }),
-    // If hardware does not let the image expire, one more transaction reads it. At its end the SSI's task finds it
-    // expired.
+    // Without an expiry by hardware, one more transaction reads the expired image. At its end the SSI's task finds the
+    // image expired.
     row(
         "PPI 1 and 2: no expiry",
         &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)],

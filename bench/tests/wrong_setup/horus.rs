@@ -320,9 +320,10 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("FLASH: three wait states", &[bits(FLASH, 0xF, 3)], Expected::Finding("too few wait states"), |seen| {
         seen.log.is_empty() && seen.ticks.is_empty() && !seen.field && seen.watchdog()
     }),
-    // The UART has a wrong bit rate, and I2C is set up for another clock.
+    // With this PLL the UART has a wrong bit rate, and I2C is set up for another clock.
     row("PLL: 100 MHz", &[bits(RCC + 4, 0x7FC0, 100 << 6)], Expected::Finding(I2C_FREQUENCY), |seen| {
-        // I2C and SPI have a clock line, so HORUS still reads their receivers. The last message may be on its way.
+        // I2C and SPI have a clock line, so HORUS still reads the receivers on them. The last message may be on its
+        // way.
         seen.period() == 14_400_000
             && seen.messages[0] == 0
             && seen.messages[1..].iter().all(|&messages| messages >= 10)

@@ -127,7 +127,7 @@ impl Station {
         let values = object.values();
         let follows = |before: Newest| {
             let step = values.timestamp.wrapping_sub(before.timestamp);
-            // The flight controller may leave up to three cycles unread between two profiles.
+            // Between two profiles that it forwards, the flight controller may leave up to three cycles unread.
             step > 0 && step % CYCLE_MS == 0 && step <= 4 * CYCLE_MS
         };
         let before = self.newest.filter(|before| follows(*before));

@@ -471,7 +471,8 @@ fn each_conduct_keeps_the_rate_that_it_states() {
         (Conduct::Silent, 0, 0),
         (Conduct::Edges(50_000), 800, 0),
         (Conduct::Every { period_ns: 200_000, bytes: 96 }, 200, 96),
-        // A transaction takes 1 µs of set-up, 1 µs for its byte and 2 µs of hold. The next one follows 0.3 µs later.
+        // A transaction of one byte takes 1 µs of set-up, 1 µs for the byte and 2 µs of hold. The next one follows 0.3
+        // µs later.
         (Conduct::Every { period_ns: 1_000, bytes: 1 }, 9_302, 1),
     ] {
         let (meanwhile, _, rig) = misused(conduct, &image);

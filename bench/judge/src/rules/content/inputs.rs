@@ -225,7 +225,8 @@ mod tests {
     #[test]
     fn an_active_input_shows_three_samples_later() {
         for (input, of) in [(0, SwitchedToRedundant), (1, MotorsCut), (2, EmergencyFired)] {
-            // The ticks at 150, 160 and 170 ms sample the new level, and the tick at 180 ms shows it.
+            // The input changes before the tick at 150 ms. The ticks at 150, 160 and 170 ms sample its new level, and
+            // the tick at 180 ms shows it.
             let shown = allowed(input, &[(145.0, true, false)], 10);
             assert_eq!(shown[7], SOUND);
             assert_eq!(shown[8..], [[of], [of]]);

@@ -360,7 +360,7 @@ fn an_image_that_fresh_has_not_announced_is_not_asked() {
 
 #[test]
 fn a_rise_of_fresh_for_the_same_image_is_no_publication() {
-    // Most images are first read after FRESH has risen twice.
+    // With a control cycle of 7 ms, FRESH has usually risen twice for an image before a transaction reads the image.
     let run = Run { control: 7 * MS, ..Run::new(3) };
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
     // `offered` identifies each announced image by a number. FRESH rises again 3 ms after each rise, for the same image

@@ -217,7 +217,8 @@ impl PortRule {
                 let expected = self.entries[last].models.first();
                 format!("{values:?} instead of {expected:?}")
             });
-            // The Port-Status that was read becomes the reference, so that its violation is reported once.
+            // Later values are compared with this Port-Status although it is wrong, so that each error is reported
+            // once.
             self.entries.clear();
             self.counted = None;
             self.known = (values, 0);
@@ -299,11 +300,10 @@ impl PortRule {
 fn may_follow(before: &PortValues, now: &PortValues, transactions: u32) -> bool {
     let most = transactions.saturating_add(2 * bounds::SSI_BUDGET);
     let last_command = |values: &PortValues| (values.last_command_timestamp, values.last_command);
-    // If as many commands as before were carried out but the last command differs, that command has cleared the
-    // counters.
+    // If the last command differs although no further one was counted, that command has cleared the counters.
     let carried_out = now.commands_carried_out > 0
         && (now.commands_carried_out != before.commands_carried_out || last_command(now) != last_command(before));
-    // If a command was carried out, it may have cleared the counters.
+    // The counters may fall if a command was carried out, because it may have cleared them.
     let within = |was: u32, is: u32, most: u32| (carried_out || is >= was) && is <= was.saturating_add(most);
     let kinds = profile::Violation::ALL.into_iter().all(|kind| {
         let times = if kind == profile::Violation::TooMany { 2 } else { 1 };

@@ -195,8 +195,8 @@ fn every_kind_of_violation_and_every_command_is_followed() {
 #[test]
 fn link_status_counts_the_access_violations_of_all_kinds_and_clears_none() {
     const CLEARED: u64 = 201 * MS;
-    // The arguments are the violations in Link-Status before and after the command that clears the counters of
-    // Port-Status.
+    // Returns the violations if Link-Status counts `before` access violations before the command that clears the
+    // counters of Port-Status, and `after` access violations after it.
     let told = |before: u16, after: u16| {
         let clears = command(2_000, Command::ClearCounters);
         let mut log = log(&[(AT, uplink(1_000, 7)[..9].to_vec()), (CLEARED, clears)], |published| {

@@ -261,7 +261,7 @@ mod tests {
             let without_bring_up = (cycles == 5).then_some(5);
             assert_eq!((found, longest), (vec![], Longest { all: Some(cycles), without_bring_up }), "{kind:?}");
             assert_eq!(judged(&cause, due + 1, 0).0, [Violation::RecoversLate], "{kind:?}");
-            // The violation that is reported explains the late recovery.
+            // The missing cycle is reported and explains the late recovery, which is not reported.
             assert_eq!(judged(&cause, due + 1, 1).0, [Violation::NotShown], "{kind:?}");
         }
     }

@@ -144,8 +144,8 @@ impl Service {
     /// Resets the state at a start of the DPR. Overdue service is not reported here, because the restart is.
     fn restart(&mut self, since: u64) {
         let Self { powered, quiet_since, quiet_told, longest, under_way, .. } = *self;
-        // A transaction under way at the start is not served. Its beginning counts only once the time for a start is
-        // over.
+        // A transaction that is under way when the DPR starts is not served, and begins to count when the time for a
+        // start is over.
         let busy = under_way;
         *self = Self { powered, since, quiet_since, quiet_told, longest, under_way, busy, ..Self::new() };
     }
@@ -170,7 +170,8 @@ impl Service {
     /// Records that the flight controller misuses the SSI, so that the DPR need not serve it.
     pub(super) fn misused(&mut self) {
         (self.claimed, self.streak) = (None, None);
-        // The processor may take the buffers because of the misused transaction, and need not be ready soon.
+        // The processor may have taken the buffers because of the misused transaction, so it need not give them back
+        // soon.
         self.pending.iter_mut().for_each(|pending| pending.owed = false);
     }
 

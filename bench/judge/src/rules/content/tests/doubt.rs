@@ -251,7 +251,7 @@ fn ages_are_not_judged_for_two_seconds_after_irregular_ticks() {
     assert_eq!(still_valid(bound, false, 66), STATUS);
     assert_eq!(still_valid(bound + 1, false, 66), []);
     assert_eq!(still_valid(bound + 1, true, 66), []);
-    // Tick 62, after the moved tick, is the last irregular one. Two seconds later ages are known again.
+    // Because one tick was moved, tick 62 is the last irregular one. Two seconds later ages are known again.
     let until = 61 + UNTIMED / bounds::CYCLE;
     assert_eq!(still_valid(bound + 1, false, until), []);
     assert_eq!(still_valid(bound + 1, false, until + 1), STATUS);

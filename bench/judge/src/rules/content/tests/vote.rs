@@ -696,7 +696,7 @@ fn a_step_within_200_m_s_and_the_accuracies_is_no_jump() {
     assert_eq!(missing(17.0, 0), []);
     assert_eq!(missing(17.0, 2)[0].0, Violation::VoteMissing);
     assert_eq!(missing(25.0, 0), VOTE);
-    // At the greatest speed an aircraft flies 100 m, less the allowed step, in 0.42 s.
+    // An aircraft that flies at the greatest speed needs 0.42 s for 100 m, less the allowed step.
     assert_eq!(missing(100.0, 42), []);
     assert_eq!(missing(100.0, 30), VOTE);
     assert_eq!(missing(100.0, 60)[0].0, Violation::VoteMissing);

@@ -100,7 +100,7 @@ fn the_bounds_around_a_drop_are_as_stated() {
     let dropped = (Violation::FieldDropped, 1, tick(5));
     assert_eq!(ready(1), [dropped]);
     assert_eq!(ready(0), [(Violation::NoFrame, 1, tick(7)), dropped]);
-    // The field goes off at the earliest instant at which the commanded frame may have ended.
+    // The field goes off at, or just before, the earliest instant at which the commanded frame may have ended.
     let command = tick(5) + COMMAND[0];
     let after = |passed: u64| {
         changed(3, |events| {

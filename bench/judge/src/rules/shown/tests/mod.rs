@@ -297,7 +297,7 @@ fn data_are_stale_past_the_deadline_and_expired_past_25_ms() {
         assert!(verdict.figures.faults.invalid_shown_valid >= 3);
         let run = Run::new(n).hit_all(20..24, &Air::Lost);
         assert_eq!(run.broken(stay(run.end(19), run.end(24))), [Violation::ShownExpired], "{n} receivers");
-        // The frames are lost for longer than the judge keeps frames.
+        // The air loses all frames for longer than the judge keeps frames.
         let mut run = Run::new(n).hit_all(20..300, &Air::Lost);
         run.cycles = 310;
         assert_eq!(run.broken(stay(run.end(19), run.end(300))), [Violation::ShownExpired], "{n} receivers");
@@ -372,7 +372,7 @@ fn a_listener_that_has_just_seen_the_carrier_may_miss_frames() {
     run.extra.push(Event { at: on, what: What::FieldHeard { on: true } });
     run.assert_flawless();
     let missed = run.clone().hit_all(20..25, &Air::Lost);
-    // The DPR has received none of these frames, which are added to the log at the antenna.
+    // The log says that the frames of cycles 20 to 24 reached the antenna, but the DPR has received none of them.
     let mut log = missed.log(|_| {});
     let there = run.log(|_| {}).events.into_iter().filter(|event| matches!(event.what, What::Heard { .. }));
     log.events.retain(|event| !matches!(event.what, What::Heard { .. }));
