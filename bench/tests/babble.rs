@@ -49,7 +49,7 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
         let Some(mut node) = boards::horus() else { return };
         let mut noise = Noise(1);
         let mut starts = vec![];
-        // The run covers HORUS's start and 48 cycles from the first frame on.
+        // The run lasts until 48 cycles after HORUS's first frame.
         while node.now() < starts.first().map_or(RAM_TEST + 100 * MS, |first| first + 485 * MS) {
             for line in 0..3 {
                 let bytes: Vec<u8> = match babble {
@@ -192,7 +192,7 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
         let wrong = downstream.wrong;
         let violations = count(&dpr, std::mem::offset_of!(DprTelemetry, access_violations));
         println!("{}: {wrong} transactions, load {load:.4}, {violations} access violations", conduct.name());
-        // The first frame is that of HORUS's tick at 31 ms, and the last that of the tick at 411 ms.
+        // The DPR has received the frames of HORUS's ticks from 31 ms to 411 ms.
         assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, frames_received)), 39, "{conduct:?}");
         // The DPR does not show the first cycles, which find the sequence.
         let shown = 39 - u32::from(SEARCH_CYCLES);
@@ -207,7 +207,8 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
         }
         let images = u32::try_from((EPISODE.end - EPISODE.start) / (10 * MS)).unwrap();
         let expected = match conduct {
-            // Noise contains neither request nor object. Each transaction therefore counts one violation for each.
+            // Noise contains neither request nor object. Each transaction therefore counts one violation for the
+            // request and one for the object.
             Conduct::RunsAway => 3..=3,
             Conduct::RandomBytes => 225..=225,
             // The requested windows do not exist, and the bytes in place of an object are no object.

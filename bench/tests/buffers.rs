@@ -31,7 +31,7 @@ fn outcome_of(faults: Faults, duration: u64, log: Option<PathBuf>) -> Option<Out
 fn bits_that_flip_in_any_cycle_are_never_shown_as_valid() {
     let mut faults = Faults::none();
     for (nth, at) in (300..900).step_by(7).enumerate() {
-        // The multiplication spreads the words, so that each picks another bit.
+        // The multiplication spreads the words, so that the flips hit bits all over the buffers.
         let word = (nth as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 20;
         let buffers = if nth % 2 == 0 { Buffers::Receive } else { Buffers::Image };
         faults = faults.with(at * MS, at * MS, Fault::Buffer(BufferFault::Flips(buffers, word)));

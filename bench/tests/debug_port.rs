@@ -187,7 +187,7 @@ fn the_halted_core_runs_a_program_that_the_debugger_put_into_ram() {
     assert_eq!(tool.read(DHCSR) >> 19 & 1, 1, "S_LOCKUP");
     tool.halt();
     assert_eq!(tool.read(DHCSR) >> 19 & 1, 0, "S_LOCKUP");
-    // The code in memory is movs r0, #7; adds r0, r0, r0; bkpt 0.
+    // The code written to RAM is movs r0, #7; adds r0, r0, r0; bkpt 0.
     tool.write(0x2000_0100, 0x1800_2007);
     tool.write(0x2000_0104, 0x0000_BE00);
     tool.set_register(15, 0x2000_0100);
@@ -363,7 +363,7 @@ fn an_nrf52840s_watchdog_pauses_while_the_core_is_halted() {
     tool.0.pass(170 * MS);
     assert_eq!(tool.access(1, 0x0C), 1);
     tool.halt();
-    // The program is a single branch to itself.
+    // The program written to RAM is a single branch to itself.
     tool.write(0x2000_0100, 0xE7FE_E7FE);
     // The watchdog's period is 100 ms. It runs while the core sleeps and pauses while the core is halted.
     tool.write(WDT + 0x504, 3276);

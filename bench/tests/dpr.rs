@@ -125,7 +125,8 @@ fn an_undriven_mosi_reads_the_image_and_violates_nothing() {
     pass(&mut node, 50 * MS);
     let (mut read, mut silent) = (0, 0);
     while node.now() < 1_000 * MS {
-        // These numbers of bytes are a whole image, less than a request, and less than the most that can be written.
+        // The transactions have the length of a whole image, less than a request, and less than the most that can be
+        // written.
         let bytes = [layout().image_len(), 96, 7, 32, 8, 1][read as usize % 6];
         let miso = transact(&mut node, bytes, 0xFF);
         if bytes >= 32 {
@@ -188,8 +189,8 @@ fn transactions_that_clock_too_many_bytes_out_or_in_are_counted() {
     };
     assert_eq!(counts(&node), (0, 0));
     let image = layout().map_len();
-    // Each row has the number of bytes, and whether the DPR counts (1) or does not count (0) it as reading too much,
-    // and as writing too much.
+    // Each row has the length of a transaction, bytes, and whether the DPR counts it (1) or not (0): as reading too
+    // much, and as writing too much.
     let mut expected = (0, 0);
     for (bytes, reads, writes) in [
         (RECEIVE_BYTES, 0, 0),

@@ -119,7 +119,7 @@ fn a_fault_in_a_horus_task_switches_the_field_off_at_once() {
         horus.run_for(STARTS);
         let (broken, repair) = (horus.node.now(), break_task(&mut horus.node, vector, ImageFault::Faulting));
         let restarted = horus.until_restart();
-        // Each damaged task runs in every cycle, so its fault must show within a cycle.
+        // Every task that is damaged here runs in every cycle, so its fault must show within a cycle.
         let off = horus.field_off(broken).unwrap_or_else(|| panic!("{task}: the field stayed on"));
         assert!(off <= broken + 11 * MS, "{task}: {off}");
         assert!(restarted > off);
@@ -172,7 +172,7 @@ fn a_fault_in_a_dpr_task_leaves_nothing_readable_until_the_restart() {
         let Some(mut dpr) = boards::dpr() else { return };
         dpr.advance(50 * MS);
         let repair = break_task(&mut dpr, vector, ImageFault::Faulting);
-        // The deadline monitor of the DPR runs every 12.5 ms and triggers each of the damaged tasks.
+        // The DPR's deadline monitor runs every 12.5 ms and triggers the damaged task.
         dpr.advance(dpr.now() + 15 * MS);
         assert!(faulted(&mut dpr), "{task}");
         let read = transact(&mut dpr, LinkStatus::SIZE, 0);
@@ -342,8 +342,8 @@ fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<Repair> {
     Some(ImageFault::Stopped(u32::try_from(address).unwrap()).apply(node).unwrap())
 }
 
-/// Hangs a task of the DPR at `breaks_at` while the flight controller reads. The damage is repaired after the restart.
-/// A firmware that finds the damage in its flash before that restarts once more.
+/// Hangs a task of the DPR at `breaks_at` while the flight controller reads, and repairs the damage after the restart.
+/// The firmware restarts once more if it finds the damage in its flash before the repair.
 fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
     let (Some(a), Some(b)) = (boards::horus(), boards::dpr()) else { return None };
     let mut relay = Relay { a, b, upstream: Antenna, downstream: Reader::new(ON_LOSS.contains(&task)) };
@@ -430,7 +430,7 @@ fn the_dpr_shows_nothing_while_a_bit_of_its_flash_is_wrong() {
     assert_eq!(dpr.resets().len(), bites, "and no other");
     let log = logged(&mut dpr);
     assert!(log.contains("flash"), "{log}");
-    // The firmware has compared its flash with the CRC and waits for the watchdog. Only then is the bit flipped back.
+    // The bit is flipped back only when the firmware has found it and waits for the watchdog.
     until_restart(&mut dpr, BITE, |_| {});
     dpr.advance(dpr.now() + 50 * MS);
     flip(&mut dpr, address);

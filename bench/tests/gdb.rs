@@ -216,7 +216,7 @@ fn a_debugging_session_leaves_the_run_unchanged_on_every_clock() {
                 distinct.insert(gdb.pc());
             }
             assert!(distinct.len() > 300, "{}", distinct.len());
-            // A read of these peripheral registers would change them on silicon.
+            // On silicon, a read of some of these peripheral registers would change them. A read by gdb must not.
             for address in ["40004400", "40000504", "40008540", "4001F500", "E000E010", "E000E100"] {
                 assert_eq!(gdb.ask(&format!("m{address},40")).len(), 0x80, "{address}");
             }
@@ -372,7 +372,7 @@ fn a_debugger_at_a_board_alone_leaves_its_run_unchanged() {
                     assert!(gdb.ask("c").contains("watch:"));
                     (0..50).for_each(|_| assert_eq!(&gdb.ask("s")[1..3], "05"));
                 }
-                // A read of these peripheral registers would change them on silicon.
+                // On silicon, a read of some registers of USART2 would change them. A read by gdb must not.
                 assert_eq!(gdb.ask("m40004400,40").len(), 0x80);
                 assert!(gdb.monitor("time").contains(" ms of 100 ms"));
                 assert!(gdb.monitor("faults air").contains("no monitor command"));
@@ -464,7 +464,7 @@ fn a_session_of_the_real_gdb_leaves_the_run_as_it_is() {
         "backtrace 1",
         "info registers pc xpsr msp d0 fpscr",
         "print $s0",
-        // The editor extension cortex-debug sends these commands when it attaches.
+        // These gdb commands are sent by the editor extension cortex-debug when it attaches.
         "monitor halt",
         // These commands read the images in RAM, and the first words of flash.
         &format!("x/4xw {images:#x}"),

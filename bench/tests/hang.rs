@@ -22,7 +22,8 @@ const MS: u64 = 1_000_000;
 const US: u64 = 1_000;
 /// The instant, ns, of a hang. Both boards have started by then, and the link has been up for 200 ms.
 const BEGINS: u64 = 303 * MS;
-/// The time from a hang to the end of the run, ns. It is longer than the watchdog and the limit for a recovery take.
+/// The time from a hang to the end of the run, ns. It covers the watchdog's longest time and the longest recovery
+/// allowed.
 const AFTER: u64 = 700 * MS;
 
 const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
@@ -195,7 +196,8 @@ fn both_watchdogs_run_two_microseconds_after_a_reset_on_every_clock() {
     assert!(clocks.into_iter().flatten().all(|from| from <= 1_500), "{clocks:?}");
 }
 
-/// Instants after a reset, ns. At the first both watchdogs run; the later ones are during the start.
+/// Instants of a hang after a reset, ns. At the first instant both boards' watchdogs run; at the others the boards are
+/// still starting.
 const IN_START: [u64; 3] = [WATCHDOG_STARTS, 300 * US, 2_900 * US];
 
 #[test]
@@ -375,8 +377,7 @@ fn a_receiver_excluded_before_the_watchdog_bites_is_still_excluded_after_it() {
     let (_, excluded, before) = sent[restarted - 1];
     assert!(excluded && before.state() == Some(HorusState::Monitoring), "{before:?}");
     assert_eq!(before.reset_reason(), Some(ResetReason::PowerOn));
-    // The restart was so recent that no receiver has sent a message since. The exclusion must therefore be the earlier
-    // one.
+    // No receiver has sent a message since the restart. HORUS must therefore have kept the exclusion over it.
     let (_, excluded, after) = sent[restarted];
     assert!(excluded && !after.position_valid(), "{after:?}");
     assert_eq!((after.state(), after.reset_reason()), (Some(HorusState::Starting), Some(ResetReason::Watchdog)));
@@ -488,8 +489,8 @@ fn so_long_after_its_start_each_boards_watchdog_runs() {
     }
 }
 
-/// The DPR hangs at every instant of a publication. The flight controller reads just after the image has expired.
-// Shows IMG-5.
+/// The DPR hangs at every instant of a publication, and the flight controller reads just after the image has expired.
+/// Shows IMG-5.
 #[test]
 fn nothing_expired_is_read_if_the_dpr_hangs_during_a_publication() {
     let Some(setup) = setup(Faults::none(), BEGINS + 45 * MS) else { return };

@@ -142,7 +142,7 @@ fn every_receiver_fault_affects_its_own_receiver_alone_and_ends() {
         fed.faults.begin(105 * MS, 305 * MS, 0, fault);
         let [first, others @ ..] = fed.counts_to(305 * MS);
         fed.faults.end(0, fault);
-        // The bytes that the fault has delayed arrive first. The counts begin 100 ms later.
+        // The bytes that a fault has delayed arrive when it ends. They are not counted: counting begins 100 ms later.
         fed.run_to(405 * MS);
         let after = fed.counts_to(605 * MS);
         if !arrived(first) || others != [ten; 2] || after != [ten; 3] {
@@ -239,7 +239,7 @@ fn a_pin_reset_and_a_brown_out_keep_ram_and_field() {
     for (fault, cause) in [(PowerFault::Pin, Reset::Pin), (PowerFault::BrownOut, Reset::BrownOut)] {
         let Some(mut node) = boards::horus() else { return };
         emitted(&mut node, 55 * MS);
-        // This address is below the stack in use, where the firmware has nothing.
+        // The firmware has nothing at 0x2000_0010, which is below the stack in use.
         node.write(0x2000_0010, b"kept").unwrap();
         fault.begin(&mut node);
         assert_eq!(causes(&node), [cause]);

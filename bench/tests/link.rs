@@ -116,7 +116,8 @@ fn every_wire_of_the_trace_moves_and_no_instant_comes_before_another() {
         assert!(falls.len() >= 5, "{board}: {falls:?}");
         assert!(falls.iter().all(|after| (29..=33).contains(after)), "{board}: {falls:?}");
     }
-    // These three signals never change: this flight controller keeps MOSI low, and every exception belongs to a task.
+    // Three signals never change: this flight controller keeps MOSI low, and on either board every exception belongs to
+    // a task.
     let still = ["dpr.tasks.dpr_other", "horus.tasks.horus_other", "ssi.ssi_mosi"];
     let unmoved: Vec<&str> = waves.iter().filter(|(_, changes)| changes.len() < 2).map(|(name, _)| &**name).collect();
     assert_eq!(unmoved, still);
@@ -344,7 +345,8 @@ fn either_part_carries_the_link_with_and_without_i_txe() {
     }
 }
 
-/// This is a sample of `cargo xtask sim --flips`: one bit of each of several registers, with and without an effect.
+/// Flips one bit of each of several registers, some with and some without an effect. `cargo xtask sim --flips` tries
+/// more.
 #[test]
 fn a_bit_that_flips_in_a_front_end_costs_under_1500_ms() {
     let Some(setup) = setup(3, 100) else { return };

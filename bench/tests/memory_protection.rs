@@ -35,7 +35,7 @@ enum Misdeed {
     Read(u32),
     Write(u32),
     Execute(u32),
-    /// The task pushes registers until the stack is full, and then goes on.
+    /// The task pushes registers until its stack is full, and then continues.
     Recurse,
 }
 

@@ -1,9 +1,11 @@
 //! Places the flight controller's transactions in every phase relative to a frame's end, in steps of 100 ns, because an
 //! ordinary control cycle reaches some coincidences once in minutes.
 //!
-//! Each phase around a publication has two patterns. In the first, the transaction of a whole image ends at the phase,
-//! and 96 bytes are read right after it. In the second, 96 bytes are read from the phase on, after a long silence. The
-//! boards' crystals are wrong by 200 ppm in opposite directions, and each phase is counted from its own frame.
+//! Each phase around a publication has two patterns of transactions. In the first, the transaction of a whole image
+//! ends at the phase, and 96 bytes are read right after it. In the second, 96 bytes are read at the phase, after a long
+//! silence.
+//!
+//! The boards' crystals are wrong by 200 ppm in opposite directions, and each phase is counted from its own frame.
 
 use crate::boards;
 
@@ -36,7 +38,7 @@ fn falls(after_ns: i64, bytes: usize) -> Placement {
 fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64)) {
     let (Some(horus), Some(dpr)) = (image(gps, "horus-tx-fw.elf"), image(gps, "dpr-fw.elf")) else { return };
     let cycles = sweep.cycles();
-    // The sweep begins with the second frame. On a slower clock that frame comes up to four cycles later.
+    // The sweep begins with the second frame, which on a slower clock comes up to four cycles later.
     let setup = Setup {
         crystals: Crystals { horus_ppb, dpr_ppb, flight_controller_ppb: 0, hold_ppb: 0 },
         sweep: Some(sweep.clone()),
@@ -69,7 +71,7 @@ fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64
 /// `last`.
 fn around_a_publication(gps: usize, frame: usize, last: i64, clock: Clock, crystals: (i64, i64)) {
     let whole = Placement { edge: Edge::Rises, after_ns: 0, bytes: None };
-    // This transaction comes 0.7 ms later, so it reads the image that was published.
+    // The last transaction comes 0.7 ms after the phase, and reads the image that was published.
     let witness = falls(700 * US, 96);
     let patterns = vec![vec![whole, falls(GAP, 96), witness], vec![falls(0, 96), witness]];
     holds(gps, Sweep { frame, from_ns: FIRST, to_ns: last, step_ns: 100, patterns }, clock, crystals);
@@ -96,18 +98,19 @@ fn a_publication_with_five_receivers_may_meet_a_transaction_in_any_phase() {
     around_a_publication(5, 1, LAST_OF_PUBLICATION, Clock::Fast, (200_000, -200_000));
 }
 
-/// The DPR's idle task has some work once a second, when an event wakes it. Between two frames the end of the pause
-/// after a transaction wakes it, 96 to 106 µs after that transaction. If a second transaction ends 109 to 127 µs after
-/// the first, it coincides with this work. The DPR's second moves by 400 µs relative to HORUS's cycle each time, so 25
-/// s cover many distances from a frame.
+/// Once a second the DPR's idle task has more work, which it begins when an event wakes it. Between two frames this
+/// event is the end of the pause after a transaction, 96 to 106 µs after that transaction. A second transaction that
+/// ends 109 to 127 µs after the first therefore coincides with the work.
+///
+/// Relative to HORUS's cycle, the DPR's second moves by 400 µs each time, so 25 s cover many distances from a frame.
 #[test]
 fn what_the_dpr_does_once_a_second_holds_no_transaction_up() {
     let pairs = |gap: i64| {
         let pair = |at: i64| [falls(at, 8), falls(at + i64::from(timing::SPACING_NS) + gap, 8)];
         (0..7).flat_map(|place| pair(place * 650 * US)).collect()
     };
-    // A second has 100 cycles, and the number of patterns is prime. Successive seconds therefore use different
-    // patterns.
+    // The patterns are tried in turn, one in each of the 100 cycles of a second. Their number is prime, so successive
+    // seconds use different patterns.
     let patterns = (0..19).map(|pattern| pairs(pattern * US)).collect();
     let sweep = Sweep { frame: 0, from_ns: 300 * US, to_ns: 313_100, step_ns: 100, patterns };
     holds(3, sweep, Clock::Fast, (200_000, -200_000));

@@ -1,5 +1,5 @@
-//! Tests that the flight controller's use of the SSI does not affect the RFID side. Frames received, objects accepted
-//! and the time from sample to announcement differ by less than 1 % from those with a silent flight controller. Each
+//! Tests that the flight controller's use of the SSI does not affect the RFID side. The numbers of frames and objects,
+//! and the time from sample to announcement, differ by less than 1 % from those with a silent flight controller. Each
 //! task of the SSI may delay a frame's image once, and once more within the call that publishes the image.
 
 use crate::boards;
@@ -110,8 +110,8 @@ fn rates() -> impl Iterator<Item = Conduct> {
     edges.into_iter().chain([0, 1, 8, 96, Image::<3>::LEN].into_iter().flat_map(each))
 }
 
-/// Runs a flight controller that is silent and then makes as many transactions as the DPR serves for one image. They
-/// begin at every offset from the end of a frame. They may delay that frame's image by at most `share_ns`.
+/// Runs a flight controller that is silent and then makes as many transactions as the DPR serves for one image,
+/// beginning at every offset from the end of a frame. Asserts that they delay the frame's image by at most `share_ns`.
 fn begins_in_every_phase<C: Cost>(share_ns: u64) {
     let Some((setup, bench)) = warm::<C>() else { return };
     let silent = |until| Faults::none().with(EPISODE.start + MS, until, Fault::FlightController(Conduct::Silent));

@@ -1,5 +1,5 @@
-//! Tests receivers on a UART, on I2C and on SPI. Their values are shown to the last bit. A fault of one interface costs
-//! neither a cycle nor another receiver, and its effect ends soon after the fault.
+//! Tests receivers on a UART, on I2C and on SPI: their values are shown to the last bit, and a fault of one interface
+//! costs neither a cycle nor another receiver. Its effect ends soon after the fault.
 
 use crate::boards;
 
@@ -248,8 +248,7 @@ fn endless_bus_errors_take_at_most_two_percent_of_the_processor() {
 struct Table {
     failures: u64,
     silenced: u64,
-    /// The longest time without a valid position, ns. The next field is the longest time from a fault's end to a valid
-    /// position, ns.
+    /// The longest time without a valid position, ns.
     longest: u64,
     latest: u64,
     apart: u64,
@@ -263,8 +262,9 @@ fn may_disagree(one: Position, other: Position) -> bool {
     north.hypot(east) > 5.0 - 1.0 || (one.altitude - other.altitude).abs() > 8.0 - 0.5
 }
 
-/// Injects `failures` faults of buses, one a second. Asserts that there is no violation, no lost cycle, and that every
-/// other receiver stays valid, as does Reported-Position if those agree. Returns its greatest error, m.
+/// Injects `failures` faults of buses, one a second. Asserts that there is no violation and no lost cycle, and that the
+/// other two receivers stay valid. Reported-Position has to stay valid while those two agree. Returns its greatest
+/// error, m.
 fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; BusFault::ALL.len()]) -> Option<f64> {
     const SECOND: u64 = 1_000 * MS;
     const SETTLED: u64 = SECOND;
@@ -296,7 +296,7 @@ fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; Bu
             for other in &others {
                 assert!(of(entry, *other), "{}: GPS{} at {}", what(), other + 1, entry.at_ns);
             }
-            // If the other two receivers disagree, HORUS cannot tell which of them is right.
+            // If the two receivers without a fault disagree, HORUS cannot tell which of them is right.
             let apart = may_disagree(entry.gps[others[0]].unwrap(), entry.gps[others[1]].unwrap());
             row.apart += u64::from(apart);
             assert!(apart || entry.reported.is_some_and(|reported| reported.valid), "{}: at {}", what(), entry.at_ns);
@@ -363,8 +363,8 @@ fn a_thousand_failures_of_buses() {
 const CONFIGURED: u64 = 2_500 * MS;
 
 /// The longest time, ns, from the end of a stuck MISO to a valid position, if the receiver's output buffer holds no
-/// older message. The first message comes within 200 ms and only proves that the buffer is empty (decision 16). The
-/// next comes 200 ms later.
+/// older message. The first message comes within 200 ms, but only proves that the buffer is empty (decision 16). The
+/// second comes 200 ms later and is used.
 const PROVED: u64 = 450 * MS;
 
 /// After a stuck MISO, the first bytes have waited in the receiver for more than a second.

@@ -1,5 +1,5 @@
-//! Tests the runner of `cargo xtask run`. A file is refused, or runs alone on a board and ends within the limit, with a
-//! clear message. The log of a firmware is shown in any format.
+//! Tests the runner of `cargo xtask run`: a file is refused, or runs alone on a board and ends within the limit of
+//! time, with a clear message. The firmware's log is shown in any format.
 
 use crate::{boards, elf, thumb};
 
@@ -155,7 +155,7 @@ fn a_hard_fault_handler_that_only_loops_ends_the_run() {
 fn the_handler_of_a_hard_fault_is_heard_to_its_end() {
     const USART2: u32 = 0x4000_4400;
     let mut main = Thumb::at(MAIN);
-    // The firmware sends by USART2 on PA2, with a clock of 16 MHz.
+    // The test's firmware sends by USART2 on PA2, with a clock of 16 MHz.
     main.store(RCC + 0x30, 1).store(RCC + 0x40, 1 << 17).store(GPIOA + 0x20, 7 << 8).store(GPIOA, 0xA800_0020);
     main.store(USART2 + 8, 139).store(USART2 + 12, 1 << 13 | 1 << 3).raw(&[0xDE00]);
     let mut handler = Thumb::at(thumb::HANDLER);
@@ -292,7 +292,7 @@ fn a_finding_has_its_instant_and_peripheral_despite_a_change_of_clock() {
     let again = main.here();
     main.raw(&[0x3801]).branch_if(thumb::If::NotEqual, again);
     let store = main.here() + 16;
-    // The program writes to a timer whose clock is off. Then it makes the 8 MHz crystal its clock.
+    // The test's firmware first writes to a timer whose clock is off, and then makes the 8 MHz crystal its clock.
     main.store(thumb::TIM2, 1);
     main.store(RCC, 1 << 18 | 1 << 16 | 0x83).wait_for(RCC, 17).store(RCC + 8, 1).idle();
     let outcome = on_horus(&firmware("clocks", &main, &[]));
@@ -307,7 +307,7 @@ fn a_finding_has_its_instant_and_peripheral_despite_a_change_of_clock() {
 #[test]
 fn a_finding_in_a_release_image_names_the_firmwares_function_and_line() {
     let Some(path) = boards::image(3, "dpr-fw.elf") else { return };
-    // The program belongs to the other board. Its code in RAM cannot be fetched from its link address here.
+    // The DPR's program runs on HORUS's board, where code in RAM cannot be fetched from its link address.
     let outcome = on_horus(&Firmware::read(&path).unwrap());
     // The first instructions store to registers of the nRF52840. They have a symbol but no line numbers.
     let place_of = |finding: &Finding| finding.symbol.clone().unwrap_or_default();

@@ -116,8 +116,8 @@ fn inserted(back: u32) -> Option<()> {
     }
     let views = views(&mut node, FIRST + 400 * MS);
     let inserted_end = insert.0 + frame_ns();
-    // Frame 21 comes too early, 5 ms after the inserted one. Frames 22 to 24 find the sequence again, and frame 24 is
-    // shown.
+    // Frame 21 comes 5 ms after the inserted frame, which is too early. Frames 22 to 24 find the sequence again, and
+    // frame 24 is shown.
     let found = ends(&sent)[25].0;
     let during: Vec<_> = views.iter().filter(|view| (inserted_end + 150 * US..found).contains(&view.at)).collect();
     assert!(during.len() >= 10, "{back} back: {}", during.len());
@@ -131,7 +131,7 @@ fn inserted(back: u32) -> Option<()> {
     assert_eq!(first_again, Some(&stamp(24)), "{back} back");
     let age = oldest(&views, &ends(&sent));
     assert!(age <= STALE, "{back} back: {age} ns");
-    // Of the 41 frames these are not shown: three at the start, the inserted one, and frames 21 to 23.
+    // Of the 41 frames that were sent, seven are not shown: three at the start, the inserted one, and frames 21 to 23.
     let accepted = count(&node, std::mem::offset_of!(Telemetry, objects_accepted));
     assert_eq!(accepted, (41 - 3 - 4) * OBJECTS, "{back} back");
     Some(())

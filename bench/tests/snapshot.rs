@@ -54,7 +54,7 @@ fn a_copy_taken_at_any_instant_runs_on_like_the_original() {
         copy.run_to(END, Threads::Two);
         assert_eq!(outcome(copy), expected, "a copy at {instant} ns");
     }
-    // The copies ran on, but the original's results are unchanged.
+    // The copies have run to the end, but the original gives the results of a run that was never copied.
     original.run_to(END, Threads::One);
     assert_eq!(outcome(original), expected);
 }
@@ -62,7 +62,8 @@ fn a_copy_taken_at_any_instant_runs_on_like_the_original() {
 #[test]
 fn a_run_in_pieces_has_the_event_log_of_a_whole_run() {
     let Some(setup) = setup() else { return };
-    // A run that is divided must pass a repeated frame to the DPR at the right instant too.
+    // Frames are lost and repeated. A run that is divided must pass a repeated frame to the DPR at the right instant
+    // too.
     let faults = Faults::of_air(AirFaults { lost: 0.1, repeated: 0.5, ..AirFaults::default() });
     let setup = Setup { faults, ..setup };
     let log = |ends: &[u64]| {

@@ -74,7 +74,7 @@ fn watch<C: Cost>(gps: usize, conduct: Option<Conduct>) -> Option<Watched<C>> {
         }
         let (base, all) = (dpr.core_register(Register::Basepri), dpr.core_register(Register::Primask) != 0);
         for ((mask, since), longest) in MASKS.into_iter().zip(&mut since).zip(&mut masked) {
-            // While a task of that priority or of a more urgent one runs, the priority does not count as masked.
+            // A priority does not count as masked while a task of that priority or of a more urgent one runs.
             let runs = SSI.contains(&active) || mask == MASKS[1] && is_of_the_rfid_side(active);
             if (all || base != 0 && base <= mask) && !runs {
                 let since = *since.get_or_insert(at - CYCLE);
@@ -178,7 +178,7 @@ fn add_up<C: Cost>(gps: usize) {
         let worst = seen.frames().into_iter().map(|(last_bit, rose)| rose - last_bit).max().expect("a frame");
         assert!(worst <= readable, "{worst}");
     }
-    // The sum must include the SSI's tasks, so they must have preempted the handling of a frame.
+    // The SSI's tasks count for the sum only if they have preempted the handling of a frame.
     assert!(hostile.longest(SSI[0]) > 0 && hostile.longest(SSI[1]) > 0, "both tasks ran");
 }
 

@@ -90,7 +90,7 @@ fn a_falling_supply_takes_the_dprs_image_away_and_is_named() {
     let now = node.now();
     run_dpr(&mut node, now + 50 * US);
     assert!(silent(&mut node) && silent(&mut node));
-    // The DPR stopped because of this voltage. After the watchdog's reset the voltage stops its start too.
+    // The low voltage has stopped the DPR. After the watchdog's reset it stops the DPR's start too.
     let now = node.now();
     run_dpr(&mut node, now + 300 * MS);
     assert!(silent(&mut node) && silent(&mut node));

@@ -132,7 +132,7 @@ fn a_task_that_is_preempted_stays_entered_while_another_runs() {
     let mut watch = TaskWatch::new(&mut node, &TABLE);
     let named: Vec<_> = watch.tasks().iter().map(|task| (task.to_string(), task.exception)).collect();
     assert_eq!(named, [("tick_TIM2".to_owned(), TICK), ("hit_EXTI3".to_owned(), HIT)], "the image has no third");
-    // The first edge comes while the task of the second tick runs, the other one while the core sleeps.
+    // A first edge at PA3 comes while the task of the second tick runs, a second edge while the core sleeps.
     node.advance(20 * MS + MS / 2);
     assert_eq!([0, 3, HIT, TICK].map(|exception| node.exception_priority(exception)), [256, -1, 0, 0x80]);
     node.drive(IN, Some(true));

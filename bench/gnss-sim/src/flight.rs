@@ -18,11 +18,12 @@
 //!
 //! # The length of a flight
 //!
-//! A flight fills the given duration with all its phases, so a run of 10 s shows a take-off and a landing too. A short
-//! flight is low and slow, within the acceleration limits. A long flight climbs to [`HEIGHT_MAX`], cruises at
-//! [`SPEED_MAX`] and has more legs, which curve so that the aircraft stays within a few kilometres. For a duration
-//! below [`SHORTEST`] the run shows the beginning of a flight of [`SHORTEST`]. Before and after the flight the aircraft
-//! stands on the ground.
+//! A flight fills the given duration with all its phases, so a run of 10 s shows a take-off and a landing too. If the
+//! duration is below [`SHORTEST`], the run shows the beginning of a flight of [`SHORTEST`]. Before and after the flight
+//! the aircraft stands on the ground.
+//!
+//! A short flight is low and slow, within the acceleration limits. A long flight climbs to [`HEIGHT_MAX`], cruises at
+//! [`SPEED_MAX`] and has more legs, which curve so that the aircraft stays within a few kilometres.
 
 use core::f64::consts::{PI, TAU};
 
@@ -131,8 +132,8 @@ impl Flight {
             Uniform::new_inclusive(low, high).expect("the bounds of every draw are finite and ordered").sample(&mut rng)
         };
 
-        // Each phase takes a fixed share of a short flight, but at most a given time, s. The cruise fills the rest of a
-        // long flight.
+        // In a short flight each phase takes a fixed share of the time, in a long flight a fixed number of seconds. The
+        // cruise fills the rest of a long flight.
         let standing = (0.03 * planned).min(2.0);
         let climb = (0.22 * planned).min(28.0);
         let acceleration = (0.15 * planned).min(11.0);
@@ -271,7 +272,7 @@ impl Flight {
         let [_, climb, climb_rate] = self.height.at(t);
         let [speed, speed_rate, _] = self.speed.at(t);
         let [course, turn_rate, _] = self.course.at(t);
-        // Front, right and down in the level frame along the course.
+        // The components point front, right and down in the level frame along the course.
         let acceleration = [speed_rate, speed * turn_rate, -climb_rate];
         let force = [acceleration[0] + DRAG * speed, acceleration[1], acceleration[2] - DRAG * climb - GRAVITY];
         let total = sqrt(force.iter().map(|f| f * f).sum());

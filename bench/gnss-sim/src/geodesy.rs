@@ -48,7 +48,7 @@ impl Geodetic {
             let n = prime_vertical_radius(sin(lat));
             lat = atan2(z + E2 * n * sin(lat), p);
         }
-        // This formula for the height has a small rounding error at every latitude.
+        // The height is calculated by a formula that has a small rounding error at every latitude.
         let n = prime_vertical_radius(sin(lat));
         let height = p * cos(lat) + z * sin(lat) - SEMI_MAJOR_AXIS * SEMI_MAJOR_AXIS / n;
         Self { latitude: lat.to_degrees(), longitude: atan2(y, x).to_degrees(), height }

@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! A receiver is an iterator of [`Burst`]s in order of time. It calculates a burst on request and keeps only the state
-//! before the burst that is due, so a run of any length needs no memory. The receiver's bit rate has one effect: a
-//! burst starts only when the one before has left the line.
+//! A receiver is an iterator of [`Burst`]s in order of time. It calculates each burst when it is asked for it, from the
+//! state before, so a run of any length needs no memory. A burst starts only when the one before has left the line, at
+//! the receiver's bit rate.
 //!
 //! A generated receiver starts as if HORUS had configured it before; [`Receiver::with_factory_settings`] returns one
 //! that HORUS has yet to configure. A message to the receiver ([`Receiver::hear`]) may change its output; the next
@@ -205,7 +205,7 @@ impl Receiver {
     }
 
     /// Processes a byte that arrives at `at_ns` (ns after reset), `None` for an unreadable byte. Returns the answer to
-    /// a completed message. The answer is sent at the bit rate that applies from then on.
+    /// a completed message, which is sent at the bit rate that the message may just have set.
     pub fn hear(&mut self, at_ns: u64, byte: Option<u8>) -> Option<Vec<u8>> {
         let Source::Generated(generated) = &mut self.source else { return None };
         let answer = generated.configuration.hear(byte)?;

@@ -57,7 +57,7 @@ fn a_log_is_scheduled_despite_gaps_and_time_that_stands_still() {
         &pvt(WEEK_MS - 200, 1).encode(),
         &pvt(0, 2).encode(),
         &pvt(3_600_000, 3).encode(),
-        // This message repeats the last time of week, and the next has an earlier one.
+        // The first of two NAV-PVT messages repeats the last time of week, and the second has an earlier one.
         &pvt(3_600_000, 4).encode(),
         &pvt(1_000, 5).encode(),
         // A NAV-ATT with an earlier time of week begins no epoch.
@@ -134,7 +134,7 @@ fn only_fixes_that_a_receiver_vouches_for_are_positions() {
 
 #[test]
 fn a_position_is_the_float_nearest_to_its_decimal_number() {
-    // This longitude tells apart the quotient by 1e7 and the product with 1e-7: they differ in the last bit.
+    // For this longitude, dividing by 1e7 and multiplying by 1e-7 give numbers that differ in the last bit.
     let log = log(&[&pvt(1_000, -22_402_964).encode()]).expect("it holds a position");
     let position = log.positions()[0];
     assert_eq!(position.longitude().to_bits(), (-2.240_296_4_f64).to_bits());

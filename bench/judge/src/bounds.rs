@@ -72,9 +72,11 @@ pub const WATCHDOG_FED: u64 = 40_000_000;
 /// The longest time that the DPR's watchdog takes to bite: 100 ms of an RC oscillator of 32.768 kHz that may be off by
 /// 2 % (nRF52840 PS 5.4). Another 2 % is allowed, because chips were seen that barely keep the specified 2 %.
 pub const DPR_WATCHDOG_LONGEST: u64 = 104_000_000;
-/// For HORUS and for the DPR, how long the watchdog may still be fed after a task has died. The task may have checked
-/// in just before. Every task of HORUS checks in once a cycle. The DPR's SSI task may check in only at the end of a
-/// transaction (`dpr_fw::ssi`), which a flight controller may delay until the watchdog bites.
+/// For HORUS and for the DPR, how long the watchdog may still be fed after a task has died, because the task may have
+/// checked in just before.
+///
+/// Every task of HORUS checks in once a cycle. The DPR's SSI task may check in only at the end of a transaction
+/// (`dpr_fw::ssi`), which a flight controller may delay until the watchdog bites.
 pub const CHECKED_IN: [u64; 2] = [FRAME_DEADLINE + CYCLE, DPR_WATCHDOG_LONGEST];
 /// How long after a tick an arriving message may still be in that tick's objects. HORUS takes the values at most 0.12
 /// ms after the tick (docs/design.md#timing); the rest is a margin.
@@ -94,12 +96,12 @@ pub const LONGEST_PERIOD_MS: u32 = 1_000;
 /// The shortest period that HORUS accepts from a receiver, ms: 50 Hz, twice the rate of the fastest receivers.
 pub const SHORTEST_PERIOD_MS: u32 = 20;
 
-/// The longest time that HORUS may leave the bytes of a receiver on a bus unread. The time counts from when the
-/// receiver offers them, or from the end of a fault of the bus. It is a receiver's longest period, because a position
-/// is not valid for much longer (docs/design.md#validity).
+/// The longest time that HORUS may leave the bytes of a receiver on a bus unread, counted from when the receiver offers
+/// them or from the end of a fault of the bus. A position is not valid for much longer than this time, the longest
+/// period of a receiver (docs/design.md#validity).
 pub const READ_WITHIN: u64 = 1_000_000_000;
-/// How long bytes wait in a receiver on a bus before they count as old. HORUS may drop old bytes, and may drop what it
-/// reads within [`READ_SETTLED`] after old bytes. HORUS reads in every cycle but may leave one cycle out.
+/// How long bytes wait in a receiver on a bus before they count as old. HORUS may drop old bytes, and what it reads
+/// within [`READ_SETTLED`] after them. HORUS may leave out one of its reads, which come once a cycle.
 pub const NEWS: u64 = 25_000_000;
 /// How long HORUS may drop what it reads from a receiver on a bus, counted from a read of old bytes ([`NEWS`]) or from
 /// a failure of the bus. In this time HORUS finds out which bytes are new.
@@ -111,24 +113,27 @@ pub const TOO_OLD: u64 = 50_000_000;
 pub const READ_AT_ONCE: u64 = 256;
 /// The dynamic model that every receiver must use: airborne below 2 g, as u-blox' CFG-NAVSPG-DYNMODEL numbers it.
 pub const DYNAMIC_MODEL: u8 = 7;
-/// The longest time until HORUS has sent a receiver its settings. The time counts from HORUS's start, from the loss of
-/// a setting, or from the end of a fault. HORUS begins after 1.5 s, tries two bit rates for 0.7 s each, and waits 1 s
-/// for the answer to each of two messages.
+/// The longest time until HORUS has sent a receiver its settings, counted from HORUS's start, from the loss of a
+/// setting, or from the end of a fault.
+///
+/// HORUS begins after 1.5 s, tries two bit rates for 0.7 s each, and waits 1 s for the answer to each of two messages.
 pub const SETTINGS_TOLD: u64 = 5_000_000_000;
-/// The longest time until HORUS must send a valid position. The time counts from HORUS's start, or from when enough
-/// receivers work again. HORUS sets the receivers, waits for the slowest one's solution, and holds a jump of the
-/// position back.
+/// The longest time until HORUS must send a valid position, counted from HORUS's start or from when enough receivers
+/// work again.
+///
+/// In this time HORUS sends the receivers their settings, waits for the slowest receiver's solution, and holds a jump
+/// of the position back.
 pub const POSITION_WITHIN: u64 = SETTINGS_TOLD + READ_WITHIN + HELD_BACK;
 /// How long after a receiver's fault HORUS may send objects without that receiver's position, or call the receiver
 /// excluded.
 pub const POSITION_SETTLED: u64 = SETTINGS_TOLD + RETURNED;
-/// The greatest age of a position that is shown as valid. A solution takes up to [`BEFORE_ARRIVAL`] and
-/// [`BEFORE_ARRIVAL_SPREAD`] to arrive. It is then valid for its period and [`VALID_BEYOND_PERIOD`]
+/// The greatest age of a position that is shown as valid. A solution arrives up to [`BEFORE_ARRIVAL`] and
+/// [`BEFORE_ARRIVAL_SPREAD`] after its epoch, and is then valid for its period and [`VALID_BEYOND_PERIOD`]
 /// (docs/design.md#validity).
 pub const POSITION_OLDEST: u64 =
     LONGEST_PERIOD_MS as u64 * 1_000_000 + VALID_BEYOND_PERIOD + BEFORE_ARRIVAL + BEFORE_ARRIVAL_SPREAD;
-/// The largest error of a valid position, horizontal and vertical, m. Each is five times the error that the worst
-/// receiver exceeds in one of 68 solutions.
+/// The largest error of a valid position, horizontal and vertical, m. Either limit is five times the error that the
+/// worst receiver exceeds in one of 68 solutions.
 pub const POSITION_OFF_M: [f64; 2] = [10.0, 20.0];
 
 /// The step, ns, in which a GPS object's status states the age of its solution: docs/design.md#status-words.
@@ -162,8 +167,8 @@ pub const BEFORE_ARRIVAL: u64 = 50_000_000;
 /// The greatest difference, ns, between a receiver's latency and the middle latency, [`BEFORE_ARRIVAL`]. For a greater
 /// difference HORUS assumes the middle latency.
 pub const BEFORE_ARRIVAL_SPREAD: u64 = 50_000_000;
-/// Two limits, m, on the distance between two receivers, horizontal and vertical. Up to the first limit the receivers
-/// agree whatever accuracies they state. Beyond the second limit they disagree.
+/// Two limits, m, on the distance between two receivers, each horizontal and vertical. Nearer than the first limit, two
+/// receivers agree whatever accuracies they state. Farther apart than the second, they disagree.
 pub const AGREEMENT_M: [(f64, f64); 2] = [(5.0, 30.0), (8.0, 50.0)];
 /// Between the limits of [`AGREEMENT_M`], two receivers agree if their distance is at most this many times the root of
 /// the sum of the squares of their accuracies.
@@ -176,14 +181,15 @@ pub const ACCELERATION_M_S2: f64 = 2.0;
 pub const HELD_BACK: u64 = RETURNED;
 /// How long the voted position must stay where it jumped to before HORUS may show it: one second less tolerances.
 pub const NOT_HELD_BACK: u64 = NOT_RETURNED;
-/// How much a receiver's accuracy worsens with its speed while HORUS brings its position to the tick: by this time, s,
-/// times the speed. Half of [`UNCERTAIN_ACCELERATION`] times the square of the position's age is added too.
+/// How much a receiver's stated accuracy (m) worsens while HORUS brings its position to the tick: by its speed (m/s)
+/// times this constant (s), and by half of [`UNCERTAIN_ACCELERATION`] times the square of the position's age.
 pub const UNCERTAIN_SPEED_S: f64 = 0.05;
 /// The greatest acceleration of the aircraft that HORUS assumes since a receiver's message, m/s²: see
 /// [`UNCERTAIN_SPEED_S`].
 pub const UNCERTAIN_ACCELERATION: f64 = 4.0;
-/// How long an excluded receiver must agree with the voted position until HORUS must readmit it to the vote. The rule
-/// is one second. HORUS's clock may be off by 2 %, and the judge may not know which messages HORUS had at a tick.
+/// How long an excluded receiver must agree with the voted position until HORUS must readmit it to the vote. It is one
+/// second by the design, and longer because HORUS's clock may be off by 2 % and the judge may not know which messages
+/// HORUS had at a tick.
 pub const RETURNED: u64 = 1_100_000_000;
 /// How long an excluded receiver must agree with the voted position before HORUS may readmit it to the vote.
 pub const NOT_RETURNED: u64 = 950_000_000;
@@ -201,20 +207,20 @@ pub const ARITHMETIC_F32: f32 = 1e-5;
 pub const FRESH_WIDTH: u64 = 1_500;
 /// The age, ns, beyond which a flight controller must not fly by a position (docs/flight-controller.md).
 pub const CLIENT_AGE_LIMIT: u64 = 100_000_000;
-/// How far, ns, the age that a client states may be below the true age. The front ends scatter. The crystals of the
-/// boards are off by up to 100 ppm and the flight controller's by 1000 ppm, over [`CLIENT_AGE_LIMIT`].
+/// How far, ns, the age that a client states may be below the true age. This covers the scatter of the front ends, and
+/// the error of the crystals over [`CLIENT_AGE_LIMIT`]: 100 ppm on the boards and 1000 ppm in the flight controller.
 pub const CLIENT_AGE_SHORT: u64 = 300_000;
 /// How far, ns, the age that a client states may be above the true age. The client assumes the oldest image possible,
 /// and Link-Status rounds to 0.1 ms.
 pub const CLIENT_AGE_LONG: u64 = EXPIRY + 600_000;
 /// The number of transactions within which the client must find the sequence, if each reads the next valid cycle.
 pub const CLIENT_FINDS: u32 = SEARCH_CYCLES as u32 + 2;
-/// How far, ns, the age that the base station states may be from the true age. The base station takes the shortest
-/// transmission as zero. The value allows for 45 ms on the air, an image read just before it expires, and the crystals.
+/// How far, ns, the age that the base station states may be from the true age. The base station counts the shortest
+/// transmission as zero, so the value covers 45 ms on the air, an image that is read just before it expires, and the
+/// crystals.
 pub const STATION_AGE_OFF: u64 = 120_000_000;
-/// How long the profiles of a new sequence must arrive, as after a restart of HORUS, until the base station must show
-/// them. The base station first waits until the old sequence has been absent for 250 ms. Its alarms of a restart last
-/// for 1 s.
+/// How long the profiles of a new sequence must arrive until the base station must show them. The base station waits
+/// until the old sequence has been absent for 250 ms, and its alarms of a restart of HORUS last for 1 s.
 pub const STATION_SETTLES: u64 = 1_500_000_000;
 /// The age, ns, beyond which the base station calls a position stale (docs/base-station.md).
 pub const STATION_STALE: u64 = 400_000_000;
@@ -225,9 +231,9 @@ pub const STATION_SILENT: u64 = 1_000_000_000;
 
 /// The shortest silence of a line after which HORUS may discard an incomplete message; HORUS waits for 50 ms.
 pub const SILENCE_MAY_END: u64 = 45_000_000;
-/// The silence of a line after which HORUS must have discarded an incomplete message. HORUS detects 50 ms of silence at
-/// one of its checks, one every 10 ms. At up to four checks it then gives the parser 64 zeros, more than the longest
-/// message in all.
+/// The silence of a line after which HORUS must have discarded an incomplete message. HORUS checks every 10 ms whether
+/// the line has been silent for 50 ms. It then gives the parser 64 zeros at each of up to four checks, in all more than
+/// the longest message.
 pub const SILENCE_ENDS: u64 = 110_000_000;
 /// The longest pause between two transactions that the judge accepts: far longer than a control cycle.
 pub const NO_TRANSACTION: u64 = 100_000_000;
@@ -253,10 +259,10 @@ pub const PUBLICATION_PESSIMISTIC: u64 = 1_000_000;
 pub const SEALED_BEFORE_FRESH: u64 = 200_000;
 /// The number of cycles that may be missing between two cycles that are in sequence: docs/design.md#sequence.
 pub const MAX_MISSED: u32 = 25;
-/// The greatest difference between two steps from cycle to cycle: the step in time, and the step of the timestamps. A
-/// share of the step is added, one part in [`STEP_TOLERANCE_SHARE`]: docs/design.md#sequence.
+/// The greatest difference between the time from one cycle to the next and the step of their timestamps. One part in
+/// [`STEP_TOLERANCE_SHARE`] of that step is added: docs/design.md#sequence.
 pub const STEP_TOLERANCE: u64 = 2_500_000;
-/// The share of the step that is added to [`STEP_TOLERANCE`]: one part in this number, 2 %.
+/// One part in this number (2 %) of the step between two cycles' timestamps is added to [`STEP_TOLERANCE`].
 pub const STEP_TOLERANCE_SHARE: u64 = 50;
 /// In the search for the sequence, the greatest difference between 10 ms and the time between two cycles
 /// (docs/design.md#sequence).
@@ -311,7 +317,7 @@ pub const SELF_TEST: u64 = 5_000_000_000;
 pub const FLASH_PASS_LONGEST: u64 = 9_000_000_000;
 /// The shortest time that a pass over the DPR's flash takes: the pass of a self-test with a program of 16 KiB.
 pub const FLASH_PASS_SHORTEST: u64 = 400_000_000;
-/// The greatest age, ms, that Port-Status may have more than Link-Status of the same image.
+/// How much older than Link-Status, ms, Port-Status of the same image may be.
 pub const PORT_BEFORE_LINK_MS: u32 = 25;
 /// The codes of the causes of a safe state in the DPR's firmware (`firmware_common::last_stop`).
 pub const STOP_CAUSES: std::ops::RangeInclusive<u32> = 1..=14;

@@ -51,7 +51,7 @@ pub struct Context {
     window: Window,
     frame: Option<Frame>,
     reading: Option<Reading>,
-    /// It is `None` only within [`Context::take`], which lends it out because the record of the air reads this context.
+    /// What HORUS put on the air. It is `None` only within [`Context::take`].
     air: Option<Box<Air>>,
 }
 

@@ -1,10 +1,12 @@
 //! Determines which cycles the DPR shows by the rules of the sequence (docs/design.md#sequence), as seen from outside.
 //!
 //! The judge cannot observe everything on which the outcome depends, such as whether the listener received a frame
-//! while it was being armed. Therefore it keeps every state that a correct DPR can be in (`State`), and determines for
-//! each frame all states that may follow. What a DPR does in all of these states, it [must](Certainty::Must) do. What
-//! it does in none, it must [never](Certainty::Never) do. Uncertainty ends when the sequence has been found in all
-//! states, after four cycles.
+//! while it was being armed. It therefore keeps every state that a correct DPR can be in (`State`), and determines for
+//! each frame which states may follow. The uncertainty ends after four cycles, when the sequence has been found in
+//! every state.
+//!
+//! What a DPR does in every possible state, it [must](Certainty::Must) do. What it does in none of them, it must
+//! [never](Certainty::Never) do.
 //!
 //! This module is written from the design and shares no code with `profile::sequence`, which the firmware runs.
 
@@ -89,7 +91,8 @@ enum Step {
     Irregular,
     TooEarlyOrLate,
     Regular {
-        /// Whether the step is one cycle long, within the tolerance that the search for the sequence allows.
+        /// Whether the cycle comes one cycle after the last one, within the tolerance that the search for the sequence
+        /// allows.
         exact: bool,
     },
 }
@@ -245,7 +248,7 @@ impl Expectation {
         let frame = context.frame()?;
         let number = frame.number?;
         let dpr = context.running(Board::Dpr);
-        // A DPR that hangs or has no supply publishes no image of the frame.
+        // A DPR that hangs or has no supply publishes nothing.
         if !dpr.powered || dpr.hung.is_some() {
             return None;
         }

@@ -16,9 +16,9 @@
 //!
 //! # How rules are kept apart
 //!
-//! One cause must lead to one violation. Therefore each rule requires of a stage only what follows from the stage
-//! before: a frame after a tick, an object in the image if the object reached the DPR's antenna whole, and an object at
-//! the base station if the flight controller has forwarded it.
+//! One cause must lead to one violation. A rule therefore does not report what follows from an earlier fault: it
+//! requires a frame only after a tick, an object in the image only if the object reached the DPR's antenna whole, and
+//! an object at the base station only if the flight controller has forwarded it.
 #![forbid(unsafe_code)]
 
 pub mod bounds;

@@ -12,7 +12,8 @@ pub const KEPT: u64 = 2_000_000_000;
 /// The number of frames that are kept: those of the last ten seconds, or of five seconds with two frames a cycle.
 const REMEMBERED: usize = 1_000;
 
-/// The number of ticks that are kept. A frame ends at most two ticks after its own, so four ticks are enough.
+/// The number of ticks that are kept. A frame ends at most two ticks after the tick to which it belongs, so four are
+/// enough.
 const TICKS: usize = 4;
 
 /// A frame that HORUS sent.

@@ -41,7 +41,7 @@ fn a_profile_must_arrive_within_100_ms_or_it_is_missed() {
         found(&log)
     };
     assert_eq!(late(bounds::DOWNLINK), []);
-    // The profile arrives so late that it counts as missed. Its arrival counts as a profile that was not forwarded.
+    // The profile arrives so late that it counts as missed. Its late arrival then counts as that of a changed profile.
     assert_eq!(late(bounds::DOWNLINK + 1), [(BaseMissed, 1), (BaseChanged, 1)]);
     let mut log = log;
     let last = log.events.iter().rposition(|event| matches!(event.what, What::Arrived { .. })).unwrap();
@@ -75,8 +75,8 @@ fn a_profile_changed_on_its_way_is_not_missed_too() {
 #[test]
 fn a_change_explains_one_missing_profile_of_its_time_and_no_other() {
     let (_, log, place) = forwarding(3);
-    // A changed profile arrives long before, or just before, another profile is forwarded that never arrives. In the
-    // third case two profiles are missing and one arrives changed.
+    // A profile that is forwarded never arrives. A changed profile arrives before it: in one case long before, in
+    // another just before. In the third case two profiles are missing and one arrives changed.
     let spoilt = |log: &Log, place: usize| {
         let mut what = log.events[place].what.clone();
         if let What::Arrived { profile, shown } = &mut what {
@@ -172,7 +172,8 @@ fn the_base_station_may_not_show_an_invalid_object() {
         let mut log = log.clone();
         let (profile, _) = arrived(&mut log, place + 1);
         profile[plan.layout.in_profile(index).unwrap().start + 20] ^= 1;
-        // Two violations are reported: the change on the way, and the changed object that the base station shows.
+        // The judge reports two violations: the bytes changed on the way, and the base station shows the changed
+        // object.
         assert_eq!(found(&log), [(BaseChanged, 1), (BaseInvalid, 1)], "{index}");
     }
     for index in plan.layout.objects()..8 {
@@ -180,7 +181,7 @@ fn the_base_station_may_not_show_an_invalid_object() {
         *arrived(&mut log, place + 1).1 |= 1 << index;
         assert_eq!(found(&log), [(BaseInvalid, 1)], "{index}");
     }
-    // The profile has two of its objects in each other's place.
+    // Two objects of the profile have changed places.
     let mut log = log;
     let (profile, _) = arrived(&mut log, place + 1);
     let second = profile[124..184].to_vec();
@@ -255,7 +256,7 @@ fn a_torn_read_that_is_forwarded_and_shown_is_one_violation() {
         }
     }
     assert_eq!(kinds(&log), [Torn]);
-    // The station may also leave out the object that was torn.
+    // The base station may also leave out the object that mixes two cycles.
     *arrived(&mut log, place + 1).1 = 0b0001;
     assert_eq!(kinds(&log), [Torn]);
 }
@@ -269,7 +270,7 @@ fn not_forwarded(log: &Log) -> Vec<(u64, u64)> {
 #[test]
 fn a_new_profile_must_be_forwarded_when_it_is_read() {
     let log = Plan::new(3, 40).log();
-    // The test needs a profile that differs from the one before it.
+    // The cycle must not be one that was forwarded already, so its profile differs from the one before it.
     let of = |place: usize| match &log.events[place].what {
         What::Forwarded { profile } => Some(profile),
         _ => None,

@@ -147,7 +147,8 @@ fn fresh_that_offers_the_image_of_before_is_a_violation() {
         let rose = plan.publications[2].at;
         insert(&mut log, rose - 1_000, injected(IMAGE_BIT, rose));
         assert_eq!(found(&log), violations, "{shows}");
-        // The judge decides in the same way if it knows the announced bytes only from a transaction.
+        // The result is the same if the log has the announced bytes only in a transaction, and not at the rise of
+        // FRESH.
         let rise = log.events.iter().position(|event| event.at == rose && matches!(event.what, What::Fresh { .. }));
         *offered(&mut log, rise.unwrap()) = None;
         let is_old = found(&log).iter().any(|(violation, _)| *violation == FreshNotNew);
@@ -174,7 +175,7 @@ fn fresh_that_offers_the_image_of_before_is_a_violation() {
 
 #[test]
 fn fresh_after_which_an_older_image_is_read_is_a_violation() {
-    // Only a transaction shows the bytes that FRESH announced.
+    // The log does not say which image FRESH announced, so the judge learns it from the next transaction.
     let (plan, log, _) = run(3);
     let rise = rises(&log, 200 * MS)[0];
     let rose = log.events[rise].at;
@@ -267,7 +268,7 @@ fn a_transaction_outlasting_the_kept_announcements_is_not_judged_by_them() {
     insert(&mut log, over, What::Ssi(bench_judge::SsiEvent::Ready));
     let miso = image.into();
     insert(&mut log, over, What::Transaction { selected: from, mosi: vec![].into(), miso });
-    // The disturbance excuses the DPR: the flight controller has held chip select for too long.
+    // A flight controller that holds chip select for too long misuses the SSI, which excuses the DPR.
     assert_eq!(found(&log), [(NoTransaction, 1)]);
     insert(&mut log, from, injected(MISUSE, over));
     assert_eq!(found(&log), []);

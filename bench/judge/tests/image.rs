@@ -39,7 +39,7 @@ fn a_read_spliced_from_two_images_is_torn() {
                 match found.as_slice() {
                     [(Torn, 1)] => {}
                     [(Damaged, 1)] => assert!(near, "{gps} {at}"),
-                    // The joined bytes are equal to one of the two images.
+                    // The join lies where the two images are equal, so the bytes are those of one image.
                     [] => assert!(whole(&now), "{gps} {at}"),
                     [(FreshNotNew, 1)] => assert!(whole(&before), "{gps} {at}"),
                     other => panic!("{gps} {at}: {other:?}"),

@@ -83,7 +83,7 @@ fn a_flight_controller_must_read_at_least_every_100_ms() {
     let verdict = judged(&without_transactions(from, from + bounds::NO_TRANSACTION + 1).log());
     assert_eq!(verdict.violations.len(), 1);
     assert_eq!((verdict.violations[0].violation, verdict.violations[0].first_at), (NoTransaction, 351 * MS));
-    // Transactions are missing in two periods, of which the second lasts until the end of the run.
+    // Transactions are missing in two periods, of which the second lasts until the end of the run. Both are reported.
     let mut log = without_transactions(from, from + 150 * MS).log();
     log.events.retain(|event| event.at < 450 * MS || !matches!(event.what, What::Selected | What::Transaction { .. }));
     log.events
@@ -129,7 +129,7 @@ fn a_dpr_that_never_gets_ready_is_a_violation_and_no_other() {
 
 #[test]
 fn a_dpr_kept_selected_since_its_restart_is_ready_once_deselected() {
-    // The DPR restarts before the flight controller selects it, or while it is selected.
+    // The DPR restarts just before the flight controller selects it, or while it is selected.
     for restart in [258 * MS, 265 * MS] {
         kept_selected_at_a_restart(restart);
     }
@@ -157,7 +157,8 @@ fn kept_selected_at_a_restart(restart: u64) {
     insert(&mut log, let_go + bounds::SSI_READY, What::Ssi(SsiEvent::Ready));
     let never = |log: &bench_judge::Log| found(log).contains(&(NeverReady, 1));
     assert!(!never(&log), "it is selected until {let_go}");
-    // The DPR would have to be ready if the flight controller raised chip select earlier.
+    // Chip select is held while the DPR should become ready. If the flight controller raised it earlier, the DPR would
+    // have to be ready.
     for event in &mut log.events {
         if matches!(event.what, What::Transaction { selected, .. } if selected == held) {
             event.at = 300 * MS;
@@ -197,7 +198,7 @@ fn a_dpr_must_get_ready_in_time_after_a_restart() {
     let mut log = restarted(250 * MS, BACK + 10 * CYCLE, &[power(false)]);
     insert(&mut log, 440 * MS, power(true));
     assert_eq!(found(&log), []);
-    // The log has no restart, so the DPR should have been readable all the time.
+    // If the log has no restart, the DPR should have been readable all the time.
     assert_eq!(found(&restarted(250 * MS, BACK, &[])), [(Silent, 1)]);
 }
 
@@ -239,7 +240,7 @@ fn the_dpr_must_be_ready_again_once_misuse_is_over() {
         let mut plan = Plan::new(3, 60);
         let over = plan.publications[plan.showing(300)].at + 3 * MS;
         let ended = over - sooner;
-        // All other transactions near the end of the misuse are removed, and one is added that ends with the misuse.
+        // Near the end of the misuse only one transaction is left, which ends `sooner` before that end.
         plan.selects.retain(|selected| selected.abs_diff(over) > 5 * MS);
         plan.selects.push(ended - plan.transaction_ns());
         plan.selects.sort_unstable();
@@ -297,8 +298,7 @@ fn the_dpr_must_be_ready_10_us_after_a_transaction() {
     assert_eq!(found(&at(bounds::SSI_READY + 1)), [(NotReady, 1)]);
     assert_eq!(verdict.violations[0].first_at, ended);
     assert_eq!(verdict.figures.ready_ns, Some(Max { max: 10_001 }));
-    // The DPR becomes ready only after the next transaction has begun. It therefore serves neither that one nor the one
-    // after it.
+    // The DPR is not ready when the next transaction begins. It serves neither that transaction nor the one after it.
     let mut late = at(2 * CONTROL_CYCLE + 100_000);
     blind(&mut late, ended + 1, ended + 2 * CONTROL_CYCLE + 200_000);
     late.events.retain(|event| {
@@ -350,7 +350,7 @@ fn a_dpr_that_is_never_ready_again_is_one_violation() {
         .retain(|event| event.at <= ended || !matches!(event.what, What::Ssi(SsiEvent::Released | SsiEvent::Ready)));
     assert!(log.events.last().unwrap().at > ended + bounds::SSI_READY);
     assert_eq!(found(&log), [(NotReady, 1)]);
-    // The figure leaves this time out, because the restart hides how long it would have become.
+    // `ready_ns` leaves out a time that a restart cut short.
     assert_eq!(judged(&log).figures.ready_ns, Some(Max { max: TO_READY }));
 }
 
@@ -385,7 +385,7 @@ fn buffers_that_are_held_for_longer_than_10_us_are_a_violation() {
     assert_eq!(found(&held_for(bounds::SSI_READY)), []);
     assert_eq!(found(&held_for(bounds::SSI_READY + 1)), [(HeldBack, 1)]);
     assert_eq!(judged(&held_for(bounds::SSI_READY + 1)).violations[0].first_at, released - bounds::SSI_READY - 1);
-    // The run ends while the processor holds the buffers.
+    // The processor still holds the buffers when the run ends.
     let mut held = log.clone();
     let last = publication(plan.end - 12 * MS);
     held.events.retain(|event| event.at < last || event.what == What::End);
@@ -455,7 +455,7 @@ fn the_dpr_may_hold_its_buffers_once_an_image_has_expired() {
     plan.selects.retain(|selected| !(from + 20 * MS..from + 39 * MS).contains(selected));
     let log = plan.log();
     assert_eq!(found(&log), []);
-    // The DPR's clock may be fast, so an image may expire early, but not earlier than this.
+    // The DPR's clock may be fast, so the image may expire `bounds::EXPIRY_EARLIEST` after FRESH, but no earlier.
     for (after, violations) in [(bounds::EXPIRY_EARLIEST, vec![]), (bounds::EXPIRY_EARLIEST - 1, vec![(HeldBack, 1)])] {
         let log = moved(&log, from + bounds::EXPIRY, from + after, &[SsiEvent::Held]);
         assert_eq!(found(&log), violations, "{after}");
@@ -546,7 +546,7 @@ fn a_runaway_flight_controller_must_be_served_up_to_the_budget() {
             let what = What::Transaction { selected: at, mosi: vec![0; 8].into(), miso: vec![0xFF; 156].into() };
             insert(&mut log, at + 160_000, what);
         }
-        // The flight controller forwards this profile after the first transaction that reads it.
+        // The flight controller forwards the profile of the image after the first transaction that reads the image.
         let profile = image[32..].to_vec();
         log.events.retain(|event| match &event.what {
             What::Forwarded { profile: other } | What::Arrived { profile: other, .. } => **other != *profile,
@@ -606,7 +606,7 @@ fn a_dpr_selected_for_over_a_cycle_need_not_get_ready() {
         |selected: u64| What::Transaction { selected, mosi: vec![0; 96].into(), miso: vec![0xFF; 96].into() };
     let due = bounds::START;
     for (longer, blamed) in [(0, true), (1, false)] {
-        // The flight controller keeps the DPR selected beyond the time for the DPR's start.
+        // The flight controller keeps the DPR selected until after the longest time for the DPR's start.
         let began = due + 1 - CYCLE - longer;
         let selected = [(began, What::Selected), (due + 1, What::Tick), (due + MS, What::End)];
         assert_eq!(never_ready(selected), blamed, "selected, {longer}");
@@ -677,7 +677,7 @@ fn a_restart_of_the_dpr_keeps_supply_violations_and_figures() {
     let mut log = without_transactions(251 * MS, 450 * MS).log();
     insert(&mut log, 400 * MS, dpr_reset(true));
     assert_eq!(found(&log), [(NoTransaction, 1)]);
-    // The figure may come from before the restart.
+    // The longest time until the DPR is ready may have been measured before its restart.
     let log = restarted(250 * MS, BACK, &[dpr_reset(true)]);
     let place = repeats(&log)[10];
     let ended = log.events[place].at;
@@ -715,7 +715,7 @@ fn a_transaction_must_be_served_while_an_image_is_readable() {
     let (log, _) = nothing();
     assert!(is_unserved(&log) && !is_unserved(&Plan::new(3, 40).log()));
     // FRESH rises again, `apart` before a transaction, for an image that is already readable. The transaction finds the
-    // DPR busy. This is a violation only if the DPR had longer than its bound.
+    // DPR busy, which is a violation if `apart` is longer than `bounds::SSI_READY`.
     for (apart, unserved) in [(bounds::SSI_READY, false), (bounds::SSI_READY + 1, true)] {
         for within in [false, true] {
             let (mut log, selected) = nothing();

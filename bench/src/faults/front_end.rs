@@ -30,7 +30,8 @@ pub enum FrontEndFault {
     SelectLate(u64),
 }
 
-/// The time from a repeated transmit command to its frame, ns: the mean of the times in recordings of the chip.
+/// The time from a transmit command to its frame, if a fault repeats the command, ns. It is the mean of recordings of
+/// the chip.
 pub const COMMAND_TO_FRAME_NS: u64 = 4_000;
 
 impl FrontEndFault {

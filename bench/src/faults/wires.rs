@@ -96,7 +96,8 @@ pub enum WireFault {
     ClientMute,
 }
 
-/// The time from a pulse or tick to the additional one, ns. It ends between two publications.
+/// The time from a pulse or tick to the additional one, ns. At this distance the additional one falls between two
+/// publications.
 pub const GLITCH_AFTER_NS: u64 = 3_000_000;
 
 /// The length of an additional pulse of FRESH, ns.
@@ -286,8 +287,8 @@ impl Wires {
             self.faults.iter().map(|fault| if let WireFault::FreshLate(ns) = fault { *ns } else { 0 }).sum();
         let mut seen = vec![];
         let stuck = self.faults.contains(&WireFault::FreshStuck);
-        // A wire that breaks completes a pulse that has begun. A wire that is mended during a pulse leaves the pulse
-        // out.
+        // If FRESH's wire breaks during a pulse, it completes the pulse. If it is mended during a pulse, it leaves the
+        // pulse out.
         if level != self.fresh && !(level && stuck) {
             self.fresh = level;
             seen.push((at + late, level));

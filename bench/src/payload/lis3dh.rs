@@ -58,11 +58,12 @@ enum State {
     Read,
 }
 
-/// The course of sampling since its settings last changed.
+/// The sampling with the present settings.
 #[derive(Clone, Copy, Debug)]
 struct Sampling {
-    /// The instant of sample 0, ns. The next field is the time from one sample to the next.
+    /// The instant of sample 0, ns.
     first: u64,
+    /// The time from one sample to the next, ns.
     period: u64,
     /// The sampling's bandwidth: its -3 dB point, Hz.
     bandwidth: f64,
@@ -73,8 +74,9 @@ struct Sampling {
 pub struct Lis3dh {
     state: State,
     registers: [u8; 0x40],
-    /// The register of the next byte. The next field says whether the register number counts up after each byte.
+    /// The register of the next byte.
     register: u8,
+    /// Whether the register number counts up after each byte.
     counts_up: bool,
     rng: Rng,
     /// The error of the data rate, parts per million.
@@ -83,8 +85,9 @@ pub struct Lis3dh {
     ready_at: u64,
     /// The present sampling; `None` in power-down.
     sampling: Option<Sampling>,
-    /// The number of samples taken when the FIFO was last empty. The next field is the number read from the FIFO since.
+    /// The number of samples taken when the FIFO was last empty.
     fifo_from: u64,
+    /// The number of samples that were read from the FIFO since.
     taken: u64,
     /// For each axis, the number of the last sample of which bytes were read, plus one.
     seen: [u64; 3],

@@ -10,7 +10,7 @@ pub const GRAVITY: f64 = 9.80665;
 
 /// The vibration is divided into periods of this length, ns, each with at most one shock.
 const PIECE: u64 = 4_000_000_000;
-/// The time at the beginning of each period in which no shock comes, ns.
+/// The time at the beginning of each [`PIECE`] in which no shock comes, ns.
 const CALM: u64 = 2_000_000_000;
 
 /// A sinusoidal part of the vibration.
@@ -71,8 +71,8 @@ impl Vibration {
         Some(Shock { at, length, peak })
     }
 
-    /// Returns the acceleration at `at` (ns) along x, y, z, m/s². It has passed a low-pass filter of first order with
-    /// the -3 dB point at `bandwidth` (Hz). A payload at rest measures gravity along z.
+    /// Returns the acceleration at `at` (ns) along x, y, z, m/s², behind a low-pass filter of first order with the -3
+    /// dB point at `bandwidth` (Hz). A payload at rest measures gravity along z.
     #[must_use]
     pub fn acceleration(&self, at: u64, bandwidth: f64) -> [f64; 3] {
         let passes = |hertz: f64| 1.0 / (hertz / bandwidth).hypot(1.0);

@@ -158,7 +158,7 @@ fn ground_track(area: &Panel<'_>, receivers: usize, cycles: &[Drawn]) -> Result<
     let all = || cycles.iter().flat_map(|cycle| cycle.said.iter().take(1).flatten().chain(&cycle.truth));
     let north = range(all().map(|place| place[0]), LEAST_M);
     let east = range(all().map(|place| place[1]), LEAST_M);
-    // Both axes must have the same scale. These two are about the width and the height of the area for the chart.
+    // Both axes must have the same scale. The chart has about this width and height.
     let (width, height) = (f64::from(WIDTH) - 86.0, f64::from(TRACK_HEIGHT) - 86.0);
     let metres = ((north.end - north.start) / height).max((east.end - east.start) / width);
     let around = |range: &Range<f64>, pixels: f64| {

@@ -3,10 +3,11 @@
 //! # Design
 //!
 //! A flight controller's control cycle is not synchronous to HORUS, so its transactions coincide with the DPR's work at
-//! arbitrary instants. Some coincidences last 100 ns and occur once in minutes. A [`Sweep`] makes each of them occur.
+//! arbitrary instants. Some coincidences last 100 ns and occur once in minutes; a [`Sweep`] makes each of them occur.
+//!
 //! In every cycle of HORUS it places transactions around the end of a frame, at a phase that advances by a fixed step.
-//! The phase is relative to the frame's last bit at the antenna, so errors of crystals and the scatter of the front end
-//! do not change it.
+//! The phase counts from the frame's last bit at the antenna, so errors of crystals and the scatter of the front end do
+//! not change it.
 //!
 //! A frame's end must be known when the frame begins. The bench measures the duration of the first frame of each
 //! length, and uses it for later frames of that length.
@@ -32,7 +33,7 @@ pub enum Edge {
 pub struct Placement {
     /// The edge of chip select that is placed.
     pub edge: Edge,
-    /// The time from the phase's instant to the edge, ns; negative if the edge comes first.
+    /// The time from the phase's instant to the placed edge, ns; negative if the edge comes first.
     pub after_ns: i64,
     /// The number of bytes that are clocked; `None` for the whole image.
     pub bytes: Option<usize>,

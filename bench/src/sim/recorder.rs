@@ -1,8 +1,8 @@
 //! Writes and judges the event log of a run.
 //!
-//! Boards and world deliver their events in pieces, and HORUS runs ahead of the DPR. Each event is therefore held here
-//! until no earlier event can come, and is then judged and stored. The log's order depends only on the instants and the
-//! events, never on the thread that delivered them first.
+//! Boards and world deliver their events in pieces, and HORUS runs ahead of the DPR. Each event is therefore held back
+//! here until no earlier one can come, and is then judged and stored. The order of the log depends on the events alone,
+//! never on which thread delivered them first.
 
 use std::sync::Arc;
 

@@ -182,8 +182,8 @@ impl Receivers {
                 self.events.note(at_ns.max(node.now()), What::Offered { receiver, bytes: Bytes(bytes) });
                 continue;
             }
-            // These frames have the link's usual bit rate. They are converted if the receiver uses another rate at
-            // present.
+            // The receiver's frames are generated at the link's usual bit rate. They are converted if the receiver uses
+            // another rate at present.
             let baud = self.feeds[receiver].receiver.bit_rate();
             let (frames, clean) = if baud == GNSS_BAUD { (frames, clean) } else { (at_rate(frames, baud), false) };
             let begins = node.board_mut(|board| board.receivers.send(at_ns, receiver, frames));
@@ -315,7 +315,7 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
                     }
                 }
                 Fault::Wire(fault) => {
-                    // The change of faults below applies to later ticks only, so earlier ticks are passed through the
+                    // The new fault of the wire applies to later ticks only, so earlier ticks are passed through the
                     // wire first.
                     self.watch_ticks(node);
                     self.watch_inputs(node);

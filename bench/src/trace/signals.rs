@@ -65,9 +65,9 @@ pub enum Word {
     DprMosiByte,
     /// The byte from the DPR's front end.
     DprMisoByte,
-    /// The byte from the flight controller to the DPR.
+    /// The byte that the SSI carries from the flight controller to the DPR.
     SsiMosiByte,
-    /// The byte from the DPR to the flight controller.
+    /// The byte that the SSI carries from the DPR to the flight controller.
     SsiMisoByte,
     /// The age of Reported-Position, in units of 100 µs, as stated by Link-Status in the image that was read last.
     LinkStatusAge,
@@ -116,7 +116,7 @@ pub struct Bus {
     pub(super) cs: Wire,
     pub(super) mosi_byte: Word,
     pub(super) miso_byte: Word,
-    /// Whether data change on the clock's rising edge (SPI mode 1); in mode 0 they change before it.
+    /// Whether data change on the clock's rising edge, as in SPI mode 1. In mode 0 they change before that edge.
     pub(super) changes_on_rise: bool,
 }
 

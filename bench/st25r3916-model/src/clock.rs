@@ -13,7 +13,7 @@ pub(crate) struct Clock {
 impl Clock {
     pub(crate) fn new(ppb: i64) -> Self {
         let scale = 1_000_000_000i128 + i128::from(ppb.clamp(-1_000_000, 1_000_000));
-        // This is the exact value of 1000 carrier cycles in attoseconds: 1000 · 10¹⁸ / 13.56 · 10⁶ · 10⁹ / (10⁹ + ppb).
+        // In attoseconds, 1000 carrier cycles take exactly 1000 · 10¹⁸ / 13.56 · 10⁶ · 10⁹ / (10⁹ + ppb).
         let numerator = 1_000i128 * 1_000_000_000_000_000_000 * 1_000_000_000;
         let denominator = i128::from(CARRIER_HZ) * scale;
         let rounded = (numerator + denominator / 2) / denominator;

@@ -6,18 +6,18 @@
 //! unless [`crate::Config::unsuited_chain_receives`] is false.
 //!
 //! Accepted for NFC-F:
-//! - 0B: high-pass zeros at 12 and 200 kHz (hz 1, 5) or 12 and 80 kHz (3), low-pass at 1200 kHz (lp 0) or 600 kHz (1).
-//!   13 is the value of \[1\] (poller, both parts) and of \[2\] (poller and listener); 01 that of \[1\] for a listener
-//!   in active communication and of \[3\] for every listener.
-//! - 0C: any. It holds AGC, squelch and choice of demodulator. \[1\] to \[3\] use different values (2D, 3D, FD, 6D),
-//!   and none of them blocks the signal.
-//! - 0D, 0E: 00, the HF input without gain reduction: \[1\] and \[2\]. Reset leaves 0D = D8.
-//! - B0C: 54 (\[1\], \[2\]) or 58 (poller of \[2\]); B0D: 00 (\[1\], \[2\]), because its bit 0 is for a 424 kHz
-//!   subcarrier. Neither is checked with the correlator off (dis_corr, 0A bit 2).
+//! - 0B may have high-pass zeros at 12 and 200 kHz (hz 1, 5) or 12 and 80 kHz (3), and a low-pass at 1200 kHz (lp 0) or
+//!   600 kHz (1). 13 is the value of \[1\] (poller, both parts) and of \[2\] (poller and listener); 01 that of \[1\]
+//!   for a listener in active communication and of \[3\] for every listener.
+//! - 0C may have any value. It holds AGC, squelch and choice of demodulator. \[1\] to \[3\] use different values (2D,
+//!   3D, FD, 6D), and none of them blocks the signal.
+//! - 0D and 0E must be 00, which is the HF input without gain reduction: \[1\] and \[2\]. Reset leaves 0D = D8.
+//! - B0C must be 54 (\[1\], \[2\]) or 58 (poller of \[2\]). B0D must be 00 (\[1\], \[2\]), because its bit 0 is for a
+//!   424 kHz subcarrier. Neither register is checked with the correlator off (dis_corr, 0A bit 2).
 //!
 //! Accepted for NFC-A at 106 kbit/s, each by \[1\], \[4\] and the recording that this crate's tests replay:
 //! - 0B: 08; 0C: any; 0D, 0E: 00.
-//! - B0C: 51, or 11 during anticollision; B0D: 00. Neither is checked with the correlator off.
+//! - B0C must be 51, or 11 during anticollision, and B0D 00. Neither register is checked with the correlator off.
 //!
 //! Public repositories:
 //! - \[1\] stm32duino/ST25R3916 `src/rfal_rfst25r3916_analogConfigTbl.h` (ST's own table)

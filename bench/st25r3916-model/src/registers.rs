@@ -132,10 +132,10 @@ pub(crate) fn flippable(variant: Variant, space: Space, address: u8) -> u8 {
 /// Returns the bits that exist in a register. The others read 0.
 pub(crate) fn writable(space: Space, address: u8) -> u8 {
     match (space, address) {
-        // Bit 1 is reserved, and bit 0 is slow_up (ST25R3916) or act_amsink (B).
+        // Bit 1 of register 01 is reserved, and bit 0 is slow_up (ST25R3916) or act_amsink (B).
         (Space::A, 0x01) => 0xFD,
         (Space::A, 0x04) => 0x33,
-        // Bit 2 is reserved: in the recording of silicon the firmware writes FF and reads FB back.
+        // Bit 2 of register 19 is reserved: in the recording of silicon the firmware writes FF and reads FB back.
         (Space::A, 0x19) => 0xFB,
         (Space::A, 0x12) => 0xEF,
         _ => 0xFF,
@@ -145,11 +145,11 @@ pub(crate) fn writable(space: Space, address: u8) -> u8 {
 /// Returns the bits of `value` that are not modelled; a write that sets them is a finding.
 pub(crate) fn unmodelled_bits(space: Space, address: u8, value: u8) -> u8 {
     match (space, address) {
-        // The two bits are nfc_ar, which lets the chip switch a response field on by itself.
+        // Bits 0 and 1 of register 03 are nfc_ar, which lets the chip switch a response field on by itself.
         (Space::A, 0x03) => value & 0x03,
-        // The three bits are no_rx_par, nfc_f0 and antcl.
+        // Bits 0, 5 and 6 of register 05 are antcl, nfc_f0 and no_rx_par.
         (Space::A, 0x05) => value & 0x61,
-        // The model covers values 1 and 2 of gptc, and neither nrt_nfc nor nrt_emv.
+        // Of register 12, the model covers gptc values 1 and 2, and neither nrt_nfc nor nrt_emv.
         (Space::A, 0x12) => value & 0x06 | if value >> 5 > 2 { value & 0xE0 } else { 0 },
         _ => 0,
     }

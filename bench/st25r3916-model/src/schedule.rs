@@ -14,7 +14,7 @@ pub(crate) enum Due {
     FieldDetect,
     /// An event of the air takes effect.
     Heard,
-    /// The first bit of a frame being sent leaves.
+    /// A frame being sent begins on the air.
     TxStart,
     /// A frame being sent needs bytes that were loaded into the FIFO after its last chunk.
     TxMore,

@@ -1,8 +1,8 @@
 //! The state of the SPI slave.
 //!
 //! The first clock edge of a byte is eight clock periods before the byte's end. (In SPI mode 1 the last edge is half a
-//! period before the end.) If the rate is not known, the chip's highest, 10 MHz, is assumed. On a slower clock the IRQ
-//! pin really falls earlier than the model then says.
+//! period before the end.) If the clock rate is not known, it is taken as 10 MHz, the chip's highest. If the clock is
+//! slower, the IRQ pin really falls earlier than the model says.
 
 use crate::report::Space;
 

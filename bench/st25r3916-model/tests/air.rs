@@ -32,11 +32,12 @@ fn clean_air_forwards_every_event_at_its_instant() {
 #[test]
 fn a_frame_that_the_poller_broke_off_is_not_delivered() {
     let bytes = frame(20, 1);
-    // The numbers are the bytes that the poller gave to the air, and the data bits that it sent.
+    // Each case has the number of bytes that the poller gave to the air, and the number of data bits that it sent.
     let cases = [
         // The poller's FIFO ran dry after ten bytes, which are fewer than LEN announces.
         (10, 80),
-        // The field went off during the last byte of the CRC, and during an earlier byte.
+        // The field went off during the last byte of the CRC in the first of these cases, and during an earlier byte in
+        // the second.
         (23, 8 * 23 - 1),
         (23, 100),
         // The poller sent only preamble and sync.
@@ -339,8 +340,7 @@ fn frozen_air_repeats_the_last_frame_of_the_same_length() {
     antenna.set(8 * MS, AirFaults { frozen: true, ..clean() });
     let end = antenna.send(10 * MS, &long(4));
     antenna.send(12 * MS, &short(5));
-    // No earlier frame had this length. The fault therefore has no older bytes, and the frame is received as it is
-    // sent.
+    // The fault repeats an earlier frame of the same length. There is none, so this frame is received as it is sent.
     antenna.send(14 * MS, &frame(16, 6));
     antenna.set(16 * MS, clean());
     antenna.send(17 * MS, &long(7));

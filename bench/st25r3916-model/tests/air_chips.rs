@@ -211,8 +211,8 @@ fn a_frame_whose_fifo_runs_dry_is_not_delivered() {
 
 #[test]
 fn an_nfc_a_frame_is_delivered_unless_its_fifo_runs_dry() {
-    // The first two cases send three bytes with CRC, for which the FIFO has three bytes, or only two. The last case
-    // sends a short frame.
+    // In the first two cases the poller sends three bytes with CRC. Its FIFO has three bytes, or only two. In the last
+    // case it sends a short frame.
     for (loaded, command, delivered) in [(3, 0xC4, true), (2, 0xC4, false), (0, 0xC6, true)] {
         let mut pair = nfc_a_poller(Config::default());
         pair.spi(Side::Poller, &[0xDB]);

@@ -66,7 +66,7 @@ fn a_repetition_waits_until_300_us_after_the_frame_on_the_air() {
     let mut antenna = Antenna::new(1, repeating(2 * MS));
     let first = antenna.send(10 * MS, &frame(20, 1));
     antenna.set(first + MS, clean());
-    // At the instant at which the repetition is due, another frame is on the air.
+    // While a second frame is on the air, the repetition of the first is due.
     let second = antenna.send(first + 2 * MS - 50 * US, &frame(100, 2));
     assert!(second > first + 2 * MS);
     antenna.run_to(100 * MS);
@@ -109,7 +109,7 @@ fn when_the_poller_begins_during_a_repetition_neither_is_heard_whole() {
     assert_eq!((antenna.ended(), antenna.air.counters().collisions), ((1, 0, 1), 1));
     let sent = antenna.air.take_sent();
     assert_eq!((sent[1].whole, sent[1].ended_ns), (true, second), "the poller sent it, all the same");
-    // After the collision the air is free again.
+    // A frame that begins after the collision is received.
     antenna.send(50 * MS, &frame(30, 3));
     assert_eq!(antenna.ended(), (2, 0, 1));
 }
@@ -216,7 +216,7 @@ fn without_a_field_the_listener_receives_no_frame() {
     let mut antenna = Antenna::new(1, clean());
     antenna.set(5 * MS, AirFaults { field_off: true, ..clean() });
     antenna.send(10 * MS, &frame(20, 1));
-    // New faults that also have the field off leave it off.
+    // New faults do not switch the field on if they have it off too.
     antenna.set(15 * MS, AirFaults { field_off: true, lost: 0.5, ..clean() });
     antenna.set(20 * MS, clean());
     let end = antenna.send(30 * MS, &frame(20, 1));
@@ -271,7 +271,7 @@ fn a_field_that_drops_within_a_frame_breaks_it_off() {
 fn late_frames_are_lost_when_they_are_due_without_a_carrier() {
     let off = AirFaults { field_off: true, ..clean() };
     for faults in [repeating(5 * MS), delaying(5 * MS)] {
-        // In one case a fault of the air switches the field off, in the other case the poller does.
+        // The field is switched off by a fault of the air, or by the poller.
         for poller in [false, true] {
             let mut antenna = Antenna::new(1, faults);
             let end = antenna.send(10 * MS, &frame(20, 1));

@@ -135,7 +135,7 @@ fn an_answer_stops_the_no_response_timer() {
     let mut pair = exact_pair();
     let end = ask(&mut pair);
     assert!(pair.wait_irq(Side::Poller, 5_000_000));
-    // The no-response timer takes 669 * 64 cycles of 13.56 MHz.
+    // The no-response timer is set to 669 * 64 cycles of 13.56 MHz.
     assert_eq!(pair.now - end, 3_157_522 + pair.poller.config().no_response_extra_ns);
     assert_eq!(pair.irqs(Side::Poller), [0, NRE, 0, 0]);
     pair.arm();
@@ -211,13 +211,13 @@ fn settings_that_cannot_answer_are_found_and_not_heard() {
     let cases: [(Variant, &[u8], Written); 9] = [
         (a, &[0x29, 0x55], (Space::A, 0x29, 0x55)),
         (a, &[0x29, 0xF5], (Space::A, 0x29, 0xF5)),
-        // This write selects an external modulator, which the board does not have.
+        // The write to B28 selects an external modulator, which the board does not have.
         (a, &[0xFB, 0x28, 0x20], (Space::B, 0x28, 0x20)),
         (b, &[0x29, 0xEE], (Space::A, 0x29, 0xEE)),
         (b, &[0xFB, 0x28, 0xA0], (Space::B, 0x28, 0xA0)),
-        // This write selects regulator-shaped modulation, which is not allowed in card mode.
+        // The write to B28 selects regulator-shaped modulation, which is not allowed in card mode.
         (b, &[0xFB, 0x28, 0x94], (Space::B, 0x28, 0x94)),
-        // These two writes lead to undocumented combinations of dis_reg_am and act_amsink.
+        // The writes of B28 and of 01 lead to undocumented combinations of dis_reg_am and act_amsink.
         (b, &[0xFB, 0x28, 0x10], (Space::B, 0x28, 0x10)),
         (b, &[0x01, 0x3D], (Space::B, 0x28, 0x90)),
         (b, &[0xFB, 0x2E, 0x01], (Space::B, 0x2E, 0x01)),
@@ -285,7 +285,7 @@ fn an_answer_without_a_field_or_without_a_frame_is_found() {
     answer(&mut pair, end, 700_000, &payload(4, 1));
     pair.run_for(1_000_000);
     assert_eq!(found(&pair, Side::Listener, Kind::AnswerUnasked), 1);
-    // The listener sends a second answer to the same frame.
+    // The listener sends a second answer to one frame.
     load_answer(&mut pair, &payload(4, 1));
     pair.spi(Side::Listener, &[0xC4]);
     pair.run_for(1_000_000);
@@ -451,7 +451,7 @@ fn a_foreign_card_answers_a_frame_with_one_of_its_own() {
 
 #[test]
 fn answers_that_meet_are_both_lost_or_broken_off() {
-    // In the first case the foreign card begins before the listener, in the second after it.
+    // The foreign card begins before the listener in the first case, and after the listener in the second.
     let mut back = Back::new(foreign_at(400_000));
     back.poller(0, &AirEvent::FrameEnd { bits: 8 });
     back.answer(400_000 + bits_ns_424(64 + 16));

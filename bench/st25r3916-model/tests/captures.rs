@@ -5,8 +5,10 @@
 //! the checkout or beside a folder that contains it. Without them the tests report "not run", or fail if `CI` is set.
 //!
 //! Before a replay the chip is set up over SPI as the recorded firmware had set it up. A model of the tag answers with
-//! the recorded bytes at instants derived from the recorded edges of I_rxs. These edges are therefore checked only for
-//! order and level; a separate check compares them with the frame delay time of ISO 14443-3.
+//! the recorded bytes, at instants derived from the recorded edges of I_rxs.
+//!
+//! In the replay, edges of I_rxs are therefore checked only for order and level. A separate check compares them with
+//! the frame delay time of ISO 14443-3.
 
 use std::path::Path;
 
@@ -141,7 +143,7 @@ fn bring_up(chip: &mut Chip, writes: &[&[u8]]) {
 fn every_register_of_both_spaces_reads_as_on_silicon() {
     let Some(lines) = capture("Read_All_Registers_SpaceA_B.txt") else { return };
     let mut chip = board();
-    // The other writes that the recorded firmware made at its start.
+    // The recorded firmware also made these writes at its start.
     bring_up(
         &mut chip,
         &[&[0x08, 0x50], &[0x26, 0x49, 0x45], &[0x29, 0x5F, 0x11, 0x00], &[0xFB, 0x05, 0x40], &[0x5A, 0, 0, 0, 0]],

@@ -38,13 +38,13 @@ fn it_tells_when_chip_select_rose_after_a_command_to_transmit() {
     assert_eq!(pair.poller.take_transmits(), []);
     pair.fire();
     let first = pair.now;
-    // One transfer has two commands: a clear, and a transmit that is refused because a frame is being sent.
+    // One transfer has two commands: a clear (DA), and a transmit (C4) that is refused because a frame is being sent.
     pair.run_for(10_000);
     pair.spi(Side::Poller, &[0xDA, 0xC4]);
     let second = pair.now;
     assert_eq!(pair.poller.take_transmits(), [first, second]);
     assert_eq!(found(&pair.poller, Kind::TransmitWhileBusy), 1);
-    // The byte C4 is no command when it is a register value or a FIFO byte.
+    // The byte C4 is no command where a register's value or a FIFO byte is expected.
     pair.spi(Side::Poller, &[0x13, 0xC4, 0xC4]);
     pair.spi(Side::Poller, &[0x80, 0xC4, 0xC4]);
     pair.spi(Side::Poller, &[0xDB]);
@@ -78,7 +78,7 @@ fn a_frame_of_whole_bytes_in_mode_1_is_its_bytes() {
     assert_eq!(clock(&mut chip, 2_000, SpiMode::Mode1, 8, 0), (vec![(3_000, 0, 0x31)], 0x31));
     chip.deselect(3_000);
     chip.select(4_000);
-    // The controller clocks both bytes as one frame of 16 bits.
+    // The controller clocks the mode byte 7F and the value's byte as one frame of 16 bits.
     let crossed = vec![(6_000, 0x7F, 0), (7_000, 0, 0x31)];
     assert_eq!(clock(&mut chip, 5_000, SpiMode::Mode1, 16, 0x7F00), (crossed, 0x0031));
     chip.deselect(7_000);

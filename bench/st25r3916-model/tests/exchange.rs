@@ -98,8 +98,8 @@ fn an_answer_leaves_at_a_fixed_instant_whatever_it_says() {
         let answer = world.back.take_heard().pop().expect("an answer was heard");
         after.push(answer.started_ns - frame.ended_ns);
     }
-    // I_rxe comes 4.72 µs after the frame's end. The transmit command follows 700 µs later and takes one byte. The
-    // answer's first bit leaves 3.65 µs after the command.
+    // I_rxe comes 4.72 µs after the frame's end, the transmit command 700 µs later. The command takes one byte, and the
+    // answer's first bit leaves 3.65 µs after it.
     assert_eq!(after, [4_720 + 700_000 + 1_000 + 3_650; 4]);
 }
 
@@ -341,7 +341,7 @@ proptest! {
         world.air.set_faults(world.now, AirFaults::default(), |at, event| port.hear(at, event));
         world.back.set_faults(world.now, AnswerFaults::default(), |_, _| {});
         world.answers_after_ns = 700_000;
-        // All frames and answers that are still delayed arrive in this pause.
+        // A pause of 200 ms lets all frames and answers arrive that are still delayed.
         let now = world.now;
         world.run_to(now + 200 * MS);
         works(&mut world, 7);

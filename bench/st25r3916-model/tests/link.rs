@@ -163,7 +163,7 @@ fn an_unarmed_listener_hears_nothing_until_unmasked() {
     pair.load(&payload(20, 1));
     pair.fire();
     receive(&mut pair);
-    // This frame finds a listener that was not armed again (D1).
+    // The next frame comes to a listener that was not armed again (D1).
     pair.load(&payload(20, 2));
     pair.fire();
     pair.run_for(3_000_000);

@@ -66,8 +66,8 @@ fn a_supply_that_a_measurement_may_read_as_either_range_suits_both() {
 
 #[test]
 fn supply_and_tuning_are_looked_at_whatever_puts_the_part_to_work() {
-    // In the first case the field goes on together with the oscillator. In the second the receiver goes on although the
-    // regulators were not adjusted.
+    // In the first case the field and the oscillator go on together. In the second the receiver goes on without an
+    // adjustment of the regulators.
     for operation in [[0x88, 0x88], [0x80, 0xC0]] {
         let mut pair = Pair::new(Config::default(), Config::default(), clean());
         pair.spi(Side::Poller, &[0x01, 0x9C]);
@@ -88,7 +88,8 @@ fn supply_and_tuning_are_looked_at_whatever_puts_the_part_to_work() {
 fn the_measured_supply_is_the_one_that_is_selected() {
     let mut pair = Pair::new(Config::default(), Config::default(), clean());
     pair.start(Side::Poller);
-    // The cases are VDD, VDD_A, VDD_D, VDD_RF, VDD_AM, and a supply that does not exist.
+    // The cases are the supplies VDD, VDD_A, VDD_D, VDD_RF and VDD_AM with their measured steps, and a code without a
+    // supply.
     for (mpsv, steps) in [(0, 213), (1, 128), (2, 128), (3, 128), (4, 115), (5, 0)] {
         pair.spi(Side::Poller, &[0x2C, mpsv]);
         pair.spi(Side::Poller, &[0xDF]);
@@ -136,13 +137,13 @@ fn antenna_tuning_without_aat_en_is_found_when_the_antenna_is_used() {
             );
         }
     }
-    // The order may also be reversed: the antenna is tuned after the chip has begun to listen.
+    // The finding also comes if the antenna is tuned after the chip has begun to listen.
     let mut pair = Pair::started(Config::default(), Config::default(), clean());
     pair.spi(Side::Listener, &[0x01, 0x1C]);
     assert_eq!(found(&pair.listener, Kind::AntennaTuningOff), 0);
     pair.spi(Side::Listener, &[0x27, 0xFF]);
     assert_eq!(found(&pair.listener, Kind::AntennaTuningOff), 1);
-    // The antenna is tuned first, and then the chip becomes a target.
+    // The finding also comes if the antenna is tuned before the chip becomes a target.
     let mut pair = Pair::new(Config::default(), Config::default(), clean());
     pair.start(Side::Listener);
     pair.spi(Side::Listener, &[0x01, 0x1C]);
@@ -206,7 +207,7 @@ fn each_setting_that_a_public_driver_receives_nfc_f_with_is_accepted() {
         // These are ST's settings for a poller, on an ST25R3916 and on an ST25R3916B.
         &[&[0x0B, 0x13, 0x3D, 0x00, 0x00], &[0xFB, 0x0C, 0x54, 0x00]],
         &[&[0x0B, 0x13, 0xFD, 0x00, 0x00], &[0xFB, 0x0C, 0x54, 0x00]],
-        // These are settings of filter and mixer for a listener.
+        // The filter and mixer have settings for a listener.
         &[&[0x0B, 0x01, 0x6D]],
     ];
     for writes in settings {
@@ -223,7 +224,7 @@ fn each_register_of_the_receive_chain_is_looked_at() {
         (&[0x0B, 0x10], (Space::A, 0x0B, 0x10)),
         (&[0x0B, 0x23], (Space::A, 0x0B, 0x23)),
         (&[0x0B, 0x33], (Space::A, 0x0B, 0x33)),
-        // These settings are the low-frequency input, and a reduced gain of the second stage.
+        // 0D selects the low-frequency input, and 0E a reduced gain of the second stage.
         (&[0x0D, 0x03], (Space::A, 0x0D, 0x03)),
         (&[0x0E, 0x80], (Space::A, 0x0E, 0x80)),
         (&[0xFB, 0x0C, 0x51], (Space::B, 0x0C, 0x51)),
@@ -286,7 +287,7 @@ fn a_poller_that_cannot_modulate_nfc_f_is_not_heard() {
         (b, &[0x28, 0x00], (Space::A, 0x28, 0x00)),
         (b, &[0x28, 0xC0], (Space::A, 0x28, 0xC0)),
         (b, &[0x28, 0x4F], (Space::A, 0x28, 0x4F)),
-        // These two writes lead to undocumented combinations of dis_reg_am and act_amsink.
+        // The writes of B28 and of 01 lead to undocumented combinations of dis_reg_am and act_amsink.
         (b, &[0xFB, 0x28, 0x04], (Space::B, 0x28, 0x04)),
         (b, &[0x01, 0x3D], (Space::B, 0x28, 0x84)),
         (b, &[0xFB, 0x2E, 0x01], (Space::B, 0x2E, 0x01)),

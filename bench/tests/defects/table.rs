@@ -1,9 +1,9 @@
 //! Defects that a hurried change could leave in the sources. Each has a change of one file, the run of `cargo xtask
 //! sim` that shows the defect, and the resulting violation.
 //!
-//! `cargo xtask defects` applies all defects to a copy of the workspace at once, builds it, and runs each defect
-//! separately (`xtask/src/defects.rs`). A run chooses its defect: the word `DEFECT` in a new text stands for this
-//! choice. A row without that word has both texts in the program, and the new one is executed if the defect is chosen.
+//! `cargo xtask defects` builds a copy of the workspace that contains all defects, and runs each defect separately
+//! (`xtask/src/defects.rs`). A run chooses its defect. In a new text the word `DEFECT` stands for this choice. If a new
+//! text lacks the word, the program contains both texts, and executes the new one if the defect is chosen.
 //!
 //! The old text of a row must occur exactly once in its file, and not in a `const fn`.
 
@@ -19,7 +19,7 @@ pub(crate) struct Edit {
 pub(crate) enum Shows {
     /// The run of a defect shows this violation, perhaps among others.
     By(Violation),
-    /// The run shows no violation. A rule is missing, or only the named test finds the defect.
+    /// The run of a defect shows no violation: a rule is missing, or only the named test finds the defect.
     Not(&'static str),
 }
 

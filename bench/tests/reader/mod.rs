@@ -121,8 +121,8 @@ pub(crate) fn field_on(node: &mut Node<Dpr>) {
     node.board_mut(|board| board.front_end.hear(0, &AirEvent::FieldOn));
 }
 
-/// Sends a frame with `payload` to the chip. Its first bit is on the air at `at`, now or later. Frames must not
-/// overlap.
+/// Sends a frame with `payload` to the chip. Its first bit is on the air at `at`, which is not in the past. Frames must
+/// not overlap.
 pub(crate) fn send(node: &mut Node<Dpr>, at: u64, payload: &[u8]) {
     let length = u8::try_from(payload.len()).expect("it fits one frame");
     let mut data = vec![length + 1];

@@ -13,7 +13,7 @@ table! {
     a_radio_that_drops_profiles => Row::new(Violation::BaseMissed, || {
         for_a_while(Fault::Wire(WireFault::RadioDrop))
     });
-    // The fault lasts for one profile only, because several damaged profiles would also disturb the framing.
+    // The radio disturbs one profile only, because several damaged profiles would also disturb the framing.
     a_radio_that_inverts_a_bit => Row::new(Violation::BaseChanged, || {
         Faults::none().with(breaks(), breaks() + 8 * MS, Fault::Wire(WireFault::RadioBit))
     });

@@ -15,7 +15,7 @@ fn with_hold(setup: &mut Setup) {
     setup.writes = true;
 }
 
-/// Returns a row whose run of 4 s has a hold. From 2 s on something in it differs from the log.
+/// Returns a row whose run of 4 s has a hold. From 2 s on one of its faults makes the run differ from the log.
 const fn row(violation: Violation, faults: fn() -> Faults) -> Row {
     Row { duration: || 4_000 * MS, setup: with_hold, ..Row::new(violation, faults) }
 }

@@ -68,7 +68,7 @@ fn voter(constants: &[(u32, u32)]) -> Faults {
         .fold(Faults::none(), |faults, fault| faults.with(breaks(), u64::MAX / 2, Fault::Image(Board::Horus, fault)))
 }
 
-/// Adds an offset of GPS2 by `north` m. The offset begins before the voter is changed.
+/// Adds to `faults` an offset of GPS2 by `north` m, which begins 200 ms before the voter's constants are changed.
 fn with_offset(faults: Faults, north: i32) -> Faults {
     let fault = ReceiverFault::Offset { north, east: 0, up: 0 };
     faults.with(breaks() - 200 * MS, u64::MAX / 2, Fault::Receiver(1, fault))
@@ -181,7 +181,7 @@ table! {
             Faults::none().with(1, u64::MAX, Fault::Wire(WireFault::Sky(ReceiverFault::NoFix)))
         })
     };
-    // The offset is there from before the first solution, so the position does not jump.
+    // The receivers have the offset before their first solution, so the position does not jump.
     receivers_that_are_all_off_by_as_much => Row::new(Violation::PositionOff, || {
         let off = ReceiverFault::Offset { north: 40, east: 0, up: 0 };
         Faults::none().with(1, u64::MAX, Fault::Wire(WireFault::Sky(off)))

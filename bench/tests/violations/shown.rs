@@ -39,7 +39,7 @@ fn link_status(byte: usize, bits: u8) -> Faults {
 }
 
 fn regressed() -> Faults {
-    // The fault affects the second transaction that reads the same image.
+    // Two transactions read the same image. The fault makes the second one repeat an older transaction.
     let begins = reads() + CONTROL_CYCLE / 2;
     of_wire(begins, begins + CONTROL_CYCLE, WireFault::MisoReplay { age_ns: CYCLE })
 }
@@ -98,7 +98,8 @@ table! {
         duration: || breaks_with(1) + 2 * CYCLE,
         ..Row::new(Violation::ShownOutOfSequence, || {
             let repeated = AirFaults { repeated: 1.0, repeat_after_ns: (2 * MS, 2 * MS), ..AirFaults::default() };
-            // The flight controller reads between the repeated frame and the frame after that.
+            // Each frame is repeated 2 ms after its end. The flight controller reads after the repetition and before
+            // the next frame.
             let begins = breaks_with(1) + 750 * US;
             hangs(Faults::none().with(begins, begins + CYCLE, Fault::Air(repeated)), begins + CYCLE)
         })
@@ -192,10 +193,10 @@ fn figures(duration: fn() -> u64, faults: fn() -> Faults) -> Option<(bench_judge
 
 #[test]
 fn recovery_lasts_from_a_causes_end_until_a_later_frame_is_read() {
-    // After up to 25 missed cycles the first frame is shown. It is read within two cycles.
+    // After 10 missed cycles the DPR shows the first frame, which is read within two cycles.
     let Some((short, _)) = figures(|| 1_000 * MS, || lost(breaks(), breaks() + 10 * CYCLE)) else { return };
     assert!((1..=2).contains(&short.max_recovery_cycles.unwrap()), "{short:?}");
-    // After more missed cycles the DPR searches for the sequence, and shows the fourth frame.
+    // After 30 missed cycles the DPR has to find the sequence again, and shows the fourth frame.
     let (long, _) = figures(|| 1_200 * MS, || lost(breaks(), breaks() + 30 * CYCLE)).unwrap();
     assert!((4..=5).contains(&long.max_recovery_cycles.unwrap()), "{long:?}");
     // A disturbance that ends less than 400 ms before the run's end, or never, does not count.

@@ -44,14 +44,14 @@ table! {
         setup: |setup| setup.sweep = Some(after_each_frame(200_000, 3)),
         ..Row::new(Violation::NoTransaction, Faults::none)
     };
-    // The run ends 6 µs after the longest start-up time, before the DPR's watchdog resets it.
+    // The run ends before the DPR's watchdog resets it, just after the longest time that a start may take.
     a_firmware_whose_commit_task_does_nothing_never_gets_ready => Row {
         also: Some(Violation::DprComplains),
         duration: || 100 * MS + 3 * US,
         ..Row::new(Violation::NeverReady, || {
             let sealed = ImageFault::Patch { address: 0, bytes: vec![], sealed: true };
             let dead = |task: &str| Fault::Image(Board::Dpr, ImageFault::Dead(task.into()));
-            // Both tasks are dead, because either `commit` or `deadline` would publish an image.
+            // The tasks `commit` and `deadline` are both dead, because either of them would publish an image.
             let both = Faults::none().with(0, u64::MAX, dead(COMMIT)).with(0, u64::MAX, dead(DEADLINE));
             both.with(0, u64::MAX, Fault::Image(Board::Dpr, sealed))
         })
@@ -83,11 +83,12 @@ table! {
             ..Row::new(Violation::FreshUnreadable, || {
                 let other = Identifier(Identifier::LINK_STATUS.0 + 0x100);
                 let (of, value) = (Identifier::LINK_STATUS.0.into(), other.0.into());
-                // The constant for the identifier is changed in the DPR's program while a frame arrives.
+                // While a frame arrives, the DPR's program gets another constant for Link-Status's identifier.
                 dpr(breaks() - 2 * MS, 100 * MS, ImageFault::Constant { of, value })
             })
         };
-    // The second frame ends just before the next tick. Its image is published after that tick.
+    // With five receivers a cycle has two frames. The late one ends just before the next tick, so its image is
+    // published after that tick.
     a_second_frame_in_a_late_slot_makes_its_sample_late => Row {
         gps: 5,
         ..Row::new(Violation::LateSample, || {
@@ -109,7 +110,7 @@ table! {
     };
     a_miso_line_that_is_stuck_high_for_one_transaction_serves_nothing =>
         Row::new(Violation::Unserved, || wire(reads() - US, CONTROL_CYCLE / 2, WireFault::MisoOnes));
-    // The program sets the compare register of the timer that ends the pulse to half of its value.
+    // The timer that ends FRESH's pulse gets half of its compare value, so the pulse is too short.
     a_fresh_that_is_high_for_half_as_long_is_too_short => Row {
         setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(TIMER2_CC2, 2, 1)]),
         ..Row::new(Violation::FreshShort, Faults::none)

@@ -219,8 +219,8 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("FRESH: channel is an input", &[bits(GPIOTE + 0x514, 3, 1)], Expected::Nothing, |seen| {
         shows_as_ever(seen) && seen.fresh == (0, 0)
     }),
-    // If hardware does not let the image expire, one more transaction reads it. At its end the SSI's task finds it
-    // expired.
+    // Without an expiry by hardware, one more transaction reads the expired image. At its end the SSI's task finds the
+    // image expired.
     row(
         "PPI 1 and 2: no expiry",
         &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)],
@@ -232,7 +232,8 @@ const DPR_ROWS: &[Row<Shows>] = &[
         let granted = READ_EVERY * u64::from(BUDGET);
         shows_as_ever(seen) && (granted..granted + 3 * READ_EVERY).contains(&seen.stale) && seen.expired == 0
     }),
-    // Two settings are not changed here: the timer's mode keeps its reset value, and eight bits suffice for the pause.
+    // Of TIMER3's settings, two are not changed here: its mode keeps the reset value, and eight bits suffice for the
+    // pause.
     row("TIMER3: prescaler 2^9", &[bits(TIMER3 + 0x510, 0xF, 9)], Expected::Nothing, |seen| {
         seen.received == 8 && seen.valid < 25 && seen.intact < 60 && seen.restarts.is_empty()
     }),
@@ -261,7 +262,7 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("TIMER0: no prescaler", &[bits(TIMER0 + 0x510, 0xF, 0)], Expected::Nothing, |seen| {
         deaf_for(seen, "Oscillator") && seen.log.contains("\n1.0")
     }),
-    // The idle loop finds no work, and does not feed the watchdog either.
+    // Without TIMER0 the idle loop finds no work and does not feed the watchdog.
     row("TIMER0: not started", &[never(TIMER0)], Expected::Nothing, |seen| {
         seen.valid == 0 && restarts_by_watchdog(seen)
     }),

@@ -231,7 +231,8 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         off_air_for(seen, "Absent")
     }),
     row("SPI1: 16 bits", &[bits(SPI1, 0x800, 0x800)], Expected::Finding("chip:"), |seen| off_air_for(seen, "Identity")),
-    // At 281 kHz a frame takes 7 ms to load, so its slot passes. The chip answers, so the firmware reports no fault.
+    // With SPI1 at 281 kHz a frame takes 7 ms to load, so its slot passes. The chip answers, so the firmware reports no
+    // fault.
     row("SPI1: clock divided by 256", &[bits(SPI1, 0x38, 0x38)], Expected::Nothing, |seen| {
         seen.frames.is_empty() && seen.field && seen.skipped >= 23 && seen.faults == 0 && seen.log.contains("HORUS")
     }),
@@ -251,7 +252,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("GPIOD: no clock", &[gate(0x30, 3)], Expected::Finding(REFUSED), |seen| {
         off_air_for(seen, "Absent") && seen.bytes == [0, 1100, 1100]
     }),
-    // The transfer never completes, so the firmware's time limit ends it.
+    // The DMA transfer never completes, so the firmware's time limit ends it.
     row("DMA2 stream 0: channel 4", &[bits(DMA2_STREAM0, 7 << 25, 4 << 25)], Expected::Nothing, |seen| {
         off_air_for(seen, "Bus")
     }),
@@ -279,13 +280,14 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("DMA2 stream 0: interrupt not enabled", &[never_iser(1, 0x0100_0000)], Expected::Nothing, |seen| {
         seen.frames.is_empty() && seen.watchdog()
     }),
-    // Without the interrupt the firmware detects the start of the oscillator and the end of the first frames only after
-    // its waits.
+    // Without the front end's interrupt, the firmware detects the start of the oscillator and the end of the first
+    // frames only when its waits are over.
     row("EXTI3: from port D", &[bits(SYSCFG + 8, 0xF000, 0x3000)], Expected::Nothing, late_on_air),
     row("EXTI3: no rising edge", &[bits(EXTI + 8, 8, 0)], Expected::Nothing, late_on_air),
     row("EXTI3: masked", &[bits(EXTI, 8, 0)], Expected::Nothing, late_on_air),
     row("EXTI3: interrupt not enabled", &[never_iser(0, 0x200)], Expected::Nothing, Sends::watchdog),
-    // The firmware then reads the pin's level only once per cycle, at the tasks' check-in. Half of the frames are sent.
+    // Without the front end's interrupt and without TIM5, the firmware reads the IRQ pin's level only once per cycle,
+    // at the tasks' check-in. Half of the frames are sent.
     row("EXTI3 masked, TIM5 without a clock", &[bits(EXTI, 8, 0), gate(0x40, 3)], Expected::Finding(REFUSED), |seen| {
         (1..=seen.ticks.len() / 2).contains(&seen.frames.len()) && seen.field && seen.faults == 0
     }),
@@ -318,9 +320,10 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("FLASH: three wait states", &[bits(FLASH, 0xF, 3)], Expected::Finding("too few wait states"), |seen| {
         seen.log.is_empty() && seen.ticks.is_empty() && !seen.field && seen.watchdog()
     }),
-    // The UART has a wrong bit rate, and I2C is set up for another clock.
+    // With this PLL the UART has a wrong bit rate, and I2C is set up for another clock.
     row("PLL: 100 MHz", &[bits(RCC + 4, 0x7FC0, 100 << 6)], Expected::Finding(I2C_FREQUENCY), |seen| {
-        // I2C and SPI have a clock line, so HORUS still reads their receivers. The last message may be on its way.
+        // I2C and SPI have a clock line, so HORUS still reads the receivers on them. The last message may be on its
+        // way.
         seen.period() == 14_400_000
             && seen.messages[0] == 0
             && seen.messages[1..].iter().all(|&messages| messages >= 10)
@@ -340,7 +343,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         seen.period() == 20 * MS && seen.messages == [0, 10, 11]
     }),
     row("APB1: divided by 2", &[bits(RCC + 8, 0x1C00, 0x1000)], Expected::Finding("PCLK1 is faster"), |seen| {
-        // TIM5 runs twice as fast as well, so the wait for a frame's end is too short.
+        // With the wrong divider TIM5 runs twice as fast too, so the wait for a frame's end is too short.
         let cut_off = !seen.frames.is_empty() && seen.faults as usize == seen.frames.len();
         seen.period() == 5 * MS && seen.messages == [0, 0, 11] && cut_off && seen.log.contains("radio: NoTransmitEnd")
     }),

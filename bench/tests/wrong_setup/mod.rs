@@ -3,7 +3,7 @@
 //!
 //! Each row changes the value that the firmware writes to one register (see [`rewrite`]). It states the symptom, which
 //! the original program must not show: on the air, on the SSI, in the log, in the telemetry, or a restart. It also
-//! states the finding that the models must report, or that they report none because silicon would not.
+//! states which finding the models must report; there is none where silicon would not detect the fault.
 
 use crate::boards;
 mod dpr;

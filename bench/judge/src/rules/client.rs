@@ -6,10 +6,11 @@
 //! | states another age than that of the sample that it read last | `ClientAge` |
 //! | has no position although it has read [`bounds::CLIENT_FINDS`] valid ones in sequence | `ClientHides` |
 //!
-//! A sample's age follows from the instant at which its frame reached the DPR's antenna, and from the frame's slot. A
-//! delay on the air is not known. If a sample arrived several times, its age may count from any of the arrivals. The
-//! client learns the age only from Link-Status and the time since FRESH rose, so it may use a lower age that
-//! Link-Status stated. Another rule judges Link-Status.
+//! A sample's age follows from the instant at which its frame reached the DPR's antenna, and from the frame's slot; a
+//! delay on the air does not count. If the sample arrived several times, its age may count from any arrival.
+//!
+//! The client learns the age only from Link-Status and from the time since FRESH rose. It may therefore use an age that
+//! Link-Status stated too low; rule `link_status` judges Link-Status.
 //!
 //! While data are out of sequence or disturbed, the client need not have a position. While [`Excuse::Service`] holds,
 //! it need not state an age. Using a forbidden position is always a violation.
@@ -320,7 +321,7 @@ mod tests {
         assert_eq!(once(20 * MS, true, Some(1), None, &[]), [], "it says that it does not know");
         let misuse = [(MS, injected(MISUSE, u64::MAX))];
         assert_eq!(once(20 * MS, true, Some(1), Some(0), &misuse), []);
-        // The frame arrives again 5 ms later, and the DPR may have shown the sample of either arrival.
+        // One frame arrives twice, 5 ms apart, and the DPR may have shown the sample of either arrival.
         let mut log = Events::new(1);
         heard(&mut log, 1, true);
         let mut again = Events::new(1);
@@ -352,7 +353,7 @@ mod tests {
             let mut log = Events::new(1);
             heard(&mut log, 1, true);
             read_as(&mut log, sampled(1) + 20 * MS, first / AGE_UNIT, 1, true, Some(1), Some(first));
-            // The next transaction reads the same sample again, with an age of 400 ms in Link-Status.
+            // The second transaction reads the sample of the first again, but its Link-Status states an age of 400 ms.
             read(&mut log, sampled(1) + 24 * MS, 1, true, Some(1), Some(age));
             let last = log.events.iter_mut().rfind(|event| matches!(event.what, What::Transaction { .. }));
             let What::Transaction { miso, .. } = &mut last.unwrap().what else { unreachable!("it is one") };
@@ -375,7 +376,7 @@ mod tests {
             heard(&mut log, 1, true);
             fresh.iter().for_each(|at| _ = log.add(*at, What::Fresh { high: true, offered: None }));
             read_as(&mut log, first, told, 1, true, Some(1), Some(10 * MS));
-            // The client reads an image without objects. It states the same verdict as before.
+            // The client then reads an image without objects, and goes on using the position that it read before.
             let at = sampled(1) + limit + MS;
             let link = LinkStatus::seal(&LinkValues::default());
             log.add(
@@ -387,7 +388,7 @@ mod tests {
         };
         let fresh = sampled(1) + 6 * MS;
         let wrong = vec![Violation::ClientWrong];
-        // Link-Status states the true age, 6 ms, or 4.7 ms.
+        // In the first case Link-Status states the true age of 6 ms, in the others less.
         assert_eq!(flown(&[fresh], 60, 1), wrong);
         assert_eq!(flown(&[fresh], 47, 1), []);
         assert_eq!(flown(&[fresh], 48, 1), wrong, "not young enough");
@@ -418,8 +419,8 @@ mod tests {
         let with = |change: fn(u64) -> (u64, bool)| run(&(1..=finds).map(change).collect::<Vec<_>>(), true);
         assert_eq!(with(|n| (n, n != 3)), [], "one is not valid");
         assert_eq!(with(|n| (n + u64::from(n > 3), true)), [], "one is missing");
-        // Transactions read the last sample `by` later than the others. Link-Status states the age `told` each time, in
-        // its unit.
+        // Returns the violations if the last sample is read `by` later than the others, and Link-Status always states
+        // the age `told`, in its unit.
         let late = |by: u64, told: u64| {
             let mut log = Events::new(1);
             for n in 1..=finds {
@@ -433,7 +434,7 @@ mod tests {
         assert_eq!((late(expired, 0), late(expired + 1, 0)), (1, 0));
         let too_old = (bounds::CLIENT_AGE_LIMIT - bounds::CLIENT_AGE_LONG) / AGE_UNIT;
         assert_eq!((late(0, too_old), late(0, too_old + 1)), (1, 0), "it will not be young enough");
-        // HORUS may have restarted before the later samples, which then have the same timestamps as the earlier ones.
+        // After a restart of HORUS, the timestamps of later samples may repeat those of earlier ones.
         let mut log = Events::new(1);
         for n in 1..=finds {
             heard(&mut log, n, true);

@@ -1,10 +1,12 @@
 //! Judges whether the position that HORUS sends is where the aircraft was, and whether HORUS sends a position at all.
 //!
 //! In a run of simulated receivers, the log has the aircraft's true position at each tick ([`What::Aircraft`]). A valid
-//! Reported-Position has to lie within [`bounds::POSITION_OFF_M`] of a position of the aircraft in the last
-//! [`bounds::POSITION_OLDEST`]. While fewer receivers than a quorum are disturbed, [`bounds::AGREEMENT_M`] is added to
-//! this limit, because a disturbed receiver may agree with the others. Nothing is required while a quorum of receivers
-//! is disturbed, or one of two receivers, or the only one.
+//! Reported-Position has to lie within [`bounds::POSITION_OFF_M`] of where the aircraft was in the last
+//! [`bounds::POSITION_OLDEST`].
+//!
+//! A disturbed receiver may agree with the others, so [`bounds::AGREEMENT_M`] is added to the limit while any receiver
+//! is disturbed. Nothing is required while a quorum of receivers is disturbed, or one of two receivers, or the only
+//! one.
 //!
 //! A position that is missing for [`bounds::POSITION_WITHIN`] is reported, unless another violation in this time
 //! explains it.
@@ -52,7 +54,7 @@ pub struct Position {
     truths: VecDeque<Truth>,
     /// The instant, ns, since which HORUS has sent no valid position.
     waits_since: u64,
-    /// The number of explaining violations that had been found at that instant.
+    /// The number of violations that explain a missing position, as found at the instant `waits_since`.
     explained: u64,
     told: bool,
     worst_mm: Option<u64>,
@@ -250,7 +252,7 @@ mod tests {
             (3, vec![0, 1], None),
             (5, vec![0, 3], Some(40)),
             (5, vec![0, 1, 4], None),
-            // This case disturbs a receiver that is not fitted.
+            // The only receiver is not disturbed, but one that is not fitted.
             (1, vec![1], Some(10)),
         ] {
             let events = || who.iter().map(|receiver| disturbed(*receiver)).collect::<Vec<_>>();

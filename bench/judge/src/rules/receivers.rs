@@ -1,13 +1,13 @@
 //! Judges whether HORUS reads the bytes that its receivers offer, and whether it sets the receivers to send positions.
 //!
-//! A receiver on a bus offers its bytes ([`What::Offered`]) until HORUS reads them ([`What::Fed`]). HORUS need not read
-//! while it has no supply, starts or hangs, nor while [`Excuse::Polling`] holds for the receiver. Bytes that a receiver
+//! HORUS must read the bytes that a receiver on a bus offers ([`What::Offered`], [`What::Fed`]). It need not read while
+//! it has no supply, starts or hangs, nor while [`Excuse::Polling`] holds for the receiver. Bytes that a receiver
 //! offers while it is being read count as read. A receiver that is not read is reported once for each
 //! [`bounds::READ_WITHIN`].
 //!
-//! A simulated receiver reports its settings ([`What::Settings`]). If it sends no positions, HORUS must set it to send
-//! them within [`bounds::SETTINGS_TOLD`] of HORUS's start, or of when the receiver ceased to send positions. While
-//! [`Excuse::Settings`] holds for the receiver, this is not required. The violation is reported once.
+//! HORUS must set a simulated receiver to send positions if it sends none, as its settings in the log say
+//! ([`What::Settings`]). HORUS has [`bounds::SETTINGS_TOLD`] for this from its start, or from when the receiver ceased
+//! to send them. While [`Excuse::Settings`] holds for the receiver, this is not required. A violation is reported once.
 
 use super::Rule;
 use crate::disturbance::Excuse;

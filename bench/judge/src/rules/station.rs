@@ -12,10 +12,11 @@
 //! | `emergency-fired`, `motors-cut`, `switched-to-redundant`, `inputs-contradict` | Reported-Position states this |
 //! | `degraded`, `no-crystal`, `horus-memory-fault` | Reported-Position states this |
 //!
-//! Close to a limit of time the judge accepts either value. A profile that does not continue the sequence may come from
-//! another sender, and the station need not show it. What the station shows is therefore certain only after profiles
-//! have arrived in sequence for [`bounds::STATION_SETTLES`]. At the beginning of a run, [`bounds::CLIENT_FINDS`]
-//! profiles are enough. While HORUS runs without its crystal, no age is required.
+//! Close to a limit of time the judge accepts either value. While HORUS runs without its crystal, no age is required.
+//!
+//! The station need not show a profile that does not continue the sequence, because it may come from another sender.
+//! The judge therefore requires a value only after profiles have arrived in sequence for [`bounds::STATION_SETTLES`],
+//! or after [`bounds::CLIENT_FINDS`] profiles at the beginning of a run.
 //!
 //! The station recognises a new start of HORUS only if the timestamps step back or the reason of the last reset changes
 //! (docs/base-station.md). Otherwise the station may take a sample to be older than it is, by the time for which HORUS
@@ -126,7 +127,7 @@ impl Station {
         let values = object.values();
         let follows = |before: Newest| {
             let step = values.timestamp.wrapping_sub(before.timestamp);
-            // The flight controller may leave up to three cycles unread between two profiles.
+            // Between two profiles that it forwards, the flight controller may leave up to three cycles unread.
             step > 0 && step % CYCLE_MS == 0 && step <= 4 * CYCLE_MS
         };
         let before = self.newest.filter(|before| follows(*before));
@@ -215,8 +216,7 @@ mod tests {
     type Change = Box<dyn Fn(ReportedStatus) -> ReportedStatus>;
 
     const CYCLES: u64 = 10;
-    /// The instant, ns, of the last cycle's tick. The next constant is the instant at which the cycle's profile
-    /// arrives.
+    /// The instant, ns, of the last cycle's tick.
     const TICK: u64 = testing::FIRST_TICK + (CYCLES - 1) * bounds::CYCLE;
     const ARRIVED: u64 = TICK + 8 * MS;
 
@@ -281,7 +281,7 @@ mod tests {
         ] {
             assert_eq!(told(age), expected, "{age:?}");
         }
-        // In the first case too few profiles have arrived; in the second HORUS runs without its crystal.
+        // No age is required if too few profiles have arrived, or if HORUS runs without its crystal.
         let few = u64::from(bounds::CLIENT_FINDS) - 1;
         assert_eq!(broken(same, few, &[(at, Some(0), &[])]), []);
         assert_eq!(broken(|it| it.with_without_crystal(true), CYCLES, &[(at, Some(0), &["no-crystal"])]), []);

@@ -175,7 +175,7 @@ impl Plan {
         let mut publications = self.publications.iter().peekable();
         let mut forwarded = None;
         for selected in self.selects.iter().copied().chain([u64::MAX]) {
-            // The DPR may be putting in one of these images when the transaction begins.
+            // The DPR is busy if it is putting an image in when the transaction begins.
             let mut busy = false;
             let before = |publication: &&Publication| publication.at.saturating_sub(HELD_BEFORE) <= selected;
             while let Some(publication) = publications.next_if(before) {

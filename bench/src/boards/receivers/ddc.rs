@@ -60,8 +60,9 @@ pub(super) struct Ddc {
     closing: bool,
     failing: Option<Failing>,
     made: [bool; 2],
-    /// Whether the receiver holds SCL and SDA low. The next field has the levels that the part has received.
+    /// Whether the receiver holds SCL and SDA low.
     low: [bool; 2],
+    /// The levels of SCL and SDA that the part has received last.
     told: [bool; 2],
     glitch_over: u64,
 }

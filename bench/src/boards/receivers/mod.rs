@@ -103,7 +103,7 @@ pub struct SentByte {
     pub at: u64,
     /// The receiver's index, from 0.
     pub receiver: usize,
-    /// The byte; `None` for an unreadable byte, which breaks the message that it belongs to.
+    /// The byte; `None` if the receiver cannot read it, which breaks the message that it belongs to.
     pub byte: Option<u8>,
 }
 

@@ -22,7 +22,8 @@ pub struct ReadBytes {
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct Crossings {
-    /// The bytes of the unfinished transaction: beginning and end (ns), value, arrival in the buffer (ns).
+    /// The bytes of the unfinished transaction, each with beginning and end (ns), value, and arrival in the receiver's
+    /// buffer (ns).
     open: Vec<(u64, u64, u8, u64)>,
     /// Whether a byte of the unfinished transaction was changed on the bus, so that HORUS need not use the transaction.
     spoilt: bool,

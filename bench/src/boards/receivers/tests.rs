@@ -257,8 +257,8 @@ fn over_spi_no_more_than_125_kb_a_second_are_loaded() {
     script.select(false);
     assert!(script.given().iter().all(|given| !given.clean));
     assert!(script.receivers.take_misuses()[0].1.contains("125 kB/s"));
-    // At the same clock rate the controller pauses until 8 µs have passed for each byte. The receiver then loads every
-    // byte.
+    // If the controller pauses until 8 µs have passed for each byte, the receiver loads every byte at the same clock
+    // rate.
     script.now += MS;
     script.select(true);
     assert_eq!(script.clock(&[0xFF; 98], 1_778, 8_000), message()[2..]);

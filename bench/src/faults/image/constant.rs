@@ -151,7 +151,7 @@ mod tests {
         let code = image(&[0xF501, 0x4188, 0xF446, 0x4288, 0xF511, 0x4F88]);
         let wanted = [(0, image(&[0xF501, 0x418A])), (4, image(&[0xF446, 0x428A]))];
         assert_eq!(replaced(&code, 0x4400, 0x4500), wanted);
-        // The new value cannot be encoded as a modified immediate, so these instructions cannot load it.
+        // The value 0x4401 cannot be encoded as a modified immediate, so the instructions cannot load it.
         assert!(replaced(&code, 0x4400, 0x4401).is_empty());
     }
 

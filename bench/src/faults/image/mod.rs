@@ -59,7 +59,7 @@ pub enum ImageFault {
         /// The new constant.
         value: u32,
     },
-    /// These bytes are written to memory, which may be flash, from this address on.
+    /// Given bytes are written to memory, which may be flash.
     Patch {
         /// The first byte's address.
         address: u32,

@@ -58,7 +58,8 @@ impl Store {
         let offset = if long {
             Offset::Immediate((second & 0xFFF).cast_signed())
         } else if second & 0x0F00 == 0x0C00 {
-            // T4 of STR, and T3 of STRB and STRH, subtract the offset in this form and do not write the base register.
+            // In T4 of STR, and in T3 of STRB and STRH, these bits mean that the offset is subtracted and the base
+            // register stays as it is.
             Offset::Immediate(-(second & 0xFF).cast_signed())
         } else if second & 0x0FC0 == 0 {
             Offset::Register { rm: (second & 0xF) as u8, shift: (second >> 4 & 3) as u8 }
@@ -170,7 +171,7 @@ pub(super) fn halves<B: Board, C: Cost>(node: &Node<B, C>, address: u32) -> (u16
     let mut bytes = [0; 4];
     let address = super::stored(node, u64::from(address));
     if node.read(address, &mut bytes).is_err() {
-        // A memory's last halfword has no second halfword after it, so the longer read fails there.
+        // If the halfword is the last one of a memory, a read of the two after it fails.
         let _ = node.read(address, &mut bytes[..2]);
     }
     (u16::from_le_bytes([bytes[0], bytes[1]]), u16::from_le_bytes([bytes[2], bytes[3]]))

@@ -25,12 +25,12 @@ const ALIGNED: u32 = 0x100;
 /// The distance, bytes, from a store within which branches to it are searched for. No task has more code.
 const NEAR: u32 = 0x2000;
 
-/// The change that a patch makes to the stores to one register.
+/// A change of all stores of a program to one register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Change {
     /// The register's address.
     pub address: u32,
-    /// The patch's effect on a store to that register.
+    /// The patch's effect on a store to the register at `address`.
     pub to: To,
 }
 
@@ -218,7 +218,7 @@ impl Code {
         let refuse = |why| Err(RewriteError::Instruction { at: pc, why });
         let first = encoding[0];
         if let [_, second] = *encoding {
-            // This is the group "branches and miscellaneous control", ARMv7-M ARM A5.3.4.
+            // Encodings of the group "branches and miscellaneous control" are in ARMv7-M ARM A5.3.4.
             if first & 0xF800 == 0xF000 && second & 0x8000 != 0 {
                 match (second & 0xD000, first >> 6 & 0xF) {
                     (0xD000, _) => {

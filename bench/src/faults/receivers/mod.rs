@@ -65,7 +65,7 @@ pub enum ReceiverFault {
     /// The receiver is silent in the first half of the episode. In the second half it has no fix, and its time begins
     /// at 0.
     Restarts,
-    /// The receiver's position is wrong by a distance to the north.
+    /// The receiver's position is wrong: it lies farther north by a distance.
     Jumps {
         /// The distance, m.
         metres: u32,
@@ -476,7 +476,7 @@ impl LineFaults {
                 _ => ubx::frame(0x0A, 0x04, &[self.rng.byte(); CHUNK - ubx::OVERHEAD]),
             };
             let on_line = OnLine::clean(now, receiver, &bytes);
-            // The next frames begin as soon as these end. The line is therefore busy all the time.
+            // The line is busy all the time, because the next group of frames begins as soon as this group ends.
             active.next = now + on_line.frames.iter().map(UartFrame::ns).sum::<u64>();
             taken.push(on_line);
         }
@@ -502,6 +502,6 @@ const fn with_stop(byte: u8, high: bool) -> UartFrame {
 fn low_for(ns: u64) -> UartFrame {
     let character = UartFrame::eight_n_one(0, GNSS_BAUD);
     let ns = ns.clamp(character.ns(), LONGEST_BREAK);
-    // The frame is low for ten bits and high for half a bit.
+    // Of this frame's 10.5 bits, ten are low, and the last half is high.
     UartFrame { bits: 9, stop_halves: 1, bit_ps: ns * 2_000 / 21, ..character }
 }

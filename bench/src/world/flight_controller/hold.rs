@@ -2,8 +2,8 @@
 //! controller generates the base station's uplinks, it sends the base station's commands too.
 //!
 //! Each writer sends one command after the other, drawn from the seed: set-points within and beyond sensible limits,
-//! lock, unlock, clear, and words that no hold knows. Some uplinks in between repeat the number of an acknowledged
-//! command, or one before it, with another command. The hold must not execute these.
+//! lock, unlock, clear, and words that no hold knows. Some uplinks carry another command under the number of an
+//! acknowledged one, or under the number before. The hold must not execute these.
 
 use profile::criticality::{BaseStation, FlightController, WritesUplink};
 use profile::hold::{Acknowledged, COMMAND_SIZE, HoldCommand, Sender, Sent, Words};

@@ -325,7 +325,7 @@ impl FlightController {
         let mut mosi = vec![0; self.client.capacity()];
         let bytes = self.client.begin(&mut mosi).expect("room for any transaction");
         if let Some(window) = refused {
-            // The client never requests a window outside the map, so the request is encoded here.
+            // The client never requests a window outside the map. The request for one is therefore encoded here.
             mosi[..ssi::REQUEST_SIZE].copy_from_slice(&ssi::encode(window));
         }
         mosi.truncate(bytes);

@@ -232,7 +232,7 @@ fn a_busy_dpr_is_told_from_a_damaged_image() {
         assert_eq!(rig.outcome(), Outcome::BadCrc, "bit {bit}");
     }
     assert!(rig.controller.take_downlink().is_empty(), "nothing damaged is forwarded");
-    // Its first undamaged reading makes the profile fresh.
+    // The first undamaged reading of the profile makes it fresh.
     rig.transact(&image);
     assert_eq!(rig.outcome(), Outcome::Fresh);
     let stats = rig.controller.stats();
@@ -325,7 +325,8 @@ fn a_window_that_met_a_busy_dpr_is_read_next() {
     let image = image_of(&profile(10));
     rig.controller.request(Request { offset: 96, length: 60 });
     rig.transact(&image);
-    // A busy DPR loses this request. The next transaction then reads the window that was requested before.
+    // The DPR is busy and loses the second request. The next transaction therefore reads the window of the first
+    // request.
     rig.controller.request(Request { offset: 216, length: 60 });
     let asking = rig.transact(&[0xff; 60]);
     assert_eq!(rig.outcome(), Outcome::Busy);
@@ -348,7 +349,7 @@ fn an_uplink_from_the_radio_takes_the_place_of_a_generated_one() {
     let mut written = vec![];
     for cycle in 0..40 {
         if cycle == 10 {
-            // The flight controller's own uplink would be due in this cycle.
+            // In cycle 10 the flight controller's own uplink would be due.
             rig.controller.write(Written::BaseStation(&uplink));
         }
         let mosi = rig.transact(if uplinks::reads_map(cycle) { &map } else { &image });
@@ -470,7 +471,8 @@ fn each_conduct_keeps_the_rate_that_it_states() {
         (Conduct::Silent, 0, 0),
         (Conduct::Edges(50_000), 800, 0),
         (Conduct::Every { period_ns: 200_000, bytes: 96 }, 200, 96),
-        // A transaction takes 1 µs of set-up, 1 µs for its byte and 2 µs of hold. The next one follows 0.3 µs later.
+        // A transaction of one byte takes 1 µs of set-up, 1 µs for the byte and 2 µs of hold. The next one follows 0.3
+        // µs later.
         (Conduct::Every { period_ns: 1_000, bytes: 1 }, 9_302, 1),
     ] {
         let (meanwhile, _, rig) = misused(conduct, &image);

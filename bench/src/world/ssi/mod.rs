@@ -106,9 +106,9 @@ impl Crystal {
 /// An instant given by two times: one in the bench's time, and a further time by the flight controller's clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Start {
-    /// The first time, in the bench's time, ns.
+    /// The instant in the bench's time to which [`Self::own_ns`] is added, ns.
     pub bench_ns: u64,
-    /// The further time, by the flight controller's clock, ns.
+    /// The time by the flight controller's clock that is added to [`Self::bench_ns`], ns.
     pub own_ns: u64,
 }
 
@@ -149,7 +149,7 @@ impl Pace {
     }
 }
 
-/// The bytes on MOSI that follow those of `Order::mosi`.
+/// The bytes on MOSI after those of `Order::mosi`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Filler {
     /// This byte is repeated.
@@ -266,7 +266,7 @@ struct UnderWay {
     /// The instant at which chip select fell at the DPR's pin, ns; `None` if it has not fallen yet.
     selected_ns: Option<u64>,
     done: usize,
-    /// The number of bytes that are being clocked together.
+    /// The number of bytes in the group that is being clocked.
     run: usize,
     /// The instant, ns, at which chip select rises; set in a transaction that is cut short.
     released: Option<u64>,

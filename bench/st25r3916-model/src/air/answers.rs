@@ -17,8 +17,8 @@
 //! # A foreign card
 //!
 //! A foreign card answers a frame of the poller with random bytes: a whole frame of NFC-F with correct LEN and CRC-16.
-//! If card and listener answer at the same time, both answers are lost. The earlier one breaks off when the later one
-//! begins, which masks the sync of the later one.
+//! If card and listener answer at the same time, both answers are lost: the earlier one breaks off when the later one
+//! begins, and masks the sync of the later one.
 
 use super::faults::within;
 use super::{Air, AirFaults, Counters, Heard, SentFrame};

@@ -136,7 +136,8 @@ impl Air {
                 self.sending_breaks_off(at, &mut hears);
                 self.frame_started(at, frame);
             }
-            // Whether the events due at `at` happen depends on the frame's end, so the air advances only afterwards.
+            // The air advances only after it has recorded the end of the frame, on which the events that are due at
+            // `at` depend.
             AirEvent::Bytes(chunk) => self.frame_goes_on(at, chunk),
             AirEvent::FrameEnd { bits } => self.frame_ended(at, bits),
         }

@@ -45,7 +45,8 @@ impl Chip {
         let (bits, span) = (u64::from(frame.bits.max(1)), ends_ns.saturating_sub(begins_ns));
         self.spi.took(frame.bits, span);
         if bits == 8 && mode == SpiMode::Mode1 {
-            // Firmwares usually send a byte in the chip's own mode, which needs no work on single bits.
+            // Firmwares usually send whole bytes in the chip's own mode. Such a byte is transferred at once, not bit by
+            // bit.
             let miso = self.transfer(ends_ns, mosi as u8);
             each(self, ends_ns, mosi as u8, miso);
             return u32::from(miso);

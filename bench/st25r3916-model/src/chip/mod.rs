@@ -48,7 +48,7 @@ pub struct Chip {
     /// Events of the air that have yet to take effect: the instant of the effect, the instant of the event, and the
     /// event.
     inbox: VecDeque<(u64, u64, AirEvent)>,
-    /// The register that the present measurement will set when it ends, and its new value.
+    /// The register that the measurement under way will set when it ends, and the register's new value.
     measuring: Option<(Space, u8, u8)>,
     transmits: Vec<u64>,
     /// The last bit on MOSI, and the last on MISO. In a wrong SPI mode, chip or controller samples this bit in place of
@@ -143,7 +143,7 @@ impl Chip {
     }
 
     /// Passes an event on the air at `at` (virtual ns) to the chip. A future event takes effect at its instant. A past
-    /// event takes effect now, but the bits of its frame keep their times.
+    /// event takes effect now, but the instants of its frame's bits stay as they are.
     pub fn hear(&mut self, at: u64, event: &AirEvent) {
         let effect = at.max(self.core.now());
         let place = self.inbox.partition_point(|(t, _, _)| *t <= effect);

@@ -2,8 +2,10 @@
 //!
 //! This module is written from decision 18. HORUS has three inputs, each a pair of pins that HORUS samples once per
 //! cycle, within [`bounds::SAMPLED_AFTER_TICK`] after the tick. HORUS accepts a reading after three equal samples in a
-//! row. Ten samples without three equal ones in a row are a contradiction. The next cycle's Reported-Position shows the
-//! resulting state: that of the most severe input that is not inactive.
+//! row, and a contradiction after ten samples without three equal ones in a row.
+//!
+//! Reported-Position of the next cycle shows the resulting state, which is that of the most severe input that is not
+//! inactive.
 //!
 //! If a pair's levels change during the sampling, the judge allows every outcome. After an irregular tick the number of
 //! samples is not known, so nothing is required until later samples make the reading certain.
@@ -16,8 +18,8 @@ use crate::bounds;
 
 /// The number of inputs: relay, motor cut, emergency measure.
 const INPUTS: usize = 3;
-/// The number of samples that determine a reading: the last ten, and two before them that may belong to three equal
-/// ones.
+/// The number of samples that determine a reading. HORUS compares three samples in a row and waits for at most ten, so
+/// two before the last ten can still count.
 const SAMPLES: usize = 12;
 /// The greatest number of uncertain samples that are judged; more would have too many outcomes.
 const MOST_UNSURE: usize = 6;
@@ -33,7 +35,8 @@ enum Says {
 #[derive(Clone, Debug)]
 struct Pair {
     now: Says,
-    /// The pair's reading at the last tick, and each later one, with the instant, ns, from which the reading holds.
+    /// The readings of the pair since the last tick: the one at that tick, and each later one with the instant, ns, at
+    /// which it began.
     since_tick: Vec<(u64, Says)>,
     /// For each of the last [`SAMPLES`] samples, the readings that HORUS may have taken.
     samples: VecDeque<Vec<Says>>,
@@ -137,7 +140,7 @@ fn shown(taken: [Option<Says>; INPUTS]) -> Vec<HorusState> {
     if taken.contains(&None) {
         return vec![HorusState::Starting];
     }
-    // Which of these three states HORUS reports depends on the voted position, not on an input.
+    // `Starting`, `Monitoring` and `PositionLost` depend on the voted position, not on an input.
     vec![HorusState::Starting, HorusState::Monitoring, HorusState::PositionLost]
 }
 
@@ -157,7 +160,7 @@ impl Pair {
         }
         let mut taken = vec![];
         for sequence in sequences {
-            // Three equal samples followed by ten others are too old to count. They do not fit into twelve samples.
+            // Three equal samples no longer count if ten samples have followed them; twelve samples cannot hold both.
             let three = sequence.windows(3).rposition(|three| three.iter().all(|one| *one == three[0]));
             let one = match three {
                 Some(at) => Some(sequence[at]),
@@ -222,11 +225,12 @@ mod tests {
     #[test]
     fn an_active_input_shows_three_samples_later() {
         for (input, of) in [(0, SwitchedToRedundant), (1, MotorsCut), (2, EmergencyFired)] {
-            // The ticks at 150, 160 and 170 ms sample the new level, and the tick at 180 ms shows it.
+            // The input changes before the tick at 150 ms. The ticks at 150, 160 and 170 ms sample its new level, and
+            // the tick at 180 ms shows it.
             let shown = allowed(input, &[(145.0, true, false)], 10);
             assert_eq!(shown[7], SOUND);
             assert_eq!(shown[8..], [[of], [of]]);
-            // The change lies between the tick and the end of the sampling, so the sample may have either level.
+            // The pins change after the tick and before the end of the sampling, so the sample may have either level.
             let shown = allowed(input, &[(150.1, true, false)], 10);
             assert_eq!(shown[7], SOUND);
             assert_eq!(shown[8], [Starting, Monitoring, of, HorusState::PositionLost]);
@@ -253,7 +257,7 @@ mod tests {
 
     #[test]
     fn a_settled_pair_that_chatters_is_a_contradiction_after_ten_samples() {
-        // The pair is inactive at ticks 0 to 4. From tick 5 on no three samples in a row are equal.
+        // The input is inactive at ticks 0 to 4. From tick 5 on no three samples in a row are equal.
         let chatter: Vec<(f64, bool, bool)> =
             (0..12).map(|n| (145.0 + 20.0 * f64::from(n), n % 2 == 0, n % 2 != 0)).collect();
         let shown = allowed(1, &chatter, 17);
@@ -263,8 +267,8 @@ mod tests {
 
     #[test]
     fn a_pair_with_too_many_possible_samples_is_not_judged() {
-        // From tick 5 on each sample may be taken before or after a change. Six such samples have 64 outcomes; seven
-        // are too many to judge.
+        // From tick 5 on the input's pins may change before or after each sample. Six such samples have 64 outcomes;
+        // seven are too many to judge.
         let changes = |count: u32| -> Vec<(f64, bool, bool)> {
             (0..count).map(|n| (150.2 + 10.0 * f64::from(n), n % 2 == 0, n % 2 != 0)).collect()
         };

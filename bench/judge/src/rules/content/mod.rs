@@ -3,28 +3,29 @@
 //! # How it is judged
 //!
 //! The judge finds the messages in the bytes of each receiver's line, with the instant at which each message had
-//! arrived. For each kind of message, a GPS object must show the newest message that had arrived
-//! [`bounds::MESSAGE_TAKEN`] before the tick. It may show a message that arrived up to [`bounds::SAMPLED_AFTER_TICK`]
-//! after the tick. Values and status are compared bit by bit; `track` determines the status bits by the message's age.
-//! HORUS may miss a message whose line was disturbed, whose bytes came before HORUS's first tick, or that lies within
-//! bytes that look like another message.
+//! arrived. Of each kind, a GPS object must show the newest message that had arrived [`bounds::MESSAGE_TAKEN`] before
+//! the tick. It may show a message that arrived up to [`bounds::SAMPLED_AFTER_TICK`] after the tick.
+//!
+//! Values and status are compared bit by bit; `track` determines the status bits by the message's age. HORUS may miss a
+//! message whose line was disturbed, whose bytes came before HORUS's first tick, or that lies within bytes that look
+//! like another message.
 //!
 //! # What is not judged
 //!
-//! - An object whose timestamp does not continue that of the cycle before; rule `cycle` reports it.
-//! - Ages, for two seconds after an irregular or missing tick or a jump of the timestamp: HORUS counts its time in
-//!   ticks.
-//! - Statements of HORUS about its receivers, its vote and its inputs, while [`Excuse::Content`] holds.
-//! - Reported-Position, in a cycle with a wrong or missing GPS object and in the next cycle. In all others `vote`
-//!   judges Reported-Position and the bits *excluded*. HORUS's state (`inputs`) and its statements about itself
+//! - An object whose timestamp does not continue that of the cycle before is left to rule `cycle`.
+//! - Ages are not judged for two seconds after an irregular or missing tick or a jump of the timestamp, because HORUS
+//!   counts time in ticks.
+//! - While [`Excuse::Content`] holds, what HORUS states about its receivers, its vote and its inputs is not judged.
+//! - Reported-Position is not judged in a cycle with a wrong or missing GPS object, nor in the next cycle. In all
+//!   others `vote` judges it, and the bits *excluded*. HORUS's state (`inputs`) and its statements about itself
 //!   (`itself`) are judged in every cycle.
 //!
 //! HORUS receives no message that states a receiver's dynamic model; `models` judges the model by the settings in the
 //! log.
 //!
-//! An object is reported at most once for its values and once for its status. If both are wrong, the status is reported
-//! in two cases: the values are those of a message that the status calls valid, or the values are absent and the status
-//! calls no message valid. Otherwise the values are reported.
+//! A wrong object is reported at most once for its values and once for its status. The status is reported if the values
+//! are those of a message that HORUS may hold, or if values and status are both wrong but agree with each other.
+//! Otherwise the values are reported.
 
 mod inputs;
 mod itself;
@@ -56,7 +57,7 @@ const HEARD: u16 = 1 << 7;
 const EXCLUDED: u16 = 1 << 9;
 /// The lowest of the status bits that code the age of the solution.
 const AGE_SHIFT: u16 = 10;
-/// How long, ns, after an irregular tick the age of a solution is unknown. A solution is not valid for so long.
+/// How long, ns, after an irregular tick the age of a solution is unknown. No solution stays valid for that long.
 const UNTIMED: u64 = 2_000_000_000;
 
 #[derive(Clone, Debug)]

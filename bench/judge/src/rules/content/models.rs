@@ -1,9 +1,11 @@
 //! Judges whether each receiver that gives HORUS a valid position navigates by the right dynamic model.
 //!
-//! A receiver states its model itself ([`What::Settings`]). A receiver whose position HORUS shows as valid must use
-//! [`bounds::DYNAMIC_MODEL`]. HORUS has [`bounds::SETTINGS_TOLD`] to set it, from HORUS's start or the last change of
-//! the model, and longer while [`Excuse::Settings`] holds. A receiver that states no model, such as a recorded one, is
-//! not judged.
+//! HORUS must set a receiver to [`bounds::DYNAMIC_MODEL`] if it shows the receiver's position as valid. It has
+//! [`bounds::SETTINGS_TOLD`] for this from its start or from the last change of the model, and longer while
+//! [`Excuse::Settings`] holds.
+//!
+//! Each receiver states its model in the log ([`What::Settings`]). A receiver that states none, such as a recorded one,
+//! is not judged.
 
 use crate::disturbance::Excuse;
 use crate::{Disturbances, What, bounds};

@@ -1,10 +1,12 @@
 //! Compares Link-Status with the signals on the wires and the frames on the air.
 //!
-//! Link-Status must be right when its image is published, at the last rise of FRESH before chip select fell. The
-//! [expectation](crate::expectation) determines which frames the DPR had received by then, and allows either value
-//! where this is uncertain. An image may or may not include a frame that ended shortly before FRESH rose. It certainly
-//! includes the frame if it shows one of the frame's objects, or if only that frame can have caused the image. There is
-//! one `Snapshot` after each frame, and the image has to fit one of the possible snapshots.
+//! Link-Status must be right for the instant at which its image was published, the last rise of FRESH before chip
+//! select fell. The [expectation](crate::expectation) determines which frames the DPR had received by then, and allows
+//! either value where this is uncertain.
+//!
+//! The judge keeps one `Snapshot` after each frame, and the image has to fit one that is possible. A frame that ended
+//! shortly before FRESH rose may or may not be included. It certainly is if the image shows one of its objects, or if
+//! only that frame can have caused the image.
 //!
 //! # What each violation compares
 //!
@@ -15,9 +17,9 @@
 //! | `LinkFlags` | the frames at the antenna, the DPR's last start, and the injected faults |
 //! | `LinkTime` | the time since the DPR's start |
 //!
-//! This rule leaves out an image that another rule reports. Rule `ssi` reports an image that FRESH did not announce, or
-//! that is older than FRESH says. Rule `shown` reports an image that lacks objects. If an image lacks an object, bits 0
-//! and 1 of the status may fit either the image or the frames at the antenna.
+//! An image that another rule reports is left out: by rule `ssi` if FRESH did not announce it or announced a newer one,
+//! by rule `shown` if it lacks objects. In the latter case, bits 0 and 1 of the status may fit either the image or the
+//! frames at the antenna.
 //!
 //! While [`Excuse::Hearing`] holds, only the time, the reason of the last reset, and the report of a silent front end
 //! are judged. From [`bounds::FRONT_END_TOLD`] after a front end has ceased to answer, Link-Status must say that the
@@ -261,8 +263,8 @@ impl LinkStatus {
         let Some(Ok(values)) = &reading.link else { return };
         let before = |rose: &&u64| **rose <= reading.selected;
         let Some(&published) = self.fresh.iter().rev().find(before) else { return };
-        // An image is published at each deadline at the latest, so FRESH did not announce an image older than a
-        // deadline.
+        // FRESH must rise at least once per deadline. If its last rise is longer ago, no rise announced this image, and
+        // rule `ssi` reports that.
         let announced = reading.selected <= published + bounds::FRAME_DEADLINE + self.publication;
         if !dpr.powered || published < dpr.since || !announced {
             return;
@@ -279,7 +281,7 @@ impl LinkStatus {
             Some(candidates)
         };
         self.last.clone_from(&reading.miso);
-        // The image replaces a damaged image, and so states the same time as that one.
+        // An image that replaces an unsound one states the same time as the unsound one, so its time is not judged.
         let mut of_the_start = None;
         if !disturbances.excuse(Excuse::UnsoundImage, published) {
             if let Some(words) = self.time.wrong(values.timestamp, published, dpr.since) {
@@ -324,7 +326,7 @@ impl LinkStatus {
                 newest(&|it| it.ended() <= published && it.frame.as_ref().is_some_and(|it| shows(reading, it)))?;
             let frame_of = |index: usize| self.snapshots.get(index).and_then(|snapshot| snapshot.frame.as_ref());
             let same_cycle = frame_of(last).zip(frame_of(shown)).is_some_and(|(last, shown)| last.completes(shown));
-            // The image shows an older cycle than FRESH announced. Another rule reports this.
+            // An image that shows an older cycle than FRESH announced is reported by another rule.
             if shown < first || shown < last && self.is_cause(last) && !same_cycle {
                 return None;
             }
@@ -439,8 +441,8 @@ impl LinkStatus {
         wrong.map(|(words, ..)| format!("{words}: status {:#06x}", status.bits()))
     }
 
-    /// Returns whether an image must report that there is no field. A front end that starts while the field is on
-    /// detects the field with the first frame. A disturbed front end may not detect it.
+    /// Returns whether an image must report that there is no field. A front end that starts in a field detects the
+    /// field only with the first frame, and a disturbed front end may not detect it at all.
     fn no_field(&self, published: u64, dpr_since: u64, disturbances: &Disturbances) -> Certainty {
         let (on, since) = self.field;
         let from = since.max(dpr_since + bounds::START);

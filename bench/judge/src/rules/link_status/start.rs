@@ -41,8 +41,8 @@ impl Reasons {
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Time {
-    /// The first image since the start: the instant, ns, of its publication, and how much, ns, its stated time was too
-    /// short.
+    /// The publication of the first image since the start, ns, and by how much, ns, that image understated the time
+    /// since the start.
     first: Option<(u64, i128)>,
     last_ms: u32,
 }

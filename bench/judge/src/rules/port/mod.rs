@@ -1,16 +1,16 @@
 //! Compares Port-Status, and the uplinks that are read back, with what the flight controller has written.
 //!
-//! The judge determines the state of a correct DPR after each transaction (`model`). The first image published after a
-//! transaction may show its effect, and the second must. Where the state is uncertain, as the duration of a self-test
-//! is, several states are possible until later readings exclude them.
+//! The judge determines the state of a correct DPR after each transaction (`model`), and several possible states where
+//! it is uncertain, as for the duration of a self-test. The first image published after a transaction may show the
+//! transaction's effect, and the second must.
 //!
 //! # What is not required
 //!
 //! - While [`Excuse::Service`] holds, this rule requires nothing, because the DPR may have received any number of the
-//!   written bytes. Afterwards the judge accepts Port-Status once as the reference for later values. No written object
-//!   may be pending then, and the transactions must be able to lead to its values.
-//! - While [`Excuse::UnsoundImage`] holds, a damaged object need only not be valid.
-//! - A map that FRESH has not announced in time is left out, because another rule reports it.
+//!   written bytes. Afterwards the judge takes over the values of one Port-Status, if the transactions can lead to them
+//!   and no written object is pending, and judges later values by these.
+//! - While [`Excuse::UnsoundImage`] holds, a damaged Port-Status or uplink is only required to be invalid.
+//! - Port-Status is not judged in a map that FRESH has not announced in time, because another rule reports that map.
 
 mod health;
 mod model;
@@ -189,8 +189,8 @@ impl PortRule {
             findings.add(Violation::PortStatusWrong, selected, || "a self-test failed, and nothing is damaged".into());
         }
         if self.entries.is_empty() {
-            // No written object is pending, so Port-Status must show the last one. An image that replaced one with the
-            // same content is an exception.
+            // If no written object is pending, Port-Status must show the effect of the last one. Only an image that
+            // replaced an unsound one with the same content need not.
             let shows = previous.is_some_and(|previous| self.written < previous);
             if shows && !disturbances.excuse(Excuse::UnsoundImage, selected) {
                 let (before, transactions) = self.known;
@@ -205,8 +205,8 @@ impl PortRule {
             }
             return;
         }
-        // An object written before the last rise of FRESH but one must show. An object written later, before the last
-        // rise, may show.
+        // The last two rises of FRESH bound what Port-Status may show: at least the objects written before the earlier
+        // rise, at most those written before the later one.
         let last = self.entries.partition_point(|entry| entry.at <= published).saturating_sub(1);
         let first = previous.map_or(0, |previous| self.entries.partition_point(|entry| entry.at < previous));
         let first = first.saturating_sub(1).min(last);
@@ -217,7 +217,8 @@ impl PortRule {
                 let expected = self.entries[last].models.first();
                 format!("{values:?} instead of {expected:?}")
             });
-            // The Port-Status that was read becomes the reference, so that its violation is reported once.
+            // Later values are compared with this Port-Status although it is wrong, so that each error is reported
+            // once.
             self.entries.clear();
             self.counted = None;
             self.known = (values, 0);
@@ -249,7 +250,8 @@ impl PortRule {
         }
     }
 
-    /// Records that Port-Status shows the objects written up to entry `place`, because its values allow no other.
+    /// Records that Port-Status must include the objects written up to entry `place`, because its values fit no other
+    /// entry.
     fn decided(&mut self, place: usize, values: &PortValues, published: u64) {
         self.entries[place].models.retain(|model| model.fits(values, published));
         self.entries[place].models.iter_mut().for_each(|model| model.told(values));
@@ -292,17 +294,16 @@ impl PortRule {
     }
 }
 
-/// Returns whether `transactions` transactions of unknown content can change Port-Status from `before` to `now`. Each
-/// adds at most one to each counter, and two to the counter of transactions beyond the budget. The effects of
-/// [`bounds::SSI_BUDGET`] transactions for each of two images may be missing in `before`.
+/// Returns whether `transactions` transactions of unknown content can change Port-Status from `before` to `now`. A
+/// transaction adds at most one to each counter, except two to the counter of transactions beyond the budget. In
+/// `before`, the effects of up to [`bounds::SSI_BUDGET`] transactions for each of two images may be missing.
 fn may_follow(before: &PortValues, now: &PortValues, transactions: u32) -> bool {
     let most = transactions.saturating_add(2 * bounds::SSI_BUDGET);
     let last_command = |values: &PortValues| (values.last_command_timestamp, values.last_command);
-    // If as many commands as before were carried out but the last command differs, that command has cleared the
-    // counters.
+    // If the last command differs although no further one was counted, that command has cleared the counters.
     let carried_out = now.commands_carried_out > 0
         && (now.commands_carried_out != before.commands_carried_out || last_command(now) != last_command(before));
-    // If a command was carried out, it may have cleared the counters.
+    // The counters may fall if a command was carried out, because it may have cleared them.
     let within = |was: u32, is: u32, most: u32| (carried_out || is >= was) && is <= was.saturating_add(most);
     let kinds = profile::Violation::ALL.into_iter().all(|kind| {
         let times = if kind == profile::Violation::TooMany { 2 } else { 1 };

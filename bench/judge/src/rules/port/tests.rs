@@ -195,8 +195,8 @@ fn every_kind_of_violation_and_every_command_is_followed() {
 #[test]
 fn link_status_counts_the_access_violations_of_all_kinds_and_clears_none() {
     const CLEARED: u64 = 201 * MS;
-    // The arguments are the violations in Link-Status before and after the command that clears the counters of
-    // Port-Status.
+    // Returns the violations if Link-Status counts `before` access violations before the command that clears the
+    // counters of Port-Status, and `after` access violations after it.
     let told = |before: u16, after: u16| {
         let clears = command(2_000, Command::ClearCounters);
         let mut log = log(&[(AT, uplink(1_000, 7)[..9].to_vec()), (CLEARED, clears)], |published| {
@@ -249,7 +249,8 @@ fn after_misconduct_port_status_is_believed_once_and_held_against_what_follows()
 
 #[test]
 fn port_status_is_believed_from_the_second_image_after_misconduct_on() {
-    // The excuse lasts until 220 ms. Its last transaction ends at 217.5 ms, and images show its effect from 230 ms on.
+    // The flight controller's misuse is excused until 220 ms. The last excused transaction ends at 217.5 ms, and images
+    // show its effect from 230 ms on.
     let counted_from = |from: u64| {
         let mut log = log(&[], |published| {
             let mut shown = Shown::default();
@@ -293,8 +294,8 @@ fn after_misconduct_counters_are_bounded_by_the_transactions() {
         insert(&mut log, 120 * MS, injected(MISUSE, 200 * MS));
         broken(&log)
     };
-    // This many transactions may have counted: 29 from 121 ms to 233 ms, when Port-Status is first accepted, and those
-    // of two images.
+    // The greatest number of transactions that can have counted: 29 from 121 ms to 233 ms, when Port-Status is first
+    // accepted, and those of two images.
     const MOST: u16 = 29 + 2 * bounds::SSI_BUDGET as u16;
     let wrong = [(Violation::PortStatusWrong, 1)];
     assert_eq!(after(&|values| values.violations.count(TooMany, 2 * MOST)), []);
@@ -519,8 +520,8 @@ fn a_write_as_fresh_rises_shows_two_images_later() {
 #[test]
 fn what_port_status_has_decided_stays_so() {
     let written = [(AT, command(50, Command::SelfTest)), (AT + 40 * MS, command(60, Command::SelfTest))];
-    // The first self-test may be over when the second command arrives. The images published within `over` say that it
-    // is.
+    // A second command for a self-test arrives when the first self-test may be over. The images published within `over`
+    // say that it is over.
     let decided = |over: Range<u64>| {
         broken(&log(&written, |published| {
             let mut shown = Shown::default();
@@ -724,7 +725,6 @@ fn only_a_self_test_may_be_refused_while_another_runs() {
         Model::at_start().after(&test(1), 0, 500).iter().any(|model| model.fits(&values, at))
     };
     assert!(runs(bounds::SELF_TEST - 1) && !runs(bounds::SELF_TEST));
-    // The first command for a self-test cannot be refused.
     let sent = [test(1)];
     assert!(says(&sent, 1, (1, Command::SelfTest), false, true));
     assert!(says(&sent, 1, (1, Command::SelfTest), false, false));

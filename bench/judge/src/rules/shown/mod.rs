@@ -17,22 +17,23 @@
 //!
 //! Stale data that stay in the image expire later. Data that are both stale and expired are reported only as expired.
 //!
-//! `NotShown` means that no transaction shows a cycle that must be shown. `Vacant` means that an object is missing
-//! while others of its cycle are shown. Both concern only transactions that began after the cycle's image had to be
-//! readable and before the next image could be. Neither applies if the object's bytes are reported as a violation of
-//! the table above, or as damage (rule `ssi`). Rule `ssi` also judges whether a transaction may read 0xFF throughout.
+//! `NotShown` means that no transaction shows a cycle that must be shown, and `Vacant` that an object is missing while
+//! others of its cycle are shown. They concern only transactions that began after the cycle's image had to be readable
+//! and before the next image could be.
+//!
+//! Neither is reported for an object whose bytes are reported as one of the violations above or, by rule `ssi`, as
+//! damage. Rule `ssi` also judges whether a transaction may read 0xFF throughout.
 //!
 //! # A DPR that hangs
 //!
-//! From the instant at which the bench stops the DPR's core until the DPR's next start, nothing new must be shown. Data
-//! whose deadline had not passed by that instant may stay. An expired image must not be read even then, because
-//! hardware withdraws it without the processor. A DPR with a dead task is judged in the same way, but may show what it
-//! receives.
+//! While the bench has stopped the DPR's core, until the DPR's next start, nothing new must be shown. Data whose
+//! deadline had not passed when the core stopped may stay until their image expires: hardware withdraws an expired
+//! image without the processor. A DPR with a dead task is judged in the same way, but may show what it receives.
 //!
 //! # Limits
 //!
-//! - The previous image may stay after a received frame that brought nothing to show. It is reported only when its
-//!   deadline or its 25 ms have passed.
+//! - After a received frame that brought nothing to show, the previous image may stay. It is reported only after its
+//!   deadline, or after 25 ms.
 //! - A transaction longer than a second is not judged, because the frames that it may have read are no longer kept.
 //! - While [`Excuse::Hearing`] holds, no cycle must be shown, and any cycle that reached the antenna may be. When an
 //!   [`Excuse::Withdrawal`] begins, a cycle that no transaction has had to show yet need not be shown.
@@ -340,8 +341,8 @@ impl Shown {
                 return None;
             }
         }
-        // The object was shown rightly before. It is still in the image, although its frame has been dropped from the
-        // record.
+        // A transaction showed this object rightly before. The image still has it, although the record of frames has
+        // dropped its frame.
         let known = self.known[placed.index].as_ref().filter(|known| !found && known.bytes == placed.bytes);
         known.map(|known| known.expired)
     }

@@ -9,9 +9,9 @@
 //! - a hang that the bench causes; it ends when the board restarts, by its watchdog or otherwise.
 //!
 //! After a disturbance the link must recover within [`bounds::RECOVERY_CYCLES`] cycles, or within
-//! [`bounds::BRING_UP_CYCLES`] cycles if a front end has to be brought up again. Disturbances that overlap, or follow
-//! each other before a recovery, count as one. The recovery is then measured from the last end, and the latest limit
-//! applies.
+//! [`bounds::BRING_UP_CYCLES`] cycles if a front end has to be brought up again. Disturbances that overlap, or that
+//! begin before the recovery from another one, count as one: it ends with the last of them and has the latest of their
+//! limits.
 //!
 //! A late recovery is not reported if another violation explains it ([`keeps_from_reading`]).
 
@@ -261,7 +261,7 @@ mod tests {
             let without_bring_up = (cycles == 5).then_some(5);
             assert_eq!((found, longest), (vec![], Longest { all: Some(cycles), without_bring_up }), "{kind:?}");
             assert_eq!(judged(&cause, due + 1, 0).0, [Violation::RecoversLate], "{kind:?}");
-            // The violation that is reported explains the late recovery.
+            // The missing cycle is reported and explains the late recovery, which is not reported.
             assert_eq!(judged(&cause, due + 1, 1).0, [Violation::NotShown], "{kind:?}");
         }
     }
@@ -290,7 +290,7 @@ mod tests {
     fn of_causes_that_overlap_each_has_its_own_bound() {
         let front_end = injected(50 * MS, DPR_FRONT_END, 100 * MS);
         let air = |until| injected(60 * MS, Disturbance::Air, until);
-        // The fault of the front end allows a recovery until 250 ms, and that of the air until 170 ms or 260 ms.
+        // The front end's fault allows a recovery until 250 ms. The fault of the air allows it until 170 ms or 260 ms.
         let judged = |until, read| judged(&[front_end.clone(), air(until)], read, 0).0;
         assert_eq!(judged(120 * MS, 250 * MS), []);
         assert_eq!(judged(120 * MS, 250 * MS + 1), [Violation::RecoversLate]);
@@ -354,8 +354,8 @@ mod tests {
                 assert_eq!((found, longest), (vec![], Longest { all, without_bring_up: None }));
                 assert_eq!(judged(&cause, due + 1, 0).0, [Violation::RecoversLate]);
             }
-            // The disturbance lasts until the board restarts, so before that the link has not recovered and cannot be
-            // late.
+            // A hang lasts until the board restarts. Before that, the link cannot be late in its recovery from the
+            // hang.
             let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
             recovery.take(&hung(50 * MS, board), &mut findings);
             recovery.shown(60 * MS, 65 * MS);

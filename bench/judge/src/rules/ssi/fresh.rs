@@ -3,13 +3,14 @@
 //! # What FRESH announces
 //!
 //! After a rise of FRESH, a transaction reads the new image, or 0xFF throughout while the DPR is putting the image in.
-//! It never reads an older image (docs/design.md#publication, `dpr_fw::publish`). The DPR raises FRESH
+//! It never reads an older image (docs/design.md#publication, `dpr_fw::publish`). There are two cases:
 //!
-//! - before the processor gives the SSI's buffers back, so that no image is readable before FRESH has announced it;
-//! - at once if a transaction is under way, although this transaction still reads the image before.
+//! - Without a transaction under way, FRESH rises before the processor gives the SSI's buffers back, so that no image
+//!   is readable before FRESH has announced it.
+//! - With a transaction under way, FRESH rises at once, although this transaction still reads the previous image.
 //!
-//! The bytes that FRESH announces may therefore not be known when it rises. The first evidence counts: the bytes that
-//! could be read when FRESH falls, or the bytes of a transaction that began after the rise. FRESH rises for each
+//! When FRESH rises, the log may therefore not yet have the bytes of the announced image. The judge takes them from
+//! what could be read when FRESH falls, or from the first transaction that begins after the rise. FRESH rises for each
 //! publication, also for an image without objects after a missed frame.
 //!
 //! An image must have been announced before the transaction that reads it began.
@@ -43,8 +44,8 @@ impl Mark {
     }
 
     /// Returns whether this image was made after the image `before`. If times and counters are equal, the image with
-    /// the greater age is newer. If the status differs, the order is not known, because an image without objects may
-    /// follow one with objects within a millisecond.
+    /// the greater age is newer. Images with different status may have been made in either order, because an image
+    /// without objects may follow one with objects within a millisecond.
     fn is_newer_than(&self, before: &Self) -> bool {
         let Some((now, then)) = self.link.zip(before.link) else { return self.stamp != before.stamp };
         let counters = |link: LinkValues| {
@@ -100,7 +101,7 @@ impl Claim {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Claims {
     claims: VecDeque<Claim>,
-    /// The bytes that FRESH announced last, if they are an unsound image; otherwise empty.
+    /// The bytes that FRESH announced last, if they are an unsound image; empty if not.
     condemned: Vec<u8>,
     /// The newest timestamp that a transaction has read, ms.
     newest: Option<u32>,
@@ -189,7 +190,7 @@ impl Claims {
     ) {
         let Some(mark) = Mark::of(reading) else { return };
         let selected = reading.selected;
-        // Another rule reports objects that are older than objects read earlier.
+        // If a transaction reads objects that are older than objects read earlier, another rule reports it.
         let regressed = self.newest.zip(mark.stamp).is_some_and(|(newest, stamp)| is_later(newest, stamp));
         let announced = self.claims.partition_point(|claim| claim.rose <= selected);
         if announced == 0 && self.claims.len() == REMEMBERED {
@@ -225,7 +226,7 @@ impl Claims {
                 }
             }
             Some(_) => {
-                // The image that was read now counts as announced, so that it is reported once.
+                // An image that FRESH did not announce counts as announced from now on, so that it is reported once.
                 (claim.mark, claim.unannounced) = (Some(mark), true);
                 if regressed {
                     return;

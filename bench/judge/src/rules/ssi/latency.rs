@@ -27,9 +27,11 @@ struct Cycle {
     /// Whether the DPR may have missed the cycle's last frame.
     may_be_missed: bool,
     /// The time, ns, in which the cycle must be readable after its last bit, if it is longer than usual; `None`
-    /// otherwise. It is longer if LEN may be damaged, because the DPR then can neither read the objects early nor
-    /// recognise the second frame. It is also longer if the DPR may have missed the second frame, for which it waits
-    /// until the frame is overdue.
+    /// otherwise.
+    ///
+    /// It is longer if LEN may be damaged, because the DPR can then neither read the objects early nor recognise the
+    /// second frame. It is also longer if the DPR may have missed the second frame and waits until that frame is
+    /// overdue.
     longer: Option<u64>,
     readable: bool,
     late: bool,

@@ -14,7 +14,7 @@
 //! - A DPR that the bench has stopped, or one with a dead task, need not serve anything until its next start. Service
 //!   that was overdue before is reported, and the bytes that are read still have to be right.
 //! - If the processor keeps the SSI's buffers too long, this is [`Violation::NotReady`] after a transaction, and
-//!   [`Violation::HeldBack`] otherwise. Transactions that find the DPR busy for this reason are not reported. If
+//!   [`Violation::HeldBack`] otherwise, and the transactions that find the DPR busy meanwhile are not reported. If
 //!   nothing is readable for longer than [`bounds::EXPIRY`], only [`Violation::Silent`] is reported.
 //! - A single transaction may read 0xFF throughout if the DPR is busy. The DPR is busy while it puts an image in, which
 //!   FRESH announces within [`bounds::SSI_READY`]; just after another transaction; when the image's time is over; or
@@ -26,14 +26,14 @@
 //!   The objects that are read as valid still have to be right ([`super::shown`]), and no image may be late because of
 //!   the flight controller.
 //! - After a transaction, the DPR pauses for [`SSI_PAUSE`](crate::bounds::SSI_PAUSE) once it is ready again. If the
-//!   next transaction ends within this pause, the DPR has to be ready a certain time after the pause.
+//!   next transaction ends within this pause, the time until the DPR must be ready counts from the end of the pause.
 //! - Bytes that are unsound while [`Excuse::UnsoundImage`] holds only have to be rejected, which [`super::shown`]
 //!   judges. The DPR may replace such an image by one with the same content.
 //! - A transaction that reads an older image than the announced one is [`Violation::FreshNotNew`]. If its objects are
 //!   older than objects read before, another rule reports [`Violation::Regression`] instead.
-//! - A frame that began while [`Excuse::Latency`] holds may become readable at any time. A frame that began while
-//!   [`Excuse::Length`] holds has as much time as a frame with a damaged LEN. If a frame began while
-//!   [`Excuse::Hearing`] holds and came again, its time counts from the last arrival.
+//! - A frame that began while [`Excuse::Latency`] holds may become readable at any time, and one that began while
+//!   [`Excuse::Length`] holds has as much time as a frame with a damaged LEN. The time of a repeated frame counts from
+//!   its last arrival, if it began while [`Excuse::Hearing`] holds.
 //! - A cycle that is readable too late after its last bit is not reported again as too late after its tick. A cycle
 //!   that is read before FRESH has risen for it is [`Violation::FreshMissing`] or [`Violation::LateReadable`],
 //!   whichever is found first.

@@ -34,7 +34,7 @@ impl Read {
 enum Why {
     /// A transaction ended, and the SPI peripheral gave the buffers to the processor.
     Transaction,
-    /// The image's time is over, and hardware took the buffers. They must be back only with the next image.
+    /// Hardware took the buffers, because the image's time is over. They must be back only with the next image.
     Expiry,
     /// The processor took the buffers.
     Own,
@@ -102,7 +102,8 @@ pub(super) struct Service {
     /// The instant, ns, until which the DPR pauses and need not detect that a transaction has ended.
     paused_until: u64,
     pending: Option<Pending>,
-    /// The instant, ns, at which FRESH rose for an image for whose readability there is no other bound.
+    /// The instant, ns, at which FRESH rose for an image that must become readable, if no other limit of time applies
+    /// to that image.
     claimed: Option<u64>,
     ready_at: Option<u64>,
     rose_at: Option<u64>,
@@ -143,8 +144,8 @@ impl Service {
     /// Resets the state at a start of the DPR. Overdue service is not reported here, because the restart is.
     fn restart(&mut self, since: u64) {
         let Self { powered, quiet_since, quiet_told, longest, under_way, .. } = *self;
-        // A transaction under way at the start is not served. Its beginning counts only once the time for a start is
-        // over.
+        // A transaction that is under way when the DPR starts is not served, and begins to count when the time for a
+        // start is over.
         let busy = under_way;
         *self = Self { powered, since, quiet_since, quiet_told, longest, under_way, busy, ..Self::new() };
     }
@@ -169,7 +170,8 @@ impl Service {
     /// Records that the flight controller misuses the SSI, so that the DPR need not serve it.
     pub(super) fn misused(&mut self) {
         (self.claimed, self.streak) = (None, None);
-        // The processor may take the buffers because of the misused transaction, and need not be ready soon.
+        // The processor may have taken the buffers because of the misused transaction, so it need not give them back
+        // soon.
         self.pending.iter_mut().for_each(|pending| pending.owed = false);
     }
 
@@ -329,8 +331,8 @@ impl Service {
         let streak = self.streak.get_or_insert(new);
         streak.last = selected;
         streak.count += 1;
-        // A DPR that hangs is soon restarted, and another rule judges that. Only a series longer than this counts as a
-        // silence.
+        // A series of unserved transactions counts as a silence only if it is longer than a restart of a hung DPR
+        // takes.
         if streak.last - streak.first > bounds::EXPIRY + bounds::START {
             self.silence(findings);
         }

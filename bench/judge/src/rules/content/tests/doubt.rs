@@ -58,7 +58,7 @@ fn a_message_that_is_certain_ends_the_doubt() {
         })
     };
     assert_eq!(late(&certain), []);
-    // The receiver sends nothing for a while after the burst that HORUS may have missed.
+    // The burst of GPS1 that HORUS may have missed is the last one for a while.
     assert_eq!(late(&doubtful), []);
     let certain = scene.receivers[0][6].clone();
     let values = doubtful.clone();
@@ -75,7 +75,8 @@ fn after_doubt(doubtful: usize, age: u64, valid: bool) -> Vec<(Violation, u64)> 
     scene.receivers[0].truncate(20);
     for burst in &mut scene.receivers[0] {
         (burst.att, burst.ins) = (None, None);
-        // The disturbance is limited to this burst: HORUS certainly receives the bursts before and after it.
+        // The line of GPS1 is disturbed during one burst only, so HORUS certainly receives the bursts before and after
+        // it.
         burst.clean = true;
     }
     let number = cycle_after(&scene.receivers[0][19], age * MS);
@@ -220,8 +221,9 @@ fn timestamps_that_stay_ahead_do_not_end_the_judging() {
     assert_eq!(said, CONTENT);
 }
 
-/// Returns the violations up to cycle `last`. GPS1 is silent after burst 3 (349 ms). From cycle 65 (660 ms) on its
-/// object wrongly shows a valid position and says that messages arrive. One earlier tick was moved by `moved`, ns.
+/// Returns the violations up to cycle `last`, if GPS1's last burst is burst 3 (349 ms) and one earlier tick was moved
+/// by `moved`, ns. From cycle 65 (660 ms) on, the object of GPS1 wrongly shows a valid position and says that messages
+/// arrive.
 fn still_valid(moved: i64, silent: bool, last: u64) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0].truncate(4);
@@ -249,7 +251,7 @@ fn ages_are_not_judged_for_two_seconds_after_irregular_ticks() {
     assert_eq!(still_valid(bound, false, 66), STATUS);
     assert_eq!(still_valid(bound + 1, false, 66), []);
     assert_eq!(still_valid(bound + 1, true, 66), []);
-    // Tick 62, after the moved tick, is the last irregular one. Two seconds later ages are known again.
+    // Because one tick was moved, tick 62 is the last irregular one. Two seconds later ages are known again.
     let until = 61 + UNTIMED / bounds::CYCLE;
     assert_eq!(still_valid(bound + 1, false, until), []);
     assert_eq!(still_valid(bound + 1, false, until + 1), STATUS);
@@ -285,7 +287,8 @@ fn a_message_of_a_disturbed_line_may_have_been_found_late() {
     };
     assert_eq!(at(400, true), []);
     assert_eq!(at(480, true), STATUS);
-    // The period is uncertain too. The position may be valid for one second, for 150 ms more, and for HORUS's delay.
+    // HORUS may assume a period of up to one second. A position is valid for that period, for 150 ms more, and for
+    // HORUS's delay.
     let mut scene = scene.clone();
     scene.cycles = 300;
     let valid = |age: u64| {

@@ -3,7 +3,7 @@ use super::*;
 
 #[test]
 fn every_bit_of_the_status_is_judged() {
-    // Bit 10 may have either value: it is the lowest bit of the solution's age.
+    // Bit 10 of the status may have either value: it is the lowest bit of the solution's age.
     for bit in [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 12, 13, 14, 15] {
         let said = Scene::new(3).said(|cycle, _, gps| {
             if cycle == STEADY {
@@ -153,8 +153,8 @@ fn a_receiver_that_repeats_its_time_of_week_renews_nothing() {
     assert_eq!(run(350 * MS)[0].0, Violation::StatusWrong);
 }
 
-/// Returns whether a receiver's position may still be valid at this age, and whether it may be invalid. The period is
-/// `first` ms, then each of `steps` once. After that the receiver is silent.
+/// Returns whether a receiver's position may still be valid at this age, and whether it may be invalid. The receiver's
+/// messages come `first` ms apart, then once after each of `steps`, and then no more.
 fn after_steps(first: u32, steps: &[u32], age: u64) -> [bool; 2] {
     let steps: Vec<u32> = std::iter::repeat_n(first, 12).chain(steps.iter().copied()).collect();
     let (mut scene, mut at, mut itow) = (Scene::new(1), FIRST_BURST, 400_000_000);

@@ -139,7 +139,7 @@ fn a_receiver_that_strays_has_no_vote() {
 fn a_receiver_is_not_excluded_without_a_cause() {
     let scene = Scene::new(3);
     assert_eq!(excluded(&scene, 0..0), []);
-    // The receiver is excluded without a cause, and returns before a second has passed.
+    // HORUS excludes a receiver without a cause, and readmits it before a second has passed.
     assert_eq!(excluded(&scene, STEADY..STEADY + 10), [(Violation::ExclusionWrong, 2)]);
     assert_eq!(excluded(&scene, STEADY..121), EXCLUSION);
     let mut scene = Scene::new(3);
@@ -190,7 +190,7 @@ fn a_result_needs_a_quorum_and_more_receivers_than_oppose_it() {
             }
         }
     }
-    // Two of five receivers are no quorum even if the others are silent; one of two is.
+    // Two of five receivers are no quorum, even if the other three are silent. One of two receivers is.
     for (speak, gps, least) in [(1, 2, 1), (1, 3, 2), (2, 3, 2), (2, 5, 3), (3, 5, 3)] {
         let mut scene = standing(&vec![(0.0, 0.0); gps]);
         scene.receivers[speak..].iter_mut().for_each(Vec::clear);
@@ -210,7 +210,7 @@ fn the_result_must_come_from_a_largest_set_of_agreeing_receivers() {
     assert_eq!(of_members(&scene, &[1, 2, 3, 4]), []);
     assert_eq!(of_members(&scene, &[0, 1, 2]), [Violation::VoteWrong]);
     assert_eq!(without(&scene, &[0]), [Violation::ExclusionWrong]);
-    // Two sets of receivers have the same size, and HORUS may vote from either.
+    // HORUS may vote from either of two sets of receivers that agree, because both have the same size.
     let scene = standing(&[(0.0, 0.0), (9.0, 0.0), (22.0, 0.0)]);
     assert_eq!(of_members(&scene, &[1, 2]), []);
     assert_eq!(of_members(&scene, &[0, 1]), []);
@@ -359,10 +359,11 @@ fn a_position_is_older_if_its_message_comes_late() {
         ([0, 40, 20], 0.070),
         ([20, 0, 40], 0.030),
         ([0, 40, 0], 0.090),
-        // These delays differ by more than HORUS accepts.
+        // The delays of these receivers differ by more than HORUS accepts.
         ([0, 70, 0], 0.050),
         ([70, 0, 65], 0.050),
-        // These delays are close to the limit: HORUS processes a message up to 12 ms after its arrival.
+        // The delays of these receivers differ by about as much as HORUS accepts. HORUS processes a message up to 12 ms
+        // after its arrival.
         ([0, 50, 0], 0.050),
         ([0, 50, 0], 0.100),
     ] {
@@ -664,10 +665,10 @@ fn who_comes_back_from_a_jump_has_to_be_shown_at_once() {
     let scene = jumping(3, 8..12, 1_000.0, 0.0);
     let (from, until) = (voted_from(&scene, 8), voted_from(&scene, 12));
     assert_eq!(withheld(&scene, from..until), []);
-    // In the first of these cycles the vote may still have used the burst before.
+    // In the first cycle after the jump, the vote may still have used the burst before the jump.
     assert_eq!(withheld(&scene, from..until + 4), [(Violation::VoteMissing, 3)]);
-    // HORUS holds the position back for 400 ms. The position then returns for one burst and jumps again, so the second
-    // must begin anew.
+    // HORUS holds the new position back for 400 ms. Then the old position returns for one burst, so the second of
+    // holding back begins anew.
     let mut scene = jumping(3, 8..99, 1_000.0, 0.0);
     for receiver in &mut scene.receivers {
         receiver[12].pvt.as_mut().unwrap().latitude_1e7 -= (1_000.0 * PER_METRE) as i32;
@@ -695,7 +696,7 @@ fn a_step_within_200_m_s_and_the_accuracies_is_no_jump() {
     assert_eq!(missing(17.0, 0), []);
     assert_eq!(missing(17.0, 2)[0].0, Violation::VoteMissing);
     assert_eq!(missing(25.0, 0), VOTE);
-    // At the greatest speed an aircraft flies 100 m, less the allowed step, in 0.42 s.
+    // An aircraft that flies at the greatest speed needs 0.42 s for 100 m, less the allowed step.
     assert_eq!(missing(100.0, 42), []);
     assert_eq!(missing(100.0, 30), VOTE);
     assert_eq!(missing(100.0, 60)[0].0, Violation::VoteMissing);

@@ -2,9 +2,10 @@
 //!
 //! A voted place or altitude jumps if it is too far from the one that HORUS showed last. The limit is the distance that
 //! the aircraft flies in the meantime at 200 m/s, plus the distance within which two receivers of these accuracies
-//! agree. HORUS must hold a place or altitude that jumps back until every vote for one second has had a result without
-//! a further jump. After that second HORUS must show it. Close to these limits, and where the log does not determine
-//! them, the judge accepts both.
+//! agree.
+//!
+//! HORUS must hold a jump back until the vote has had a result for one second without a further jump, and must show it
+//! after that. Close to these limits, and where the log does not determine them, the judge accepts both.
 
 use gnss_sim::{Geodetic, TangentPlane};
 
@@ -34,7 +35,7 @@ pub(super) trait Mark: Clone {
             let (floor, ceiling) = Self::LIMITS_M;
             (bounds::AGREEMENT_SIGMAS * one.hypot(its)).clamp(floor, ceiling) + flown(ns)
         };
-        // HORUS counts time in its own ticks, whose clock may be wrong, so the limits become wider.
+        // HORUS counts time in its own ticks, whose clock may be wrong, so each limit of the distance becomes wider.
         let slack = ns / (bounds::CYCLE / bounds::TICK_TOLERANCE);
         if least - off(least) > limit(one.most, its.most, ns + slack) {
             Relation::Disagree
@@ -136,11 +137,11 @@ enum Last<T> {
 #[derive(Clone, Debug)]
 pub(super) struct Course<T> {
     last: Last<T>,
-    /// The results of the votes at the last two ticks; `None` if not known. If HORUS may have used a message at either
-    /// of two ticks, the ranges cover both.
+    /// The votes' results at the last two ticks; `None` if not known. Where HORUS may have used a message at either of
+    /// two ticks, a result is a range that covers both cases.
     before: [Option<T>; 2],
-    /// The last tick, ns, at which the second of holding back certainly began anew: there was no result, a jump, or a
-    /// shown place.
+    /// The last tick, ns, at which the second for which HORUS holds a jump back certainly began anew. It begins anew if
+    /// there is no result, if the result jumps, or if HORUS shows the place.
     broke: u64,
     /// The last tick, ns, at which the vote may have had no result, or may have jumped.
     may_have_broken: u64,

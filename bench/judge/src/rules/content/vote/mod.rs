@@ -4,15 +4,16 @@
 //!
 //! # How it is judged
 //!
-//! HORUS votes for a tick in the cycle before it. The vote uses what each receiver's GPS object shows in this cycle, or
-//! showed in the cycle before. A receiver is a candidate if its position may be voted on. It certainly is if both
-//! objects have a valid position, unless the older one may expire before the newer one comes. It may be if one object
-//! has a valid position. A receiver that is excluded in both cycles is not eligible for the result. Position, velocity
-//! and accuracy come from the messages, and their ages are known within the limits of `track::Age`. For each two
-//! receivers the judge determines whether they agree, disagree, or may do either ([`places`]).
+//! HORUS votes for a tick in the cycle before it, from what each receiver's GPS object shows in this cycle or showed in
+//! the cycle before. A receiver is a candidate if its position may be voted on. If both objects have a valid position,
+//! it certainly is one, unless the older position may expire before the newer one comes. If only one has, it may be
+//! one. A receiver that is excluded in both cycles is not eligible for the result.
 //!
-//! The members of a result are the eligible receivers from which it was voted. HORUS states only how many they are. The
-//! judge therefore tries every set of that size, and reports a violation only if none fits.
+//! Position, velocity and accuracy come from the messages, and their ages are known within the limits of `track::Age`.
+//! For each two receivers the judge determines whether they agree, disagree, or may do either ([`places`]).
+//!
+//! The members of a result are the eligible receivers from which HORUS voted it. HORUS states only their number, so the
+//! judge tries every set of that size, and reports a violation only if none fits.
 //!
 //! | violation | when |
 //! |---|---|
@@ -28,25 +29,26 @@
 //! - The vote has no result.
 //! - The receiver agrees with a member of the result.
 //!
-//! A receiver must not stay excluded if it has agreed with all members for more than 1.1 s. A receiver must be excluded
-//! if it agrees with no member, or if it cannot have agreed for a second since its exclusion. If M members have an
-//! altitude, a receiver with an altitude has to agree with one of those members.
+//! A receiver must not stay excluded if it has agreed with all members for more than 1.1 s. It must be excluded if it
+//! agrees with no member, or if it has agreed for less than a second since its exclusion. If M members have an
+//! altitude, a receiver that has one too must agree with one of them.
 //!
 //! After a restart of HORUS that leaves RAM as it was, an excluded receiver stays excluded unless it may have returned.
-//! Another receiver must not be excluded then if it agreed with all others, has sent nothing new, and fewer than M
-//! others have sent something new.
+//! A receiver that agreed with all others must not be excluded then, if it has sent nothing new and fewer than M others
+//! have. M is the quorum.
 //!
-//! An altitude, an attitude and an acceleration are each voted from at least M members that state one, all of which
-//! agree.
+//! An altitude, an attitude and an acceleration are each voted from receivers that state one. They must be at least M,
+//! the quorum, and must all agree.
 //!
 //! At most one violation is reported for a cycle. M, the quorum, is 1, 1, 2, 3 for 1, 2, 3, 5 receivers.
 //!
 //! # What is not judged
 //!
-//! - The cycle after a missing or wrong object, because the receivers excluded before it are not known.
-//! - Positions and agreement while it is not known which message HORUS uses. This is so if HORUS's ticks are irregular,
-//!   or if the object does not fit a message that HORUS may have used, neither as used nor as missed.
-//! - The choice that HORUS makes between several sets of the same size.
+//! - Exclusions are not judged in the cycle after a missing or wrong object, because the receivers excluded before are
+//!   not known.
+//! - Positions and agreement are not judged while it is not known which message HORUS uses. This is so while HORUS's
+//!   ticks are irregular, or if an object fits no message that HORUS may have used.
+//! - HORUS's choice between several sets of the same size is not judged.
 //! - The status bit about HORUS's clock.
 //!
 //! Injected faults excuse nothing in this rule: HORUS applies decision 15 to whatever messages it has.
@@ -258,14 +260,14 @@ impl Vote {
     }
 
     /// Resets the state at a start of HORUS after `ticks` ticks. `ram` says whether HORUS may still know which
-    /// receivers were excluded. Those are the receivers of the last cycle that the judge has seen, changed by up to
-    /// three votes that no frame shows. In these votes the receivers `heard` may have had newer positions. A receiver
-    /// that agreed with all others can then become excluded only by a newer position of its own, or by newer positions
-    /// of a whole quorum.
+    /// receivers were excluded: those of the last judged cycle, changed by up to three votes that no frame shows.
+    ///
+    /// For these votes the receivers `heard` may have sent newer positions. A receiver that agreed with all others can
+    /// become excluded only by a newer position of its own, or by newer positions of a whole quorum.
     pub(super) fn restart(&mut self, ram: Ram, ticks: u64, heard: Set) {
         let all = (0..self.receivers).fold(0, |set, receiver| set | bit(receiver));
         let restarted = match self.restarted {
-            // The judge saw no cycle between HORUS's previous start and this one.
+            // There was no cycle to judge between HORUS's previous start and this one.
             Some((must, may)) => (must, if ticks == 0 { may } else { all }),
             None if ticks > self.last.0 + 1 => (0, all),
             None => {
@@ -335,7 +337,6 @@ impl Vote {
         }
         self.remember(tick, follows, result, &cycle, &members);
         if !follows || result && judged.wrong.is_some() {
-            // HORUS may compare its next result with this result or with an earlier one.
             self.places.lose();
             self.altitudes.lose();
         } else if result {
@@ -422,7 +423,8 @@ impl Vote {
         let agreeing = usize::from(reported.status.receivers_agreeing());
         let wrong = |what: String| Some((Violation::ReportedWrong, what));
         let (eligible, _) = cycle.eligible();
-        // Another state depends on HORUS's inputs, so the rule about inputs judges it.
+        // Only `Starting`, `Monitoring` and `PositionLost` follow from the vote. Rule `inputs` judges every other
+        // state.
         let is_located = reported.status.position_valid();
         let was_located = self.located || self.may_be_located;
         let wrong_state = match reported.status.state() {
@@ -500,7 +502,8 @@ impl Vote {
     }
 }
 
-/// Returns the place and altitude in Reported-Position, if one of these sets of receivers may have voted for them.
+/// Returns the voted place and altitude that Reported-Position shows, if one of these sets of receivers may have voted
+/// for them.
 fn shown(reported: &ReportedValues, members: &[Set], cycle: &Cycle) -> (Spot, Option<Level>) {
     let ReportedValues { latitude, longitude, altitude, .. } = *reported;
     let accuracy = |axis: usize, of: Set| {

@@ -1,10 +1,10 @@
 //! Computes where the receivers are at a tick, how far apart they are, and whether they agree. The results are ranges,
 //! because the log does not state exactly when HORUS took which message.
 //!
-//! A position is older than the message that brought it. The delay is the time between the message's time of week and
-//! its arrival (decision 15, brought to the tick). Candidates are the receivers whose position may be voted on. The
-//! position of the candidate with the middle delay is 50 ms older than its message. For another candidate, the
-//! difference between its delay and the middle one is added, if it is at most 50 ms.
+//! A position is older than the message that brought it. The delay is the time from the message's time of week to its
+//! arrival (decision 15, brought to the tick). Among the candidates, which are the receivers whose position may be
+//! voted on, the position with the middle delay is taken to be 50 ms older than its message. For any other candidate,
+//! the difference between its delay and the middle one is added, if it is at most 50 ms.
 
 use gnss_sim::{Geodetic, TangentPlane};
 

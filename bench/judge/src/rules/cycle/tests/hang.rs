@@ -3,8 +3,8 @@ use super::*;
 /// The time, ns, from the beginning of a hang until the watchdog bites.
 const BITES: u64 = 83 * MS;
 
-/// Returns a run in which HORUS's core stops at `at` until the watchdog restarts HORUS. The timer's ticks go on, and
-/// the frame on the air breaks off. With `told`, the log states the hang at that instant.
+/// Returns a run in which HORUS's core stops at `at` until the watchdog restarts HORUS. Meanwhile TICK goes on, since
+/// the timer makes it, and the frame on the air breaks off. If `told`, the log has an event that states the hang.
 fn hung(gps: usize, at: u64, told: Option<u64>) -> Events {
     let mut events = Events::flawless(gps, CYCLES);
     for event in &mut events.events {
@@ -39,7 +39,7 @@ fn a_hang_of_horus_excuses_its_unfinished_cycle() {
         {
             let at = tick(5) + after;
             assert_eq!(broken(&hung(gps, at, Some(at))), [], "{gps} {after}");
-            // The restart is asked for, but the log states no hang.
+            // The log calls the restart intended (`asked`), but has no event that states the hang.
             let mut asked = hung(gps, at, None);
             for event in &mut asked.events {
                 if let What::Reset { asked, .. } = &mut event.what {
@@ -57,7 +57,7 @@ fn a_hang_of_horus_excuses_missing_ticks_but_no_irregular_ones() {
     let mut stopped = hung(3, at, Some(at));
     stopped.without(|event| is_tick(event) && event.at > at && event.at < at + BITES);
     assert_eq!(broken(&stopped), []);
-    // The hang may also end by the reset pin, or by the end of the run.
+    // A hang of HORUS may also end by the reset pin, or by the end of the run.
     let mut by_pin = stopped.clone();
     by_pin.without(|event| matches!(event.what, What::Reset { .. })).reset(at + BITES, Board::Horus, true);
     assert_eq!(broken(&by_pin), []);

@@ -81,9 +81,9 @@ fn a_transaction_that_reads_ones_throughout_is_not_asked() {
     }
 }
 
-/// A flight controller in another SPI mode samples MISO half a clock period early. From a busy DPR its first bit is
-/// then the line's level before the transfer. If this level is 1, the judge reports that the cycle is not shown. If it
-/// is 0, the judge reports damaged bytes.
+/// A flight controller in another SPI mode samples MISO half a clock period early. The first bit that it reads from a
+/// busy DPR is therefore the line's level before the transfer. The judge reports a cycle that is not shown if this
+/// level is 1, and damaged bytes if it is 0.
 #[test]
 fn ones_throughout_but_for_the_first_bit_are_damage_and_not_asked() {
     for n in RECEIVERS {
@@ -193,7 +193,8 @@ fn a_cycle_that_was_shown_once_need_not_be_shown_again() {
             empty.places.iter_mut().for_each(|place| place.fill(0));
             images.insert(place + 1, empty);
         };
-        // The image has the Link-Status of the image before, which another rule judges.
+        // An image without objects is inserted. It repeats the Link-Status of the image before, which another rule
+        // judges.
         let is_missed = |after| run.broken(|images| withdraw(images, after)).contains(&Violation::NotShown);
         assert!(!is_missed(4 * MS));
         assert!(is_missed(0));

@@ -46,7 +46,7 @@ fn a_correct_dpr_breaks_no_rule_whatever_happens_on_the_air() {
                 Run::new(n).hit(20, frame, hit.clone()).assert_flawless();
                 Run::new(n).hit(20, frame, hit.clone()).hit(22, frame, hit.clone()).assert_flawless();
                 Run::new(n).hit_all(20..23, &hit).assert_flawless();
-                // The air has the same effects during the search for the sequence.
+                // The same faults of the air are applied while the DPR searches for the sequence.
                 Run::new(n).hit_all(9..=35, &Air::Lost).hit(37, frame, hit.clone()).assert_flawless();
             }
         }
@@ -220,7 +220,7 @@ fn an_object_that_horus_never_sent_is_shown_as_valid() {
             assert_ne!(forged, run.profile(20)[run.layout().in_profile(index).unwrap()]);
             let verdict = run.verdict(forge);
             assert_eq!(kinds(&verdict), [Violation::ShownNeverSent], "{n} receivers, object {index}");
-            // There is a transaction every 2 ms, and each one in the cycle counts.
+            // Transactions come every 2 ms, so five of them read the object in the cycle, and each counts.
             assert_eq!(verdict.figures.faults.invalid_shown_valid, 5);
         }
     }
@@ -266,7 +266,7 @@ fn a_repeated_frame_that_is_shown_again_is_out_of_sequence() {
             run.assert_flawless();
             let objects = if n < 5 { 0..=n } else { 3 * frame..=3 * frame + 2 };
             let profile = run.profile(20);
-            // The edit applies to the images after the repeated or missing frame.
+            // Images after the repeated or missing frame still show cycle 20.
             let again = |images: &mut Vec<Image>| {
                 for image in images.iter_mut().filter(|it| (run.end(20) + 8 * MS..run.end(24)).contains(&it.at)) {
                     for index in objects.clone() {
@@ -297,7 +297,7 @@ fn data_are_stale_past_the_deadline_and_expired_past_25_ms() {
         assert!(verdict.figures.faults.invalid_shown_valid >= 3);
         let run = Run::new(n).hit_all(20..24, &Air::Lost);
         assert_eq!(run.broken(stay(run.end(19), run.end(24))), [Violation::ShownExpired], "{n} receivers");
-        // The frames are lost for longer than the judge keeps frames.
+        // The air loses all frames for longer than the judge keeps frames.
         let mut run = Run::new(n).hit_all(20..300, &Air::Lost);
         run.cycles = 310;
         assert_eq!(run.broken(stay(run.end(19), run.end(300))), [Violation::ShownExpired], "{n} receivers");
@@ -372,7 +372,7 @@ fn a_listener_that_has_just_seen_the_carrier_may_miss_frames() {
     run.extra.push(Event { at: on, what: What::FieldHeard { on: true } });
     run.assert_flawless();
     let missed = run.clone().hit_all(20..25, &Air::Lost);
-    // The DPR has received none of these frames, which are added to the log at the antenna.
+    // The log says that the frames of cycles 20 to 24 reached the antenna, but the DPR has received none of them.
     let mut log = missed.log(|_| {});
     let there = run.log(|_| {}).events.into_iter().filter(|event| matches!(event.what, What::Heard { .. }));
     log.events.retain(|event| !matches!(event.what, What::Heard { .. }));
@@ -395,7 +395,7 @@ fn recovery_counts_from_the_end_of_the_last_cause() {
     assert_eq!(with(vec![fault(200 * MS, 215_999 * US)], 0..0), Some(2));
     assert_eq!(with(vec![fault(200 * MS, 220_400 * US)], 0..0), Some(2));
     assert_eq!(with(vec![fault(200 * MS, 220 * MS)], 20..25), Some(6));
-    // Two faults overlap in the first run. In the second run one follows the other.
+    // In the first run two faults overlap; in the second, one fault follows the other.
     assert_eq!(with(vec![fault(200 * MS, 270 * MS), fault(220 * MS, 230 * MS)], 20..25), Some(1));
     assert_eq!(with(vec![fault(220 * MS, 220 * MS), fault(260 * MS, 260 * MS)], 20..25), Some(2));
     // A fault that ends in the last 400 ms of the run, or that never ends, is not measured.
