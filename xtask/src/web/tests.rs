@@ -56,7 +56,8 @@ fn answer(mut stream: std::net::TcpStream, folder: &Path) {
         Err(_) => ("404 Not Found", vec![]),
     };
     let length = bytes.len();
-    let head = format!("HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n");
+    let head =
+        format!("HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n");
     let _ = stream.write_all(head.as_bytes()).and_then(|()| stream.write_all(&bytes));
 }
 
@@ -94,7 +95,9 @@ impl Page {
 
 #[test]
 fn a_flight_with_faults_is_the_command_lines_byte_for_byte() {
-    let Some(mut page) = Page::open("flight", "?seed=7&faults=air,gnss,fc,power,hang&seconds=20&pace=0") else { return };
+    let Some(mut page) = Page::open("flight", "?seed=7&faults=air,gnss,fc,power,hang&seconds=20&pace=0") else {
+        return;
+    };
     page.tab.until("window.flightStep?.outcome != null");
     let outcome = page.step()["outcome"].clone();
 
