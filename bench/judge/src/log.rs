@@ -21,7 +21,7 @@ pub enum LogError {
     /// The file cannot be read.
     #[error(transparent)]
     Io(#[from] io::Error),
-    /// A line is not an event, or the first line is not a header.
+    /// A line of the log is not an event, or the first line is not a header.
     #[error("line {line}")]
     Line {
         /// The number of the line, from 1.

@@ -91,7 +91,7 @@ pub struct Lis3dh {
     taken: u64,
     /// For each axis, the number of the last sample of which bytes were read, plus one.
     seen: [u64; 3],
-    /// For each axis, the sample whose bytes are being read, if BDU keeps it.
+    /// For each axis, the sample whose bytes are being read, while BDU keeps it from changing.
     kept: [Option<[u8; 2]>; 3],
     misuse: Option<String>,
 }

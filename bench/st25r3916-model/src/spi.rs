@@ -22,7 +22,7 @@ pub(crate) enum State {
     Write(Space, u8),
     Read(Space, u8),
     Load,
-    /// The FIFO is being read. True if it had a byte to shift out.
+    /// The FIFO is being read. The field says whether it had a byte to shift out.
     ReadFifo(bool),
     LoadTarget(u8),
     ReadTarget(u8),

@@ -548,7 +548,7 @@ mod tests {
         assert_eq!(broken(&events), []);
     }
 
-    /// Returns the violations of a run in which both firmwares count faults and `change` is made.
+    /// Returns the violations of a run in which both firmwares count faults and which `change` has changed.
     fn complaining(change: impl FnOnce(&mut Events)) -> Vec<Violation> {
         let mut events = run();
         events.add(100 * MS, counter(Board::Horus, "rf_faults", Some(1)));

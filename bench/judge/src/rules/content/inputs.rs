@@ -7,8 +7,8 @@
 //! Reported-Position of the next cycle shows the resulting state, which is that of the most severe input that is not
 //! inactive.
 //!
-//! If a pair's levels change during the sampling, the judge allows every outcome. After an irregular tick the number of
-//! samples is not known, so nothing is required until later samples make the reading certain.
+//! If the levels of an input's pins change during the sampling, the judge allows every outcome. After an irregular tick
+//! the number of samples is not known, so nothing is required until later samples make the reading certain.
 
 use std::collections::VecDeque;
 

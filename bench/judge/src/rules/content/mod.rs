@@ -171,8 +171,8 @@ impl Line {
             || self.tracks[Kind::Position as usize].newest() + bounds::MESSAGE_TAKEN > tick
     }
 
-    /// Settles for each message that had arrived by `by` whether HORUS has certainly processed it. A message that began
-    /// before `first_tick` is uncertain.
+    /// Determines for each message that had arrived by `by` whether HORUS has certainly processed it. A message that
+    /// began before `first_tick` is uncertain.
     fn settle(&mut self, by: u64, first_tick: Option<u64>) {
         while let Some(message) = self.arriving.pop_front_if(|message| message.arrived <= by) {
             let Message { begun, arrived, sure, said } = message;

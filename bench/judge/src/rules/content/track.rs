@@ -7,8 +7,8 @@ use gnss_sim::ubx::WEEK_MS;
 use super::ubx::{Kind, MessageContent, Motion, STALE};
 use crate::bounds;
 
-/// The number of steps of the time of week from which HORUS determines a receiver's period. A message that is lost
-/// falls out of them later.
+/// The number of steps of the time of week from which HORUS determines a receiver's period. A step that spans a lost
+/// message counts until this many newer steps have come.
 const STEPS: usize = 4;
 /// How long after a message's arrival, ns, HORUS may still find it in the bytes that it received.
 pub(super) const FOUND_LATE: u64 = 200_000_000;

@@ -315,7 +315,7 @@ impl LinkStatus {
         }
     }
 
-    /// Returns the indices of the possible snapshots of an image; `None` if another rule reports the image.
+    /// Returns the indices of the snapshots that an image may show; `None` if another rule reports the image.
     fn candidates(&self, reading: &Reading, published: u64) -> Option<Vec<usize>> {
         let newest = |of: &dyn Fn(&Snapshot) -> bool| self.snapshots.iter().rposition(of);
         let last = newest(&|it| it.ended() <= published)?;
