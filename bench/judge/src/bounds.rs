@@ -116,13 +116,14 @@ pub const DYNAMIC_MODEL: u8 = 7;
 /// The longest time until HORUS has sent a receiver its settings, counted from HORUS's start, from the loss of a
 /// setting, or from the end of a fault.
 ///
-/// HORUS begins after 1.5 s, tries two bit rates for 0.7 s each, and waits 1 s for the answer to each of two messages.
+/// To set a receiver, HORUS waits for 1.5 s, tries two bit rates for 0.7 s each, and waits 1 s for the answer to each
+/// of two messages.
 pub const SETTINGS_TOLD: u64 = 5_000_000_000;
 /// The longest time until HORUS must send a valid position, counted from HORUS's start or from when enough receivers
 /// work again.
 ///
-/// In this time HORUS sends the receivers their settings, waits for the slowest receiver's solution, and holds a jump
-/// of the position back.
+/// To have a valid position, HORUS sends the receivers their settings, waits for the slowest receiver's solution, and
+/// holds a jump of the position back.
 pub const POSITION_WITHIN: u64 = SETTINGS_TOLD + READ_WITHIN + HELD_BACK;
 /// How long after a receiver's fault HORUS may send objects without that receiver's position, or call the receiver
 /// excluded.

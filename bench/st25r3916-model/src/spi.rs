@@ -75,7 +75,7 @@ impl Spi {
     pub(crate) fn after_first_edge(&self, now: u64, fall_ns: u64) -> u64 {
         let hz = u64::from(if self.hz == 0 { MAX_HZ } else { self.hz });
         let before_end = (PERIODS * 1_000_000_000 / hz).saturating_sub(fall_ns);
-        // If the clock rate is wrong, the instant is at least not before the end of the previous byte.
+        // The calculated instant is never before the end of the previous byte, even if the clock rate is wrong.
         now.saturating_sub(before_end).max(self.last_byte).min(now)
     }
 }

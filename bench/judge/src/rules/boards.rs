@@ -24,7 +24,7 @@
 //! | DPR | `overruns` | frames lost because commit and scrub were late by a cycle |
 //! | DPR | `images_expired` | images that none replaced in time |
 //!
-//! The name of a counter of a line may begin with the line and a full stop, as in `lines.0.overruns`.
+//! The name of a counter of a receiver's line may begin with the line and a full stop, as in `lines.0.overruns`.
 //!
 //! # A board that hangs
 //!

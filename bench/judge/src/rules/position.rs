@@ -4,9 +4,9 @@
 //! Reported-Position has to lie within [`bounds::POSITION_OFF_M`] of where the aircraft was in the last
 //! [`bounds::POSITION_OLDEST`].
 //!
-//! A disturbed receiver may agree with the others, so [`bounds::AGREEMENT_M`] is added to the limit while any receiver
-//! is disturbed. Nothing is required while a quorum of receivers is disturbed, or one of two receivers, or the only
-//! one.
+//! A disturbed receiver may agree with the others, so [`bounds::AGREEMENT_M`] is added to the limit of the error while
+//! any receiver is disturbed. Nothing is required while a quorum of receivers is disturbed, or one of two receivers, or
+//! the only one.
 //!
 //! A position that is missing for [`bounds::POSITION_WITHIN`] is reported, unless another violation in this time
 //! explains it.

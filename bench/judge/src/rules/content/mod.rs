@@ -6,9 +6,9 @@
 //! arrived. Of each kind, a GPS object must show the newest message that had arrived [`bounds::MESSAGE_TAKEN`] before
 //! the tick. It may show a message that arrived up to [`bounds::SAMPLED_AFTER_TICK`] after the tick.
 //!
-//! Values and status are compared bit by bit; `track` determines the status bits by the message's age. HORUS may miss a
-//! message whose line was disturbed, whose bytes came before HORUS's first tick, or that lies within bytes that look
-//! like another message.
+//! A GPS object's values and status are compared bit by bit; `track` determines the status bits by the message's age.
+//! HORUS may miss a message whose line was disturbed, whose bytes came before HORUS's first tick, or that lies within
+//! bytes that look like another message.
 //!
 //! # What is not judged
 //!

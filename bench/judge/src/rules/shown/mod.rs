@@ -21,8 +21,8 @@
 //! others of its cycle are shown. They concern only transactions that began after the cycle's image had to be readable
 //! and before the next image could be.
 //!
-//! Neither is reported for an object whose bytes are reported as one of the violations above or, by rule `ssi`, as
-//! damage. Rule `ssi` also judges whether a transaction may read 0xFF throughout.
+//! Neither `NotShown` nor `Vacant` is reported for an object whose bytes are reported as a violation of the table or,
+//! by rule `ssi`, as damage. Rule `ssi` also judges whether a transaction may read 0xFF throughout.
 //!
 //! # A DPR that hangs
 //!

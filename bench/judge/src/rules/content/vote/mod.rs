@@ -29,9 +29,9 @@
 //! - The vote has no result.
 //! - The receiver agrees with a member of the result.
 //!
-//! A receiver must not stay excluded if it has agreed with all members for more than 1.1 s. It must be excluded if it
-//! agrees with no member, or if it has agreed for less than a second since its exclusion. If M members have an
-//! altitude, a receiver that has one too must agree with one of them.
+//! A receiver must not stay excluded if it has agreed with all members of the result for more than 1.1 s. It must be
+//! excluded if it agrees with no member, or if it has agreed for less than a second since its exclusion. If a quorum of
+//! the members have an altitude, a receiver that has one too must agree with one of them.
 //!
 //! After a restart of HORUS that leaves RAM as it was, an excluded receiver stays excluded unless it may have returned.
 //! A receiver that agreed with all others must not be excluded then, if it has sent nothing new and fewer than M others
@@ -262,8 +262,9 @@ impl Vote {
     /// Resets the state at a start of HORUS after `ticks` ticks. `ram` says whether HORUS may still know which
     /// receivers were excluded: those of the last judged cycle, changed by up to three votes that no frame shows.
     ///
-    /// For these votes the receivers `heard` may have sent newer positions. A receiver that agreed with all others can
-    /// become excluded only by a newer position of its own, or by newer positions of a whole quorum.
+    /// In the votes that no frame shows, HORUS may have used newer positions of the receivers `heard`. A receiver that
+    /// agreed with all others can become excluded only by a newer position of its own, or by newer positions of a whole
+    /// quorum.
     pub(super) fn restart(&mut self, ram: Ram, ticks: u64, heard: Set) {
         let all = (0..self.receivers).fold(0, |set, receiver| set | bit(receiver));
         let restarted = match self.restarted {
