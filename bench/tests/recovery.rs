@@ -12,7 +12,7 @@ use emulator_node::Clock;
 const MS: u64 = 1_000_000;
 /// The instant at which both boards have started and the link has been up for 200 ms, ns.
 const BEGINS: u64 = 303 * MS;
-/// The time from the end of a cause to the end of the run, ns: more than the limit for a recovery.
+/// The time from the end of a disturbance to the end of the run, ns: longer than the limit for a recovery.
 const AFTER: u64 = 450 * MS;
 
 const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];

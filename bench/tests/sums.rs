@@ -46,7 +46,7 @@ struct Watched<C: Cost> {
     /// The exceptions that ran: the instant (ns) at which each began to run, and its number, 0 for the idle loop or
     /// sleep.
     runs: Vec<(u64, u32)>,
-    /// For each of [`MASKS`], the longest time, ns, for which a less urgent task masked that priority.
+    /// For each priority in [`MASKS`], the longest time, ns, for which a less urgent task masked it.
     masked: [u64; 2],
     log: Log,
     clock: PhantomData<C>,

@@ -25,7 +25,7 @@ use super::normal;
 use super::vibration::{GRAVITY, Vibration};
 use crate::faults::Rng;
 
-/// The address with the direction bit clear.
+/// The sensor's I2C address, with the direction bit clear.
 const ADDRESS: u8 = 0x19 << 1;
 /// The time that the sensor takes to load its registers after the supply came on, or on BOOT, ns.
 const BOOTS: u64 = 5_000_000;

@@ -25,7 +25,7 @@ struct Shows {
     all: usize,
     /// The number of transactions that read data although they came within the pause after another transaction.
     hasty: usize,
-    /// How long, ns, after `commit` began to hang valid data were read.
+    /// The longest time, ns, from when `commit` began to hang until a transaction read valid data.
     stale: u64,
     fresh: (usize, usize),
     received: u32,

@@ -79,7 +79,8 @@ pub struct Boards {
     injected: BTreeMap<String, u64>,
     /// For HORUS and for the DPR, whether the log explains the faults counted since the last start.
     explained: [bool; 2],
-    /// The boards that have met a core fault and have not restarted yet: board, instant, ns, and fault in words.
+    /// The boards that have met a core fault and have not restarted yet, each with the instant (ns) and the fault in
+    /// words.
     faulted: Vec<(Board, u64, String)>,
     /// The board and the instant, ns, of the last restart that was not asked for.
     restarted: Option<(Board, u64)>,

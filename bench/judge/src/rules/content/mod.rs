@@ -273,7 +273,7 @@ struct Ticks {
     last: Option<u64>,
     before: Option<u64>,
     untimed: u64,
-    /// How far, ms, HORUS's timestamps are ahead of 10 ms for each tick.
+    /// How far, ms, HORUS's timestamps are ahead of a count of 10 ms for each tick.
     ahead: u32,
 }
 

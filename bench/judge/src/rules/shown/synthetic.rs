@@ -58,7 +58,7 @@ pub(crate) struct Run {
     pub(crate) frozen: Vec<u32>,
     /// The length of HORUS's cycle, ns.
     pub(crate) period: u64,
-    /// The restart of the DPR: the instant, ns, the cause, and the reason that the DPR states.
+    /// The restart of the DPR: its instant (ns), its cause, and the reason that the DPR states.
     pub(crate) dpr_start: Option<(u64, crate::Cause, ResetReason)>,
     pub(crate) extra: Vec<Event>,
     /// The length of the flight controller's control cycle, ns.
