@@ -24,8 +24,8 @@ use crate::registers::{EN, EN_FD, TX_EN, reg};
 use crate::report::Kind;
 use crate::schedule::Due;
 
-/// The thresholds of the field detector, mV: one to detect a field (2A, bits 6:4), and one to keep it detected (2B,
-/// bits 6:4).
+/// The thresholds of the field detector, mV: one to detect a field (register 2A, bits 6:4), and one to keep it detected
+/// (register 2B, bits 6:4).
 const THRESHOLDS_MV: [u16; 8] = [75, 105, 150, 205, 290, 400, 560, 800];
 
 #[derive(Clone, Debug, Default)]

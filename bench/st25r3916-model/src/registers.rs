@@ -62,7 +62,7 @@ pub(crate) mod reg {
     pub(crate) const B_RC_CALIBRATION: usize = 0x39;
 }
 
-/// Bits of the operation control register (02).
+/// Bits of the operation control register, 02.
 pub(crate) const EN: u8 = 0x80;
 pub(crate) const RX_EN: u8 = 0x40;
 pub(crate) const TX_EN: u8 = 0x08;
@@ -149,7 +149,7 @@ pub(crate) fn unmodelled_bits(space: Space, address: u8, value: u8) -> u8 {
         (Space::A, 0x03) => value & 0x03,
         // Bits 0, 5 and 6 of register 05 are antcl, nfc_f0 and no_rx_par.
         (Space::A, 0x05) => value & 0x61,
-        // Of register 12, the model covers gptc values 1 and 2, and neither nrt_nfc nor nrt_emv.
+        // In register 12 the model covers gptc values 1 and 2, and neither nrt_nfc nor nrt_emv.
         (Space::A, 0x12) => value & 0x06 | if value >> 5 > 2 { value & 0xE0 } else { 0 },
         _ => 0,
     }

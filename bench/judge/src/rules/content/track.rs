@@ -107,7 +107,7 @@ pub(super) struct Held {
 pub(super) const WEEK: i64 = WEEK_MS as i64 * 1_000_000;
 
 impl Held {
-    /// Returns this message as it is `by` ns later, at another tick.
+    /// Returns this message as it looks at another tick, `by` ns later.
     pub(super) fn later(self, by: u64) -> Self {
         Self { age: self.age.later(by), since_epoch: (self.since_epoch + by as i64) % WEEK, ..self }
     }

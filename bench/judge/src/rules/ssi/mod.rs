@@ -1,4 +1,4 @@
-//! Judges transactions, readiness, FRESH, and what is torn or damaged.
+//! Judges the transactions on the SSI, when the DPR is ready for them, what FRESH announces, and torn or damaged bytes.
 //!
 //! | file | what it judges |
 //! |---|---|
