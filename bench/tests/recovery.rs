@@ -46,7 +46,7 @@ fn the_link_recovers_from_any_fault_of_the_air_within_5_cycles() {
     let none = AirFaults::default();
     let frozen = AirFaults { frozen: true, ..none };
     for fault in [AirFaults { lost: 1.0, ..none }, frozen, AirFaults { field_off: true, ..none }] {
-        // A sequence can continue after up to 25 missed cycles. The last length is longer than 25 cycles.
+        // A sequence can continue after up to 25 missed cycles. The last fault is longer than 25 cycles.
         for length in [5 * MS, 57 * MS, 241 * MS, 400 * MS] {
             if !recovers(one(Fault::Air(fault), length), length, 5) {
                 return;

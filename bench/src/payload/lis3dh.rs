@@ -87,7 +87,7 @@ pub struct Lis3dh {
     sampling: Option<Sampling>,
     /// The number of samples taken when the FIFO was last empty.
     fifo_from: u64,
-    /// The number of samples that were read from the FIFO since.
+    /// The number of samples that were read from the FIFO since it was last empty.
     taken: u64,
     /// For each axis, the number of the last sample of which bytes were read, plus one.
     seen: [u64; 3],

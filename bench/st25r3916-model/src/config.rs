@@ -46,8 +46,8 @@ pub struct Config {
     pub target_rearms_by_command: bool,
     /// The effect of a received frame that breaks off.
     pub broken_frame: BrokenFrame,
-    /// Whether a frame is received although the receive chain (0B to 0E, B0C, B0D) cannot pass its technology. The
-    /// unsuitable setting is a finding in either case.
+    /// Whether a frame is received although the receive chain (registers 0B to 0E, B0C, B0D) cannot pass its
+    /// technology. The unsuitable setting is a finding in either case.
     pub unsuited_chain_receives: bool,
 
     /// Whether a frame reaches the other chip although the sender's settings cannot modulate NFC-F or its antenna is

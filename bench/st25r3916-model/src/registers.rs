@@ -12,8 +12,8 @@
 //! | stream mode, EMD suppression, wake-up by amplitude or phase, | the link uses none; a write of another value |
 //! | PPON2, capacitive sensor | than reset is reported |
 //!
-//! The reset values have three sources. Those of 03, 0B, 0C, 0D, 0F, 15, 28, B0B, B0C, B15 and B29 come from a
-//! recording of silicon after a bring-up that does not write them. Those of 26, 27, 29–2B and B2A come from public
+//! The reset values have three sources. Those of registers 03, 0B, 0C, 0D, 0F, 15, 28, B0B, B0C, B15 and B29 come from
+//! a recording of silicon after a bring-up that does not write them. Those of 26, 27, 29–2B and B2A come from public
 //! drivers. All others are 0. B28 connects the load modulator after reset, which is the cautious assumption for a
 //! listener that must not answer.
 

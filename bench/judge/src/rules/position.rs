@@ -278,7 +278,8 @@ mod tests {
         assert_eq!(none(late, vec![(50 * MS, What::Hung { board: Board::Horus })]), [], "it hangs");
         assert_eq!(none(late, vec![disturbed(0)]), told, "two others are well");
         assert_eq!(none(late, vec![disturbed(0), disturbed(1)]), []);
-        // HORUS sends only one position, 30 ms after the first tick.
+        // HORUS sends one position, 30 ms after the first tick, and then none. The time without a position counts from
+        // that one on.
         let lost = |number: u64| (number == 4).then_some((0, 0));
         assert_eq!(run(3, late, |_| 0, lost, vec![]).0, []);
         assert_eq!(run(3, late + 5, |_| 0, lost, vec![]).0.len(), 1);

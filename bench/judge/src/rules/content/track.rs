@@ -19,7 +19,7 @@ const MOST_CANDIDATES: usize = 64;
 #[derive(Clone, Debug)]
 struct Pace {
     time_of_week: Option<u32>,
-    /// The last steps between the times of week of two messages, ms.
+    /// The last steps, ms, each between the times of week of two successive messages.
     steps: VecDeque<u32>,
 }
 
