@@ -236,7 +236,7 @@ impl Cycle<'_> {
     }
 }
 
-/// Returns a range of places or altitudes that covers all of these; `None` if one of them is not known.
+/// Returns a range that covers all `marks`, which are places or altitudes; `None` if one of them is not known.
 fn all<T: Mark>(marks: impl Iterator<Item = Option<T>>) -> Option<T> {
     marks.collect::<Option<Vec<_>>>()?.into_iter().reduce(Mark::or)
 }
