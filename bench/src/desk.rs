@@ -23,7 +23,7 @@ pub enum Desk {
 
 /// Switches a board on, and returns its debug port.
 ///
-/// The microcontroller's memory is `kept`, the result of an earlier [`Wire::kept`], or that of a new microcontroller.
+/// The microcontroller has the memory `kept`, the result of an earlier [`Wire::kept`], or is new if `kept` is `None`.
 /// Returns `None` if `kept` does not have [`kept_bytes`] bytes.
 #[must_use]
 pub fn switch_on(desk: Desk, kept: Option<&[u8]>) -> Option<Box<dyn Wire>> {

@@ -37,7 +37,7 @@ impl Noise {
 #[derive(Clone, Copy, Debug)]
 enum Babble {
     Noise,
-    /// Beginnings of UBX messages of the greatest length.
+    /// The line carries beginnings of UBX messages of the greatest length.
     Beginnings,
     /// Whole, unsolicited UBX messages.
     Unasked,

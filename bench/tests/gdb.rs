@@ -316,7 +316,8 @@ fn kill_ends_the_run_and_a_lost_connection_does_not() {
     assert_eq!(lost.len(), 1, "{lost:?}");
 }
 
-/// Calls `run` with a run of the DPR's firmware alone. FRESH is probed, and inputs take the place of the front end.
+/// Calls `run` with a run of the DPR's firmware alone. FRESH is recorded, and the test drives pins in place of the
+/// front end.
 fn dpr_alone(clock: Clock, run: impl FnOnce(&dyn Fn() -> Box<dyn AnyRun>, &Path)) {
     let Some(path) = image(3, "dpr-fw.elf") else { return };
     let firmware = Firmware::read(&path).unwrap();

@@ -490,7 +490,7 @@ fn so_long_after_its_start_each_boards_watchdog_runs() {
 }
 
 /// The DPR hangs at every instant of a publication, and the flight controller reads just after the image has expired.
-/// Shows IMG-5.
+// Shows IMG-5.
 #[test]
 fn nothing_expired_is_read_if_the_dpr_hangs_during_a_publication() {
     let Some(setup) = setup(Faults::none(), BEGINS + 45 * MS) else { return };

@@ -102,7 +102,8 @@ fn a_publication_with_five_receivers_may_meet_a_transaction_in_any_phase() {
 /// event is the end of the pause after a transaction, 96 to 106 µs after that transaction. A second transaction that
 /// ends 109 to 127 µs after the first therefore coincides with the work.
 ///
-/// Relative to HORUS's cycle, the DPR's second moves by 400 µs each time, so 25 s cover many distances from a frame.
+/// The DPR's second moves relative to HORUS's cycle by 400 µs each time, so a run of 25 s covers many distances of the
+/// work from a frame.
 #[test]
 fn what_the_dpr_does_once_a_second_holds_no_transaction_up() {
     let pairs = |gap: i64| {

@@ -12,7 +12,7 @@ use emulator_node::Clock;
 const MS: u64 = 1_000_000;
 /// The instant at which both boards have started and the link has been up for 200 ms, ns.
 const BEGINS: u64 = 303 * MS;
-/// The time from the end of a cause to the end of the run, ns: more than the limit for a recovery.
+/// The time from the end of a disturbance to the end of the run, ns: longer than the limit for a recovery.
 const AFTER: u64 = 450 * MS;
 
 const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
@@ -46,7 +46,7 @@ fn the_link_recovers_from_any_fault_of_the_air_within_5_cycles() {
     let none = AirFaults::default();
     let frozen = AirFaults { frozen: true, ..none };
     for fault in [AirFaults { lost: 1.0, ..none }, frozen, AirFaults { field_off: true, ..none }] {
-        // A sequence can continue after up to 25 missed cycles. The last length is longer than 25 cycles.
+        // A sequence can continue after up to 25 missed cycles. The last fault is longer than 25 cycles.
         for length in [5 * MS, 57 * MS, 241 * MS, 400 * MS] {
             if !recovers(one(Fault::Air(fault), length), length, 5) {
                 return;

@@ -159,7 +159,7 @@ fn the_handler_of_a_hard_fault_is_heard_to_its_end() {
     main.store(RCC + 0x30, 1).store(RCC + 0x40, 1 << 17).store(GPIOA + 0x20, 7 << 8).store(GPIOA, 0xA800_0020);
     main.store(USART2 + 8, 139).store(USART2 + 12, 1 << 13 | 1 << 3).raw(&[0xDE00]);
     let mut handler = Thumb::at(thumb::HANDLER);
-    // r3 counts the bytes. A byte is sent when TXE is set.
+    // Register r3 counts the bytes that are left. A byte is sent when TXE is set.
     handler.mov(3, 500).mov(0, USART2).mov(2, u32::from(b'x'));
     let again = handler.here();
     handler.ldr(1, 0, 0).test(1, 7).branch_if(thumb::If::CarryClear, again);

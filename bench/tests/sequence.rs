@@ -131,7 +131,7 @@ fn inserted(back: u32) -> Option<()> {
     assert_eq!(first_again, Some(&stamp(24)), "{back} back");
     let age = oldest(&views, &ends(&sent));
     assert!(age <= STALE, "{back} back: {age} ns");
-    // Of the 41 frames that were sent, seven are not shown: three at the start, the inserted one, and frames 21 to 23.
+    // Seven of the 41 frames that were sent are not shown: three at the start, the inserted one, and frames 21 to 23.
     let accepted = count(&node, std::mem::offset_of!(Telemetry, objects_accepted));
     assert_eq!(accepted, (41 - 3 - 4) * OBJECTS, "{back} back");
     Some(())

@@ -46,7 +46,7 @@ struct Watched<C: Cost> {
     /// The exceptions that ran: the instant (ns) at which each began to run, and its number, 0 for the idle loop or
     /// sleep.
     runs: Vec<(u64, u32)>,
-    /// For each of [`MASKS`], the longest time, ns, for which a less urgent task masked that priority.
+    /// For each priority in [`MASKS`], the longest time, ns, for which a less urgent task masked it.
     masked: [u64; 2],
     log: Log,
     clock: PhantomData<C>,
@@ -93,8 +93,8 @@ fn is_of_the_rfid_side(exception: u32) -> bool {
 }
 
 impl<C: Cost> Watched<C> {
-    /// Returns the longest run of an exception, ns. A run in which FRESH rises does not count, because it is part of a
-    /// frame's way.
+    /// Returns the longest run of an exception, ns. A run that raises FRESH does not count, because it belongs to the
+    /// handling of a frame.
     fn longest(&self, exception: u32) -> u64 {
         let rises: Vec<u64> = self.frames().into_iter().map(|(_, rose)| rose).collect();
         let runs = self.runs.windows(2).filter(|pair| pair[0].1 == exception).map(|pair| pair[0].0..pair[1].0);

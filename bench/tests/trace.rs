@@ -117,7 +117,7 @@ fn numbers_and_tasks_come_back_under_their_names() {
     }
 }
 
-/// The file has several blocks, and no change may be lost at their borders.
+/// The trace file has several blocks, and no change may be lost at their borders.
 #[test]
 fn a_long_trace_loses_nothing_between_the_blocks_of_its_file() {
     let [_, file] = files("long");

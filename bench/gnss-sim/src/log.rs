@@ -16,7 +16,7 @@
 //!   later. A step longer than [`GAP_MAX_MS`], as in a tunnel, is shortened to that length.
 //! - A NAV-PVT whose `iTOW` is *not* later begins an epoch too, [`PERIOD_WITHOUT_TIME_MS`] after the one before. Such
 //!   messages come from a receiver without the time. Other late messages begin no epoch.
-//! - All other bytes belong to the epoch before them.
+//! - Bytes of any other kind belong to the epoch before them.
 //! - A burst never starts before the burst ahead of it has left the UART.
 //!
 //! # The positions

@@ -25,7 +25,7 @@ fn bursts(index: usize, seed: u64, flight: &Arc<Flight>) -> Vec<Burst> {
 /// A receiver's solutions as the crate `ublox` reads them.
 #[derive(Debug, Default)]
 struct Seen {
-    /// The positions: for each, the time of week (ms), latitude, longitude, height, and the burst's instant, ns after
+    /// The positions, each with time of week (ms), latitude, longitude, height, and the burst's instant, ns after
     /// reset.
     positions: Vec<(u32, f64, f64, f64, u64)>,
     /// The attitudes: (roll, pitch, heading), degrees.

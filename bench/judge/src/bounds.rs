@@ -116,13 +116,14 @@ pub const DYNAMIC_MODEL: u8 = 7;
 /// The longest time until HORUS has sent a receiver its settings, counted from HORUS's start, from the loss of a
 /// setting, or from the end of a fault.
 ///
-/// HORUS begins after 1.5 s, tries two bit rates for 0.7 s each, and waits 1 s for the answer to each of two messages.
+/// To set a receiver, HORUS waits for 1.5 s, tries two bit rates for 0.7 s each, and waits 1 s for the answer to each
+/// of two messages.
 pub const SETTINGS_TOLD: u64 = 5_000_000_000;
 /// The longest time until HORUS must send a valid position, counted from HORUS's start or from when enough receivers
 /// work again.
 ///
-/// In this time HORUS sends the receivers their settings, waits for the slowest receiver's solution, and holds a jump
-/// of the position back.
+/// To have a valid position, HORUS sends the receivers their settings, waits for the slowest receiver's solution, and
+/// holds a jump of the position back.
 pub const POSITION_WITHIN: u64 = SETTINGS_TOLD + READ_WITHIN + HELD_BACK;
 /// How long after a receiver's fault HORUS may send objects without that receiver's position, or call the receiver
 /// excluded.
@@ -250,8 +251,8 @@ pub const EXPIRY_EARLIEST: u64 = EXPIRY - EXPIRY / 50;
 pub const AIR_DELAY: u64 = 1_000;
 /// The longest time from the forwarding of a profile to its arrival at the base station.
 pub const DOWNLINK: u64 = 100_000_000;
-/// The longest time from a frame's end, or a deadline, until a transaction reads the resulting image, where no narrower
-/// limit applies. Before that, the DPR may have to do three more transfers with its front end and one more commit.
+/// The longest time from a frame's end, or a deadline, until a transaction can read the resulting image, if no narrower
+/// limit applies. It covers up to three more transfers with the DPR's front end and one more commit.
 pub const PUBLICATION: u64 = 400_000;
 /// The limit [`PUBLICATION`] for runs on the pessimistic clock.
 pub const PUBLICATION_PESSIMISTIC: u64 = 1_000_000;
@@ -280,10 +281,10 @@ pub const ARMED: u64 = 50_000_000;
 /// The shortest silence, without any frame, after which the DPR may bring its front end up anew; the DPR waits for 0.5
 /// s.
 pub const SILENCE: u64 = 450_000_000;
-/// The time after the first frame that ends a [`SILENCE`], in which the DPR may miss frames and Link-Status may still
-/// report a fault. A bring-up of the front end takes 12 ms.
+/// How long after the frame that ends a [`SILENCE`] the DPR may miss frames and Link-Status may still report a fault. A
+/// bring-up of the front end takes 12 ms.
 pub const SILENCE_OVER: u64 = 2 * CYCLE;
-/// The shortest time between two frames in which a listener can receive both (docs/design.md#air-frame).
+/// The shortest time from one frame to the next with which a listener can receive both (docs/design.md#air-frame).
 pub const FRAME_GAP: u64 = 300_000;
 /// How long after a cycle's first frame the DPR waits for the second (with five receivers), which ends 3.935 ms later.
 pub const SECOND_FRAME: u64 = 7_000_000;

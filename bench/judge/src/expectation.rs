@@ -117,7 +117,8 @@ impl State {
         self.found >= bounds::SEARCH_CYCLES
     }
 
-    /// Passes to `to` each state that may follow this state when a frame arrives, and whether the timestamp steps back.
+    /// Passes to `to` each state that may follow this one when a frame arrives, and whether the timestamp stepped back
+    /// in it.
     fn successors(self, timestamp: u32, sampled: u64, number: usize, mut to: impl FnMut(Self, bool)) {
         let frame = 1 << number;
         let (mut same, mut other) = (false, true);

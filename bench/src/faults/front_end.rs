@@ -82,7 +82,7 @@ pub struct Emission {
 }
 
 impl Emission {
-    /// Returns the emission of a sound front end. `seed` determines all random values.
+    /// Returns the emission of a front end without faults. `seed` determines all random values.
     #[must_use]
     pub const fn new(seed: u64) -> Self {
         Self { noise: Rng::new(seed), faults: vec![], sending: None, leaving: VecDeque::new(), commands: vec![] }

@@ -77,7 +77,7 @@ pub enum HoldFault {
     BusStuck,
     /// Each pair of antennas at the DPR also receives what is meant for the other pair.
     Crosstalk,
-    /// The run differs from its log, so that the judge has something to report.
+    /// The run differs from its log in this respect.
     Broken(Break),
 }
 

@@ -25,7 +25,7 @@ use super::normal;
 use super::vibration::{GRAVITY, Vibration};
 use crate::faults::Rng;
 
-/// The address with the direction bit clear.
+/// The sensor's I2C address, with the direction bit clear.
 const ADDRESS: u8 = 0x19 << 1;
 /// The time that the sensor takes to load its registers after the supply came on, or on BOOT, ns.
 const BOOTS: u64 = 5_000_000;
@@ -87,11 +87,11 @@ pub struct Lis3dh {
     sampling: Option<Sampling>,
     /// The number of samples taken when the FIFO was last empty.
     fifo_from: u64,
-    /// The number of samples that were read from the FIFO since.
+    /// The number of samples that were read from the FIFO since it was last empty.
     taken: u64,
     /// For each axis, the number of the last sample of which bytes were read, plus one.
     seen: [u64; 3],
-    /// For each axis, the sample whose bytes are being read, if BDU keeps it.
+    /// For each axis, the sample whose bytes are being read, while BDU keeps it from changing.
     kept: [Option<[u8; 2]>; 3],
     misuse: Option<String>,
 }

@@ -5,9 +5,9 @@
 //! A flight controller's control cycle is not synchronous to HORUS, so its transactions coincide with the DPR's work at
 //! arbitrary instants. Some coincidences last 100 ns and occur once in minutes; a [`Sweep`] makes each of them occur.
 //!
-//! In every cycle of HORUS it places transactions around the end of a frame, at a phase that advances by a fixed step.
-//! The phase counts from the frame's last bit at the antenna, so errors of crystals and the scatter of the front end do
-//! not change it.
+//! In every cycle of HORUS a [`Sweep`] places transactions around the end of a frame, at a phase that advances by a
+//! fixed step. The phase counts from the frame's last bit at the antenna, so errors of crystals and the scatter of the
+//! front end do not change it.
 //!
 //! A frame's end must be known when the frame begins. The bench measures the duration of the first frame of each
 //! length, and uses it for later frames of that length.

@@ -45,7 +45,7 @@ pub use signals::{Board, Bus, DPR, HORUS, SSI, Wire, Word};
 pub enum Mark {
     /// A wire took a level: the instant (ns), the wire, the level.
     Level(u64, Wire, bool),
-    /// A number took a value: the instant (ns), the number, the value (`None` for no value).
+    /// A signal of several bits took a value: the instant (ns), the signal, the value (`None` for no value).
     Word(u64, Word, Option<u64>),
     /// A byte was transferred on a bus: the end of its eighth clock (ns), the bus, the byte to the chip, the byte from
     /// the chip, the clock rate (Hz).

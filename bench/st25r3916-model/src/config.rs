@@ -46,15 +46,16 @@ pub struct Config {
     pub target_rearms_by_command: bool,
     /// The effect of a received frame that breaks off.
     pub broken_frame: BrokenFrame,
-    /// Whether a frame is received although the receive chain (0B to 0E, B0C, B0D) cannot pass its technology. The
-    /// unsuitable setting is a finding in either case.
+    /// Whether a frame is received although the receive chain (registers 0B to 0E, B0C, B0D) cannot pass its
+    /// technology. The unsuitable setting is a finding in either case.
     pub unsuited_chain_receives: bool,
 
     /// Whether a frame reaches the other chip although the sender's settings cannot modulate NFC-F or its antenna is
     /// out of tune. The unsuitable setting is a finding in either case. If false, only the carrier leaves the antenna.
     /// An antenna out of tune then receives nothing either.
     pub unsuited_modulation_reaches: bool,
-    /// The antenna tuning (26, 27) that suits the board's matching network: first of a poller, then of a listener.
+    /// The antenna tuning (registers 26, 27) that suits the board's matching network: first of a poller, then of a
+    /// listener.
     pub tuning: [[u8; 2]; 2],
     /// The largest deviation, in steps, from the suitable tuning at which the antenna still counts as tuned. Assumed.
     pub tuning_tolerance: u8,
@@ -104,11 +105,11 @@ pub struct Config {
     pub rc_calibration_ns: u64,
     /// Duration of the measurement commands D3, D8, D9 and DF, ns (data sheet: 25 µs).
     pub measurement_ns: u64,
-    /// Value of the regulator display (B2C) after Adjust regulators (D6). Measured on one chip.
+    /// Value of the regulator display (register B2C) after Adjust regulators (D6). Measured on one chip.
     pub regulator_display: u8,
-    /// Value of the TX driver timing display (B2B). Measured on one chip.
+    /// Value of the TX driver timing display (register B2B). Measured on one chip.
     pub driver_timing_display: u8,
-    /// Value of the RC calibration display (B39) after an RC calibration (EA). Measured on one chip.
+    /// Value of the RC calibration display (register B39) after an RC calibration (EA). Measured on one chip.
     pub rc_calibration_display: u8,
     /// Constant result of Measure amplitude (D3), A/D steps, whose use is a finding. Measured on one chip.
     pub amplitude: u8,
@@ -118,8 +119,8 @@ pub struct Config {
     pub regulated_mv: [u16; 4],
 }
 
-/// The antenna tuning (26, 27) for the matching networks on ST's expansion boards: first of a poller, then of a
-/// listener (stm32duino/ST25R3916 `src/rfal_rfst25r3916_analogConfigTbl.h`). `TUNING_B` is for the board with the
+/// The antenna tuning (registers 26, 27) for the matching networks on ST's expansion boards: first of a poller, then of
+/// a listener (stm32duino/ST25R3916 `src/rfal_rfst25r3916_analogConfigTbl.h`). `TUNING_B` is for the board with the
 /// ST25R3916B, `TUNING_A` for the board with the ST25R3916.
 const TUNING_B: [[u8; 2]; 2] = [[0xC5, 0xE3], [0x00, 0x00]];
 const TUNING_A: [[u8; 2]; 2] = [[0x82, 0x82], [0x00, 0xFF]];

@@ -167,12 +167,12 @@ impl Core {
         self.a(reg::MODE) & TARGET != 0
     }
 
-    /// Returns om (03, bits 6:3), the operation mode.
+    /// Returns the operation mode om (register 03, bits 6:3).
     pub(crate) fn operation_mode(&self) -> u8 {
         (self.a(reg::MODE) >> 3) & 0x0F
     }
 
-    /// Whether lm_ext or lm_dri (B28) connects a load modulator.
+    /// Whether the bit lm_ext or lm_dri (register B28) connects a load modulator.
     pub(crate) fn load_modulator(&self) -> bool {
         self.registers.b(reg::B_AUX_MOD) & 0x30 != 0
     }

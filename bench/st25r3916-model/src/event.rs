@@ -17,7 +17,7 @@ pub enum Technology {
 /// Bytes on the air, in order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Chunk {
-    /// The bytes in their order on the air, in NFC-F with LEN and CRC-16.
+    /// The chunk's bytes in their order on the air. In NFC-F a frame begins with LEN and ends with a CRC-16.
     pub data: Vec<u8>,
     /// Whether a parity bit of the chunk's bytes is wrong (NFC-A only).
     pub parity_error: bool,

@@ -14,7 +14,8 @@
 //! | whether collision avoidance (C8) ends when it | not documented; it ends, with I_cac, when the detector sees |
 //! | sees a field or when its time is up | a field at any instant of the window |
 //!
-//! \[1\] stm32duino/ST25R3916 `src/st25r3916_com.h`: 75, 105, 150, 205, 290, 400, 560 and 800 mV, in either register.
+//! \[1\] The field detector's thresholds, in either register, are 75, 105, 150, 205, 290, 400, 560 and 800 mV:
+//! stm32duino/ST25R3916 `src/st25r3916_com.h`.
 
 use crate::core::Core;
 use crate::event::AirEvent;
@@ -23,8 +24,8 @@ use crate::registers::{EN, EN_FD, TX_EN, reg};
 use crate::report::Kind;
 use crate::schedule::Due;
 
-/// The thresholds of the field detector, mV: one to detect a field (2A, bits 6:4), and one to keep it detected (2B,
-/// bits 6:4).
+/// The thresholds of the field detector, mV: one to detect a field (register 2A, bits 6:4), and one to keep it detected
+/// (register 2B, bits 6:4).
 const THRESHOLDS_MV: [u16; 8] = [75, 105, 150, 205, 290, 400, 560, 800];
 
 #[derive(Clone, Debug, Default)]

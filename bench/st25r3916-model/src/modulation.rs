@@ -32,7 +32,7 @@ const DIS_REG_AM: u8 = 0x80;
 const VDDRF_CONT: u8 = 0x08;
 const AAT_EN: u8 = 0x20;
 const DEPTHS: core::ops::RangeInclusive<u8> = 8..=30;
-/// The modulation depth, percent, for each value of am_mod (28, bits 7:4) on the ST25R3916.
+/// The modulation depth, percent, for each value of am_mod (register 28, bits 7:4) on the ST25R3916.
 const DEPTH_A: [u8; 16] = [5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 17, 19, 22, 26, 40];
 const DEPTH_B: [u8; 16] = [0, 8, 10, 11, 12, 13, 14, 15, 20, 25, 30, 40, 50, 60, 70, 82];
 

@@ -199,7 +199,7 @@ impl Receiver {
             }
             match rx.frame.technology {
                 Technology::NfcF if om == 0x04 => right_rate,
-                // om3 selects bit rate detection: together with om2 for NFC-F, together with om0 for NFC-A.
+                // The mode bit om3 selects bit rate detection: with om2 for NFC-F, with om0 for NFC-A.
                 Technology::NfcF => om & 0x08 != 0 && om & 0x04 != 0,
                 Technology::NfcA => om & 0x08 != 0 && om & 0x01 != 0,
             }
@@ -309,7 +309,7 @@ impl Receiver {
         if rx.frame.chunk.parity_error && core.a(reg::ISO14443A) & 0x40 == 0 {
             raised |= irq::PAR;
         }
-        // d_212_424_1r (08, bit 2) disables the automatic answer.
+        // The bit d_212_424_1r (register 08, bit 2) disables the automatic answer.
         if core.target() && !crc_wrong && asks_for_own(core, &rx) && core.a(reg::PASSIVE_TARGET) & 0x04 == 0 {
             raised = (raised & !irq::RXE) | irq::RXE_PTA | irq::WU_F;
             let delay = core.clock().cycles(ANSWER_DELAY_CYCLES);

@@ -12,8 +12,8 @@
 //! | stream mode, EMD suppression, wake-up by amplitude or phase, | the link uses none; a write of another value |
 //! | PPON2, capacitive sensor | than reset is reported |
 //!
-//! The reset values have three sources. Those of 03, 0B, 0C, 0D, 0F, 15, 28, B0B, B0C, B15 and B29 come from a
-//! recording of silicon after a bring-up that does not write them. Those of 26, 27, 29–2B and B2A come from public
+//! The reset values have three sources. Those of registers 03, 0B, 0C, 0D, 0F, 15, 28, B0B, B0C, B15 and B29 come from
+//! a recording of silicon after a bring-up that does not write them. Those of 26, 27, 29–2B and B2A come from public
 //! drivers. All others are 0. B28 connects the load modulator after reset, which is the cautious assumption for a
 //! listener that must not answer.
 
@@ -62,7 +62,7 @@ pub(crate) mod reg {
     pub(crate) const B_RC_CALIBRATION: usize = 0x39;
 }
 
-/// Bits of the operation control register (02).
+/// Bits of the operation control register, 02.
 pub(crate) const EN: u8 = 0x80;
 pub(crate) const RX_EN: u8 = 0x40;
 pub(crate) const TX_EN: u8 = 0x08;
@@ -149,7 +149,7 @@ pub(crate) fn unmodelled_bits(space: Space, address: u8, value: u8) -> u8 {
         (Space::A, 0x03) => value & 0x03,
         // Bits 0, 5 and 6 of register 05 are antcl, nfc_f0 and no_rx_par.
         (Space::A, 0x05) => value & 0x61,
-        // Of register 12, the model covers gptc values 1 and 2, and neither nrt_nfc nor nrt_emv.
+        // In register 12 the model covers gptc values 1 and 2, and neither nrt_nfc nor nrt_emv.
         (Space::A, 0x12) => value & 0x06 | if value >> 5 > 2 { value & 0xE0 } else { 0 },
         _ => 0,
     }

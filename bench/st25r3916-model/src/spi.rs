@@ -22,7 +22,7 @@ pub(crate) enum State {
     Write(Space, u8),
     Read(Space, u8),
     Load,
-    /// The FIFO is being read. True if it had a byte to shift out.
+    /// The FIFO is being read. The field says whether it had a byte to shift out.
     ReadFifo(bool),
     LoadTarget(u8),
     ReadTarget(u8),
@@ -75,7 +75,7 @@ impl Spi {
     pub(crate) fn after_first_edge(&self, now: u64, fall_ns: u64) -> u64 {
         let hz = u64::from(if self.hz == 0 { MAX_HZ } else { self.hz });
         let before_end = (PERIODS * 1_000_000_000 / hz).saturating_sub(fall_ns);
-        // If the clock rate is wrong, the instant is at least not before the end of the previous byte.
+        // The calculated instant is never before the end of the previous byte, even if the clock rate is wrong.
         now.saturating_sub(before_end).max(self.last_byte).min(now)
     }
 }

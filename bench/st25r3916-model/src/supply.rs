@@ -53,7 +53,8 @@ pub(crate) fn tuning_suits(core: &mut Core, field: &Field) {
     }
 }
 
-/// Returns the result of Measure power supply (DF), steps of 23.4 mV, for the supply that mpsv (2C, bits 2:0) selects.
+/// Returns the result of Measure power supply (DF), steps of 23.4 mV, for the supply that mpsv (register 2C, bits 2:0)
+/// selects.
 pub(crate) fn measured(core: &Core) -> u8 {
     let mv = match core.a(reg::REGULATOR) & 0x07 {
         0 => core.config().vdd_mv,

@@ -65,8 +65,8 @@ pub(crate) fn start_wake_up(core: &mut Core) {
     core.plan_in(Due::WakeUp, step * (1 + u64::from((w >> 4) & 0x07)));
 }
 
-/// Ends the wake-up timer, which raises an interrupt if wto (32, bit 3) is set. The measurement at wake-up is not
-/// modelled.
+/// Ends the wake-up timer, which raises an interrupt if wto (register 32, bit 3) is set. The measurement at wake-up is
+/// not modelled.
 pub(crate) fn wake_up(core: &mut Core) {
     if core.a(reg::WAKE_UP) & 0x08 != 0 {
         core.raise(irq::WT);

@@ -36,8 +36,7 @@ fn a_frame_that_the_poller_broke_off_is_not_delivered() {
     let cases = [
         // The poller's FIFO ran dry after ten bytes, which are fewer than LEN announces.
         (10, 80),
-        // The field went off during the last byte of the CRC in the first of these cases, and during an earlier byte in
-        // the second.
+        // In one case the field went off during the last byte of the CRC, in the next case during an earlier byte.
         (23, 8 * 23 - 1),
         (23, 100),
         // The poller sent only preamble and sync.

@@ -173,7 +173,7 @@ fn an_answer_that_begins_under_the_mask_timer_is_not_received() {
 
 #[test]
 fn a_listener_without_load_modulation_stays_mute() {
-    // On the HORUS link the listener has these settings: its driver has the same resistance at all times, so it does
+    // The listener of the HORUS link is set up like this: its driver has the same resistance at all times, so it does
     // not modulate.
     let mut pair = exact_pair();
     pair.spi(Side::Listener, &[0x29, 0xFF]);

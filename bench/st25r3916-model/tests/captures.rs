@@ -7,8 +7,8 @@
 //! Before a replay the chip is set up over SPI as the recorded firmware had set it up. A model of the tag answers with
 //! the recorded bytes, at instants derived from the recorded edges of I_rxs.
 //!
-//! In the replay, edges of I_rxs are therefore checked only for order and level. A separate check compares them with
-//! the frame delay time of ISO 14443-3.
+//! The instants of the answers come from the recorded edges of I_rxs, so a replay checks these edges only for order and
+//! level. A separate check compares them with the frame delay time of ISO 14443-3.
 
 use std::path::Path;
 

@@ -274,8 +274,8 @@ fn an_answerer_that_is_late_gives_up_nothing_but_its_answer() {
     for cycle in 0..10 {
         world.answers_after_ns = if cycle % 2 == 0 { 98 * MS } else { 700_000 };
         let (event, _) = world.cycle(&payload(64, cycle)).expect("it ends");
-        // The late answer is still on the air when the next frame is sent. The chip that answers cannot receive that
-        // frame's sync.
+        // An answer that comes late is still on the air when the next frame is sent. The chip that answers cannot
+        // receive that frame's sync.
         assert!(matches!(event, ExchangeEvent::NoAnswer(_)) || cycle % 2 == 1 && event == CLEAN, "{event:?}");
     }
     world.answers_after_ns = 700_000;

@@ -17,7 +17,8 @@ use super::boards::RAM_TEST;
 
 /// How long the stores of a board are recorded from its start, ns.
 const RECORDED: u64 = RAM_TEST + 30 * MS;
-/// The number of bytes of flash that are compared, more than a program and its stubs have.
+/// The number of bytes of flash that are compared to find what a patch has changed, more than a program and its stubs
+/// have.
 const FLASH: usize = 0x4_4000;
 pub(super) const ALWAYS: (u64, u64) = (0, u64::MAX);
 const WAIT: [u8; 2] = 0xBF30_u16.to_le_bytes();

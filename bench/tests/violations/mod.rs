@@ -64,8 +64,8 @@ fn beat(gps: usize) -> &'static Beat {
     })
 }
 
-/// Returns the instant at which the world breaks, ns: [`READABLE`] after a tick of HORUS, and less than half a control
-/// cycle before the next read.
+/// Returns the instant at which a row's fault begins, ns: [`READABLE`] after a tick of HORUS, and less than half a
+/// control cycle before the next read.
 fn breaks_with(gps: usize) -> u64 {
     beat(gps).breaks
 }

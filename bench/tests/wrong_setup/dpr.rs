@@ -25,7 +25,7 @@ struct Shows {
     all: usize,
     /// The number of transactions that read data although they came within the pause after another transaction.
     hasty: usize,
-    /// How long, ns, after `commit` began to hang valid data were read.
+    /// The longest time, ns, from when `commit` began to hang until a transaction read valid data.
     stale: u64,
     fresh: (usize, usize),
     received: u32,
@@ -232,7 +232,7 @@ const DPR_ROWS: &[Row<Shows>] = &[
         let granted = READ_EVERY * u64::from(BUDGET);
         shows_as_ever(seen) && (granted..granted + 3 * READ_EVERY).contains(&seen.stale) && seen.expired == 0
     }),
-    // Of TIMER3's settings, two are not changed here: its mode keeps the reset value, and eight bits suffice for the
+    // Two settings of TIMER3 are not changed here: its mode keeps the reset value, and eight bits suffice for the
     // pause.
     row("TIMER3: prescaler 2^9", &[bits(TIMER3 + 0x510, 0xF, 9)], Expected::Nothing, |seen| {
         seen.received == 8 && seen.valid < 25 && seen.intact < 60 && seen.restarts.is_empty()

@@ -248,7 +248,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("MISO: input", &[bits(GPIOA, 0x3000, 0)], Expected::Nothing, |seen| off_air_for(seen, "Absent")),
     row("chip select: input", &[bits(GPIOD, 0x3000_0000, 0)], Expected::Nothing, |seen| off_air_for(seen, "Absent")),
     row("GPIOA: no clock", &[gate(0x30, 0)], Expected::Finding(REFUSED), |seen| off_air_for(seen, "Absent")),
-    // Port D has two things: the front end's chip select, and the line of the first receiver.
+    // Two things fail with port D: the front end's chip select, and the line of the first receiver.
     row("GPIOD: no clock", &[gate(0x30, 3)], Expected::Finding(REFUSED), |seen| {
         off_air_for(seen, "Absent") && seen.bytes == [0, 1100, 1100]
     }),

@@ -24,7 +24,7 @@
 //! | DPR | `overruns` | frames lost because commit and scrub were late by a cycle |
 //! | DPR | `images_expired` | images that none replaced in time |
 //!
-//! The name of a counter of a line may begin with the line and a full stop, as in `lines.0.overruns`.
+//! The name of a counter of a receiver's line may begin with the line and a full stop, as in `lines.0.overruns`.
 //!
 //! # A board that hangs
 //!
@@ -79,7 +79,8 @@ pub struct Boards {
     injected: BTreeMap<String, u64>,
     /// For HORUS and for the DPR, whether the log explains the faults counted since the last start.
     explained: [bool; 2],
-    /// The boards that have met a core fault and have not restarted yet: board, instant, ns, and fault in words.
+    /// The boards that have met a core fault and have not restarted yet, each with the instant (ns) and the fault in
+    /// words.
     faulted: Vec<(Board, u64, String)>,
     /// The board and the instant, ns, of the last restart that was not asked for.
     restarted: Option<(Board, u64)>,
@@ -548,7 +549,7 @@ mod tests {
         assert_eq!(broken(&events), []);
     }
 
-    /// Returns the violations of a run in which both firmwares count faults and `change` is made.
+    /// Returns the violations of a run in which both firmwares count faults and which `change` has changed.
     fn complaining(change: impl FnOnce(&mut Events)) -> Vec<Violation> {
         let mut events = run();
         events.add(100 * MS, counter(Board::Horus, "rf_faults", Some(1)));

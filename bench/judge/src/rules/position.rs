@@ -4,9 +4,9 @@
 //! Reported-Position has to lie within [`bounds::POSITION_OFF_M`] of where the aircraft was in the last
 //! [`bounds::POSITION_OLDEST`].
 //!
-//! A disturbed receiver may agree with the others, so [`bounds::AGREEMENT_M`] is added to the limit while any receiver
-//! is disturbed. Nothing is required while a quorum of receivers is disturbed, or one of two receivers, or the only
-//! one.
+//! A disturbed receiver may agree with the others, so [`bounds::AGREEMENT_M`] is added to the limit of the error while
+//! any receiver is disturbed. Nothing is required while a quorum of receivers is disturbed, or one of two receivers, or
+//! the only one.
 //!
 //! A position that is missing for [`bounds::POSITION_WITHIN`] is reported, unless another violation in this time
 //! explains it.
@@ -278,7 +278,8 @@ mod tests {
         assert_eq!(none(late, vec![(50 * MS, What::Hung { board: Board::Horus })]), [], "it hangs");
         assert_eq!(none(late, vec![disturbed(0)]), told, "two others are well");
         assert_eq!(none(late, vec![disturbed(0), disturbed(1)]), []);
-        // HORUS sends only one position, 30 ms after the first tick.
+        // HORUS sends one position, 30 ms after the first tick, and then none. The time without a position counts from
+        // that one on.
         let lost = |number: u64| (number == 4).then_some((0, 0));
         assert_eq!(run(3, late, |_| 0, lost, vec![]).0, []);
         assert_eq!(run(3, late + 5, |_| 0, lost, vec![]).0.len(), 1);

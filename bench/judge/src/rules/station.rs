@@ -64,7 +64,8 @@ pub struct Station {
     layout: Layout,
     tick: Option<u64>,
     starts: u64,
-    /// The Reported-Positions that HORUS sent: timestamp, ms, tick, ns, and number of HORUS's start.
+    /// The Reported-Positions that HORUS sent, each with its timestamp (ms), its tick (ns) and the number of HORUS's
+    /// starts at that tick.
     sent: VecDeque<(u32, (u64, u64))>,
     newest: Option<Newest>,
     last: Option<Last>,

@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn a_constant_of_16_bits_is_replaced_in_a_movw() {
-        // The second instruction is MOVW r1, #24480.
+        // The second instruction in memory is MOVW r1, #24480.
         let image = image(&[0xBF00, 0xF645, 0x71A0]);
         assert_eq!(replaced(&image, 24_480, 24_481), [(2, vec![0x45, 0xF6, 0xA1, 0x71])]);
         assert!(replaced(&image, 24_481, 0).is_empty());

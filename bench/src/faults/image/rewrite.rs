@@ -93,7 +93,7 @@ struct Code {
 }
 
 const fn bl_imm(distance: i32, opcode: u16, link: bool) -> [u16; 2] {
-    // The instruction is encoded as T4 of B or T1 of BL, ARMv7-M ARM A7.7.12 and A7.7.18.
+    // Returns the bits of a branch: encoding T4 of B or T1 of BL, ARMv7-M ARM A7.7.12 and A7.7.18.
     let value = distance as u32;
     let s = (value >> 24 & 1) as u16;
     let j1 = (!(value >> 23) & 1) as u16 ^ s;

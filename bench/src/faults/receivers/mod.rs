@@ -502,6 +502,6 @@ const fn with_stop(byte: u8, high: bool) -> UartFrame {
 fn low_for(ns: u64) -> UartFrame {
     let character = UartFrame::eight_n_one(0, GNSS_BAUD);
     let ns = ns.clamp(character.ns(), LONGEST_BREAK);
-    // Of this frame's 10.5 bits, ten are low, and the last half is high.
+    // The frame has 10.5 bits: ten are low, and the last half is high.
     UartFrame { bits: 9, stop_halves: 1, bit_ps: ns * 2_000 / 21, ..character }
 }

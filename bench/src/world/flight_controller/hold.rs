@@ -17,7 +17,7 @@ const PAUSE: (u64, u64) = (300, 2_000);
 /// The time, ms, after which a writer gives a command up that the hold has not acknowledged.
 const PATIENCE: u64 = 1_500;
 
-/// A word in place of a command that no hold knows.
+/// A word that no hold knows, in place of a command.
 struct Unknown(u16);
 
 impl Words for Unknown {

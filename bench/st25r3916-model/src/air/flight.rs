@@ -77,7 +77,7 @@ pub(super) enum Later {
     End { bits: u32, whole: bool },
 }
 
-/// A frame on its way to the listener. Its events are relative to its first bit, which may be delayed.
+/// A frame on its way to the listener. The instants of its events count from its first bit, which may be delayed.
 #[derive(Clone, Debug)]
 pub(super) struct Flight {
     pub(super) id: u64,

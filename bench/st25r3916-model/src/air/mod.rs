@@ -99,7 +99,8 @@ impl Air {
     }
 
     /// Passes the emissions of each chip to the other until neither emits more, and advances the air to the poller's
-    /// time. Must be called when [`has_air`](Chip::has_air) is true for either chip, and at [`Air::next_event`].
+    /// time. The caller must do this when [`has_air`](Chip::has_air) is true for either chip, and at
+    /// [`Air::next_event`].
     pub fn carry(&mut self, poller: &mut Chip, listener: &mut Chip) {
         loop {
             for (at, event) in poller.take_air() {

@@ -61,8 +61,8 @@ impl Chip {
             0xD5 => core.set_a(reg::GAIN, 0),
             0xD6 => {
                 supply::suits(core);
-                // With reg_s (2C, bit 7) set, firmware chooses the regulated voltage, and the display shows this
-                // choice.
+                // With reg_s (register 2C, bit 7) set, firmware chooses the regulated voltage, and the display shows
+                // this choice.
                 let regulator = core.a(reg::REGULATOR);
                 let shown =
                     if regulator & 0x80 != 0 { (regulator & 0x78) << 1 } else { core.config().regulator_display };

@@ -4,11 +4,11 @@
 //! cycle, within [`bounds::SAMPLED_AFTER_TICK`] after the tick. HORUS accepts a reading after three equal samples in a
 //! row, and a contradiction after ten samples without three equal ones in a row.
 //!
-//! Reported-Position of the next cycle shows the resulting state, which is that of the most severe input that is not
-//! inactive.
+//! Reported-Position shows in the next cycle the state that follows from the accepted readings: that of the most severe
+//! input that is not inactive.
 //!
-//! If a pair's levels change during the sampling, the judge allows every outcome. After an irregular tick the number of
-//! samples is not known, so nothing is required until later samples make the reading certain.
+//! If the levels of an input's pins change during the sampling, the judge allows every outcome. After an irregular tick
+//! the number of samples is not known, so nothing is required until later samples make the reading certain.
 
 use std::collections::VecDeque;
 

@@ -77,7 +77,7 @@ impl Itself {
         }
     }
 
-    /// Returns, in words, any other error in a Reported-Position's status.
+    /// Returns, in words, an error in a Reported-Position's status about the last reset or HORUS's memory.
     pub(super) fn wrong(&mut self, status: ReportedStatus) -> Option<String> {
         let told = status.reset_reason();
         if told.is_none() || self.reason.is_some_and(|reason| told != Some(reason)) {

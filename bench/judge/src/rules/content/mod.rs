@@ -6,9 +6,9 @@
 //! arrived. Of each kind, a GPS object must show the newest message that had arrived [`bounds::MESSAGE_TAKEN`] before
 //! the tick. It may show a message that arrived up to [`bounds::SAMPLED_AFTER_TICK`] after the tick.
 //!
-//! Values and status are compared bit by bit; `track` determines the status bits by the message's age. HORUS may miss a
-//! message whose line was disturbed, whose bytes came before HORUS's first tick, or that lies within bytes that look
-//! like another message.
+//! A GPS object's values and status are compared bit by bit; `track` determines the status bits by the message's age.
+//! HORUS may miss a message whose line was disturbed, whose bytes came before HORUS's first tick, or that lies within
+//! bytes that look like another message.
 //!
 //! # What is not judged
 //!
@@ -171,8 +171,8 @@ impl Line {
             || self.tracks[Kind::Position as usize].newest() + bounds::MESSAGE_TAKEN > tick
     }
 
-    /// Settles for each message that had arrived by `by` whether HORUS has certainly processed it. A message that began
-    /// before `first_tick` is uncertain.
+    /// Determines for each message that had arrived by `by` whether HORUS has certainly processed it. A message that
+    /// began before `first_tick` is uncertain.
     fn settle(&mut self, by: u64, first_tick: Option<u64>) {
         while let Some(message) = self.arriving.pop_front_if(|message| message.arrived <= by) {
             let Message { begun, arrived, sure, said } = message;
@@ -273,7 +273,7 @@ struct Ticks {
     last: Option<u64>,
     before: Option<u64>,
     untimed: u64,
-    /// How far, ms, HORUS's timestamps are ahead of 10 ms for each tick.
+    /// How far, ms, HORUS's timestamps are ahead of a count of 10 ms for each tick.
     ahead: u32,
 }
 

@@ -4,8 +4,8 @@
 //! [`bounds::SETTINGS_TOLD`] for this from its start or from the last change of the model, and longer while
 //! [`Excuse::Settings`] holds.
 //!
-//! Each receiver states its model in the log ([`What::Settings`]). A receiver that states none, such as a recorded one,
-//! is not judged.
+//! Each receiver states its dynamic model in the log ([`What::Settings`]). A receiver that states none, such as a
+//! recorded one, is not judged.
 
 use crate::disturbance::Excuse;
 use crate::{Disturbances, What, bounds};

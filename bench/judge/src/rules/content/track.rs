@@ -7,8 +7,8 @@ use gnss_sim::ubx::WEEK_MS;
 use super::ubx::{Kind, MessageContent, Motion, STALE};
 use crate::bounds;
 
-/// The number of steps of the time of week from which HORUS determines a receiver's period. A message that is lost
-/// falls out of them later.
+/// The number of steps of the time of week from which HORUS determines a receiver's period. A step that spans a lost
+/// message counts until this many newer steps have come.
 const STEPS: usize = 4;
 /// How long after a message's arrival, ns, HORUS may still find it in the bytes that it received.
 pub(super) const FOUND_LATE: u64 = 200_000_000;
@@ -19,7 +19,7 @@ const MOST_CANDIDATES: usize = 64;
 #[derive(Clone, Debug)]
 struct Pace {
     time_of_week: Option<u32>,
-    /// The last steps between the times of week of two messages, ms.
+    /// The last steps, ms, each between the times of week of two successive messages.
     steps: VecDeque<u32>,
 }
 
@@ -107,7 +107,7 @@ pub(super) struct Held {
 pub(super) const WEEK: i64 = WEEK_MS as i64 * 1_000_000;
 
 impl Held {
-    /// Returns this message as it is `by` ns later, at another tick.
+    /// Returns this message as it looks at another tick, `by` ns later.
     pub(super) fn later(self, by: u64) -> Self {
         Self { age: self.age.later(by), since_epoch: (self.since_epoch + by as i64) % WEEK, ..self }
     }

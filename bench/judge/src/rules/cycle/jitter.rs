@@ -32,7 +32,8 @@ impl Series {
         self.extremes.map(|(min, max)| Span { min: min.value, max: max.value })
     }
 
-    /// Returns the span and the extreme that is farther from the mean; `None` if the span is at most `bound`.
+    /// Returns the span of the times, and the least or the greatest time, whichever is farther from the mean. Returns
+    /// `None` if the span is at most `bound`.
     fn beyond(&self, bound: u64) -> Option<Outlier> {
         let (min, max) = self.extremes?;
         let span = self.span().filter(|span| span.width() > bound)?;

@@ -14,9 +14,9 @@ const NOTICED: u64 = 2 * (bounds::CLOCK_WINDOW + (bounds::MAX_MISSED as u64 + 1)
 pub(super) struct Clocks {
     /// The timestamp, ms, of each cycle, and the instant, ns, of its sample.
     samples: VecDeque<(u32, u64)>,
-    /// The last cycle, ns, at which HORUS's clock may have differed from the DPR's over the last second.
+    /// The instant of the last cycle, ns, at which HORUS's clock may have differed from the DPR's over the last second.
     disagreed: Option<u64>,
-    /// The last cycle, ns, at which HORUS's clock may have agreed with the DPR's over the last second.
+    /// The instant of the last cycle, ns, at which HORUS's clock may have agreed with the DPR's over the last second.
     agreed: u64,
 }
 

@@ -6,7 +6,7 @@ use profile::{Layout, LinkValues};
 use crate::bounds;
 use crate::expectation::{Certainty, Delivery};
 
-/// The number of frames that a DPR with these receptions must count as missed.
+/// The number of frames that a DPR must count as missed, given the frames that it has received.
 #[derive(Clone, Copy, Debug)]
 struct Missed {
     frames: u64,

@@ -4,9 +4,9 @@
 //! select fell. The [expectation](crate::expectation) determines which frames the DPR had received by then, and allows
 //! either value where this is uncertain.
 //!
-//! The judge keeps one `Snapshot` after each frame, and the image has to fit one that is possible. A frame that ended
-//! shortly before FRESH rose may or may not be included. It certainly is if the image shows one of its objects, or if
-//! only that frame can have caused the image.
+//! The judge keeps one `Snapshot` of Link-Status after each frame, and an image has to fit one that is possible. A
+//! frame that ended shortly before FRESH rose may or may not be included. It certainly is if the image shows one of its
+//! objects, or if only that frame can have caused the image.
 //!
 //! # What each violation compares
 //!
@@ -315,7 +315,7 @@ impl LinkStatus {
         }
     }
 
-    /// Returns the indices of the possible snapshots of an image; `None` if another rule reports the image.
+    /// Returns the indices of the snapshots that an image may show; `None` if another rule reports the image.
     fn candidates(&self, reading: &Reading, published: u64) -> Option<Vec<usize>> {
         let newest = |of: &dyn Fn(&Snapshot) -> bool| self.snapshots.iter().rposition(of);
         let last = newest(&|it| it.ended() <= published)?;

@@ -4,7 +4,7 @@ use profile::{LinkStatusBits, ResetReason};
 
 use crate::{Cause, What, bounds};
 
-/// The reasons that the DPR may state; `None` for any reason.
+/// The reasons of its last start that the DPR may state; `None` if it may state any.
 #[derive(Clone, Debug)]
 pub(super) struct Reasons(Option<&'static [ResetReason]>);
 

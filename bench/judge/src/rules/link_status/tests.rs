@@ -210,7 +210,7 @@ fn a_frozen_and_a_restarted_horus_are_told() {
         assert_eq!(run.broken(of(&run, 21, |values| flip(values, 2))), [Violation::LinkFlags], "{n} receivers");
         let run = Run { cycles: 150, horus_starts: vec![20], ..Run::new(n) };
         run.assert_flawless();
-        // For a second Link-Status shows that HORUS has restarted.
+        // Link-Status shows for one second that HORUS has restarted.
         for cycle in [21, 119, 121, 140] {
             let broken = run.broken(of(&run, cycle, |values| flip(values, 3)));
             assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, {cycle}");

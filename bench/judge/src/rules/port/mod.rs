@@ -37,7 +37,7 @@ const REMEMBERED: usize = 64;
 /// The number of written objects that are kept: more than can be written between two images.
 const WRITTEN: usize = 128;
 
-/// The longest time, ns, from the instant of the ages in Port-Status until its publication.
+/// The longest time, ns, from the instant for which Port-Status states its ages until its publication.
 const MADE_BEFORE: u64 = 4 * bounds::CYCLE;
 
 /// The longest time, ns, from the end of a transaction until the DPR has judged the object in it.
@@ -66,8 +66,8 @@ pub struct PortRule {
     written: u64,
     /// The values of Port-Status when it was last read, and the number of transactions since that reading.
     known: (PortValues, u32),
-    /// A reference, read while no written object was pending: the access violations in Link-Status, those in
-    /// Port-Status, and the timestamp of the last command. `None` if not known.
+    /// Values read while no written object was pending, with which later ones are compared: the access violations in
+    /// Link-Status, those in Port-Status, and the timestamp of the last command. `None` if not known.
     counted: Option<(u32, u32, u32)>,
     health: HealthFields,
     /// Whether Port-Status has reported that the last self-test failed.
@@ -235,8 +235,8 @@ impl PortRule {
         }
     }
 
-    /// Judges the number of violations in Link-Status. It must grow with the counts in Port-Status, unless a command
-    /// clears those.
+    /// Judges the number of access violations in Link-Status, which must grow with the counts in Port-Status unless a
+    /// command clears those.
     fn counted(&mut self, link: u16, values: &PortValues, selected: u64, findings: &mut Findings) {
         let now = (u32::from(link), values.violations.total(), values.last_command_timestamp);
         let Some(before) = &mut self.counted else { return };

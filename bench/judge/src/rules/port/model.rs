@@ -68,7 +68,7 @@ pub(super) struct Model {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Test {
-    /// No self-test is under way. The fields have the result of the last one.
+    /// No self-test is under way. The flags have the result of the last one.
     Idle { passed: bool, failed: bool },
     /// A self-test began at this instant, ns, and may have ended.
     Begun(u64),

@@ -21,8 +21,8 @@
 //! others of its cycle are shown. They concern only transactions that began after the cycle's image had to be readable
 //! and before the next image could be.
 //!
-//! Neither is reported for an object whose bytes are reported as one of the violations above or, by rule `ssi`, as
-//! damage. Rule `ssi` also judges whether a transaction may read 0xFF throughout.
+//! Neither `NotShown` nor `Vacant` is reported for an object whose bytes are reported as a violation of the table or,
+//! by rule `ssi`, as damage. Rule `ssi` also judges whether a transaction may read 0xFF throughout.
 //!
 //! # A DPR that hangs
 //!
@@ -35,7 +35,7 @@
 //! - After a received frame that brought nothing to show, the previous image may stay. It is reported only after its
 //!   deadline, or after 25 ms.
 //! - A transaction longer than a second is not judged, because the frames that it may have read are no longer kept.
-//! - While [`Excuse::Hearing`] holds, no cycle must be shown, and any cycle that reached the antenna may be. When an
+//! - While [`Excuse::Hearing`] holds, a cycle that reached the antenna may be shown but need not be. When an
 //!   [`Excuse::Withdrawal`] begins, a cycle that no transaction has had to show yet need not be shown.
 
 mod recovery;

@@ -5,7 +5,7 @@
 //! - an injected fault that ends,
 //! - a restart of either board,
 //! - a supply that goes off or on,
-//! - a frame that arrives at the DPR's antenna otherwise than HORUS sent it,
+//! - a frame that arrives at the DPR's antenna late, or not as HORUS sent it,
 //! - a hang that the bench causes; it ends when the board restarts, by its watchdog or otherwise.
 //!
 //! After a disturbance the link must recover within [`bounds::RECOVERY_CYCLES`] cycles, or within

@@ -52,13 +52,13 @@ pub(crate) struct Run {
     /// The effect of the air on each frame, by the cycle's number (from 1) and the frame's number in the cycle (from
     /// 0).
     pub(crate) hits: BTreeMap<(u32, usize), Air>,
-    /// The cycles before which HORUS restarts. Its timestamps begin anew at each, and its ticks move.
+    /// The cycles before which HORUS restarts. At each restart HORUS's timestamps begin anew, and its ticks move.
     pub(crate) horus_starts: Vec<u32>,
     /// The cycles that have the same timestamp as the cycle before.
     pub(crate) frozen: Vec<u32>,
     /// The length of HORUS's cycle, ns.
     pub(crate) period: u64,
-    /// The restart of the DPR: the instant, ns, the cause, and the reason that the DPR states.
+    /// The restart of the DPR: its instant (ns), its cause, and the reason that the DPR states.
     pub(crate) dpr_start: Option<(u64, crate::Cause, ResetReason)>,
     pub(crate) extra: Vec<Event>,
     /// The length of the flight controller's control cycle, ns.

@@ -9,8 +9,8 @@
 //!   is readable before FRESH has announced it.
 //! - With a transaction under way, FRESH rises at once, although this transaction still reads the previous image.
 //!
-//! When FRESH rises, the log may therefore not yet have the bytes of the announced image. The judge takes them from
-//! what could be read when FRESH falls, or from the first transaction that begins after the rise. FRESH rises for each
+//! At a rise of FRESH the log may not yet have the bytes of the announced image. The judge takes them from what could
+//! be read when FRESH falls, or from the first transaction that begins after the rise. FRESH rises for each
 //! publication, also for an image without objects after a missed frame.
 //!
 //! An image must have been announced before the transaction that reads it began.

@@ -29,9 +29,9 @@ struct Cycle {
     /// The time, ns, in which the cycle must be readable after its last bit, if it is longer than usual; `None`
     /// otherwise.
     ///
-    /// It is longer if LEN may be damaged, because the DPR can then neither read the objects early nor recognise the
-    /// second frame. It is also longer if the DPR may have missed the second frame and waits until that frame is
-    /// overdue.
+    /// The time is longer than usual if LEN may be damaged, because the DPR can then neither read the objects early nor
+    /// recognise the second frame. It is also longer if the DPR may have missed the second frame and waits until that
+    /// frame is overdue.
     longer: Option<u64>,
     readable: bool,
     late: bool,

@@ -1,4 +1,4 @@
-//! Judges transactions, readiness, FRESH, and what is torn or damaged.
+//! Judges the transactions on the SSI, when the DPR is ready for them, what FRESH announces, and torn or damaged bytes.
 //!
 //! | file | what it judges |
 //! |---|---|
@@ -20,8 +20,8 @@
 //!   FRESH announces within [`bounds::SSI_READY`]; just after another transaction; when the image's time is over; or
 //!   when it has used its budget of transactions between two images. Any other such transaction is
 //!   [`Violation::Unserved`].
-//! - An unsound image is [`Violation::FreshUnreadable`] if FRESH announced these bytes. Otherwise the transaction that
-//!   read the image is judged as torn, misplaced or damaged, in this order.
+//! - An unsound image is [`Violation::FreshUnreadable`] if FRESH announced it. Otherwise the transaction that read the
+//!   image is judged as torn, misplaced or damaged, in this order.
 //! - While [`Excuse::Service`] holds, the DPR need not serve the flight controller, and damaged bytes are not judged.
 //!   The objects that are read as valid still have to be right ([`super::shown`]), and no image may be late because of
 //!   the flight controller.
@@ -164,7 +164,7 @@ impl Ssi {
         }
     }
 
-    /// Judges how long FRESH was high or low before this change.
+    /// Judges how long FRESH was high or low before it changed.
     fn pulse(&mut self, at: u64, high: bool, findings: &mut Findings) {
         if let Some(since) = self.high_since.take().filter(|since| !high && at < since + bounds::FRESH_WIDTH) {
             findings.add(Violation::FreshShort, since, || format!("{} ns", at - since));

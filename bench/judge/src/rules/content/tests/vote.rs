@@ -483,8 +483,8 @@ fn attitude_and_acceleration_are_those_of_the_members_that_have_one() {
     assert_eq!(said, REPORTED);
 }
 
-/// Returns the violations of a scene with the changed `bursts` for two votes: one by the rules, and one that `changed`
-/// changes in all cycles in which every receiver has sent messages.
+/// Returns the violations of two runs with the changed `bursts`. In the first HORUS votes by the rules. In the second
+/// `changed` changes the vote in all cycles in which every receiver has sent messages.
 fn of_three(
     gps: usize,
     bursts: impl Fn(usize, &mut Burst),

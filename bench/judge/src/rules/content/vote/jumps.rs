@@ -115,7 +115,7 @@ impl Mark for Level {
     }
 }
 
-/// The vote's result for the place or the altitude at a tick.
+/// The result of a vote at a tick, for the place or for the altitude.
 #[derive(Clone, Debug)]
 pub(super) struct Found<T> {
     pub(super) sure: bool,

@@ -29,9 +29,9 @@
 //! - The vote has no result.
 //! - The receiver agrees with a member of the result.
 //!
-//! A receiver must not stay excluded if it has agreed with all members for more than 1.1 s. It must be excluded if it
-//! agrees with no member, or if it has agreed for less than a second since its exclusion. If M members have an
-//! altitude, a receiver that has one too must agree with one of them.
+//! A receiver must not stay excluded if it has agreed with all members of the result for more than 1.1 s. It must be
+//! excluded if it agrees with no member, or if it has agreed for less than a second since its exclusion. If a quorum of
+//! the members have an altitude, a receiver that has one too must agree with one of them.
 //!
 //! After a restart of HORUS that leaves RAM as it was, an excluded receiver stays excluded unless it may have returned.
 //! A receiver that agreed with all others must not be excluded then, if it has sent nothing new and fewer than M others
@@ -120,7 +120,7 @@ pub(super) enum Ram {
     Kept,
     /// RAM may have kept its content: the supply was off, and the log does not say how low the voltage went.
     MayBeKept,
-    /// RAM lost its content. Or it is a power-on, after which HORUS must not use the content.
+    /// RAM lost its content, or the start is a power-on, after which HORUS must not use the content.
     Lost,
 }
 
@@ -236,7 +236,7 @@ impl Cycle<'_> {
     }
 }
 
-/// Returns ranges that cover all of `marks`; `None` if a mark is not known.
+/// Returns a range that covers all `marks`, which are places or altitudes; `None` if one of them is not known.
 fn all<T: Mark>(marks: impl Iterator<Item = Option<T>>) -> Option<T> {
     marks.collect::<Option<Vec<_>>>()?.into_iter().reduce(Mark::or)
 }
@@ -262,8 +262,9 @@ impl Vote {
     /// Resets the state at a start of HORUS after `ticks` ticks. `ram` says whether HORUS may still know which
     /// receivers were excluded: those of the last judged cycle, changed by up to three votes that no frame shows.
     ///
-    /// For these votes the receivers `heard` may have sent newer positions. A receiver that agreed with all others can
-    /// become excluded only by a newer position of its own, or by newer positions of a whole quorum.
+    /// In the votes that no frame shows, HORUS may have used newer positions of the receivers `heard`. A receiver that
+    /// agreed with all others can become excluded only by a newer position of its own, or by newer positions of a whole
+    /// quorum.
     pub(super) fn restart(&mut self, ram: Ram, ticks: u64, heard: Set) {
         let all = (0..self.receivers).fold(0, |set, receiver| set | bit(receiver));
         let restarted = match self.restarted {

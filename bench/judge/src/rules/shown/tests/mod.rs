@@ -404,7 +404,7 @@ fn recovery_counts_from_the_end_of_the_last_cause() {
     assert_eq!(with(vec![fault(end - 400 * MS + 1, end - 400 * MS + 1)], 0..0), None);
     assert_eq!(with(vec![fault(200 * MS, u64::MAX)], 0..0), None);
     assert_eq!(with(vec![fault(200 * MS, u64::MAX), fault(210 * MS, 220 * MS)], 0..0), Some(1));
-    // Without a recovery, the time until the end of the run counts.
+    // If the link does not recover, the time until the end of the run counts as the recovery.
     assert_eq!(with(vec![fault(250 * MS, 250 * MS)], 20..121), Some((end - 250 * MS).div_ceil(10 * MS)));
 }
 
