@@ -12,6 +12,7 @@ mod faults;
 mod gdb;
 mod hang;
 mod hold;
+mod hold_outputs;
 mod injected;
 mod integrity;
 mod link;

@@ -66,8 +66,8 @@ pub(crate) struct SimArgs {
     /// Draw the flight: ground track, height, each receiver, the voted position, exclusions, time to readable.
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
-    /// Faults to inject: a list of air, gnss, fc, power, buffers, inputs, hang, chips, hold (drawn into the run from
-    /// the seed), and of ram, flash, registers (each upset on a copy of the bench, see --upsets).
+    /// Faults to inject: a list of air, gnss, fc, power, buffers, inputs, hang, chips, hold, hostile (drawn into the run
+    /// from the seed), and of ram, flash, registers (each upset on a copy of the bench, see --upsets).
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     faults: Vec<Kind>,
     /// The number of upsets of RAM, flash and registers that are tried.
@@ -287,8 +287,10 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
 
 /// Fails if faults of a hold are to be drawn into a run without one.
 pub(crate) fn needs_hold(faults: &[Kind], hold: bool) -> Result<()> {
-    if faults.contains(&Kind::Hold) && !hold {
-        bail!("--faults hold: there is none without --hold");
+    if let Some(kind) = faults.iter().find(|kind| matches!(kind, Kind::Hold | Kind::Hostile))
+        && !hold
+    {
+        bail!("--faults {kind}: there is none without --hold");
     }
     Ok(())
 }

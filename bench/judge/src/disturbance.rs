@@ -146,7 +146,7 @@ pub enum Wire {
     Radio,
     /// The GNSS signals. All receivers compute a wrong position and cannot tell.
     Sky,
-    /// The connections of hold and DPR to the air between them, and what the log states of both.
+    /// The connections of hold and DPR to the air between them, what the log states of both, and the hold's program.
     Hold,
     /// The path within the flight controller from the verdict of its client to what the flight controller does.
     Client,

@@ -94,7 +94,8 @@ impl Upset {
             | Kind::Inputs
             | Kind::Hang
             | Kind::Chips
-            | Kind::Hold => None,
+            | Kind::Hold
+            | Kind::Hostile => None,
         }
     }
 

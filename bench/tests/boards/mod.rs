@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use bench::boards::{Dpr, Horus, SSI};
+use bench::boards::{Dpr, Hold, Horus, SSI};
 use cortex_m4::Cost;
 use emulator_node::{Board, Firmware, Node};
 use firmware_common::start_test;
@@ -81,6 +81,12 @@ pub(crate) fn horus_with<C: Cost>(oscillators: Oscillators) -> Option<Node<Horus
 pub(crate) fn horus_part<C: Cost>(part: Stm32f429) -> Option<Node<Horus, C>> {
     let image = Firmware::read(&image(3, "horus-tx-fw.elf")?).unwrap();
     Some(Node::new(part, Horus::new(chip(), 3, false), &image).unwrap())
+}
+
+/// The hold's board without a DPR, whose payload is drawn from `seed`; `None` if the firmware was not built.
+pub(crate) fn hold(seed: u64) -> Option<Node<Hold>> {
+    let image = Firmware::read(&hold_image()?).unwrap();
+    Some(Node::new(Nrf52840::new(Settings::default()), Hold::new(chip(), seed), &image).unwrap())
 }
 
 /// The DPR's board outside any field; `None` if the firmware was not built.
