@@ -15,6 +15,7 @@ pub mod flips;
 mod hold;
 mod marks;
 pub mod phases;
+pub mod processors;
 mod recorder;
 pub mod speed;
 pub mod telemetry;
