@@ -108,7 +108,7 @@ pub fn figures(table: &Table, seen: &BoardSeen) -> BoardFigures {
 fn task(table: &Table, seen: &BoardSeen, at: usize, known: &[TaskFigures]) -> TaskFigures {
     let stated = &table.tasks[at];
     let shown = &seen.observations.tasks[at];
-    let execution = execution(seen, at);
+    let execution = execution(table, seen, at);
     let blocking = blocking(table, seen, at);
     let fixed_phases = stated.group.on_itself() == Bounded::Measured;
     let mut interference = vec![];
@@ -125,7 +125,7 @@ fn task(table: &Table, seen: &BoardSeen, at: usize, known: &[TaskFigures]) -> Ta
             interference.push(Interference::Task {
                 arrivals: its.arrivals,
                 jitter,
-                cost: self::execution(seen, other),
+                cost: self::execution(table, seen, other),
             });
         }
     }
@@ -168,9 +168,15 @@ fn response_of(stated: &Stated, figures: Option<&TaskFigures>) -> u64 {
     figures.and_then(|figures| figures.bound_ns).unwrap_or(2 * stated.deadline)
 }
 
-fn execution(seen: &BoardSeen, task: usize) -> u64 {
-    let body = seen.observations.tasks[task].body;
-    if body == 0 { 0 } else { body + seen.observations.entry + seen.observations.exit }
+/// The longest execution that was seen, with entry and return. A task whose jobs have two rows does the other work first
+/// if that is still to be done.
+fn execution(table: &Table, seen: &BoardSeen, task: usize) -> u64 {
+    let stated = &table.tasks[task];
+    let is_first = |it: &&Stated| it.vector == stated.vector && it.together.is_none();
+    let first = table.tasks.iter().position(|it| stated.together.is_some() && is_first(&it));
+    let body = |task: usize| seen.observations.tasks[task].body;
+    let all = body(task) + first.map_or(0, body);
+    if body(task) == 0 { 0 } else { all + seen.observations.entry + seen.observations.exit }
 }
 
 fn blocking(table: &Table, seen: &BoardSeen, at: usize) -> u64 {

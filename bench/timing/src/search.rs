@@ -67,7 +67,7 @@ pub fn charted(images: &TimingImages, gps: usize, clock: Clock) -> Run {
 /// |---|---|
 /// | an ordinary run, whose flight controller writes and slips through every phase | usual work in every phase |
 /// | a sweep of transactions around each frame's end, in steps of 0.3 µs | the SSI meets the publication |
-/// | each group of faults, drawn from a seed | work that only a fault causes |
+/// | each group of faults, drawn from a seed, and several together | work that only a fault causes |
 /// | a flight controller that toggles chip select, hammers, reads back to back | the SSI as often as it can come |
 /// | receivers with 25 solutions a second; receivers as delivered | the most bytes to parse, and to send |
 /// | a hold beside the DPR, ordinary and with its faults | the second port, and the hold |
@@ -112,6 +112,8 @@ pub fn runs(images: &TimingImages, gps: usize, clock: Clock) -> Vec<Run> {
         let faults = Faults::drawn(&[kind], gps, 3, length * MS);
         add(&format!("faults: {kind}"), Setup { faults, ..setup(3, length) });
     }
+    let faults = Faults::drawn(&[Kind::Air, Kind::Gnss, Kind::FlightController, Kind::Inputs], gps, 9, 4_000 * MS);
+    add("faults together", Setup { faults, ..setup(9, 4_000) });
     for conduct in [Conduct::Edges(1_000), Conduct::Hammers, Conduct::BackToBack] {
         let faults = Faults::none().with(300 * MS, u64::MAX, Fault::FlightController(conduct));
         add(conduct.name(), Setup { faults, ..setup(4, 1_000) });

@@ -106,7 +106,8 @@ impl<C: Cost> Core<C> {
     }
 
     /// Begins or ends the recording of the events that decide which exception runs. Events that were not taken are
-    /// dropped. The record has no limit, so it must be taken.
+    /// dropped. The record has no limit, so it must be taken. On the fast clock, which counts no cycles within a burst,
+    /// changes of the mask have the cycle at which the burst began.
     pub fn watch_schedule(&mut self, on: bool) {
         let schedule = || Schedule { events: vec![], pending: [0; 4], mask: IDLE_PRIORITY };
         self.watch.schedule = on.then(|| Box::new(schedule()));
@@ -156,7 +157,6 @@ impl<C: Cost> Core<C> {
         if self.watch.schedule.is_none() {
             return;
         }
-        self.catch_up();
         let mask = self.mask_priority(true);
         if let Some(schedule) = &mut self.watch.schedule
             && std::mem::replace(&mut schedule.mask, mask) != mask
