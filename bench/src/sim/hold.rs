@@ -96,6 +96,10 @@ impl<C: Cost> Beside<C> {
         }
     }
 
+    pub(super) fn node(&mut self) -> &mut Node<Hold, C> {
+        &mut self.node
+    }
+
     /// The instant, ns, beyond which the DPR must not go before [`Beside::act`] was called.
     pub(super) fn next_at(&self) -> u64 {
         (self.reached + REACTION).min(self.air.next_event().unwrap_or(u64::MAX))
