@@ -121,6 +121,8 @@ pub enum Harm {
     Silent,
     /// The front end answers, but does not report what happens on the air.
     Deaf,
+    /// Bits flip on the lines to the front end.
+    Noisy,
 }
 
 /// How a flight controller misbehaves.
@@ -180,12 +182,18 @@ pub enum Memory {
 pub enum Excuse {
     /// A transmit command may have no frame, a frame may be missing or break off, and HORUS's field may drop.
     Sending,
+    /// HORUS may send objects, or lengths of frames, that are damaged.
+    Damage,
+    /// The time between HORUS's ticks may change.
+    Rate,
     /// HORUS's firmware may use its front end against the data sheet, because it cannot read from the front end.
     HorusFrontEndUse,
     /// The DPR's firmware may use its front end against the data sheet, because it cannot read from the front end.
     DprFrontEndUse,
     /// HORUS may fail to read what a receiver on a bus offers: the disturbed receiver, or else any.
     Polling,
+    /// HORUS may fail to take what any of its receivers sends.
+    Ears,
     /// HORUS may fail to use what it reads from the disturbed receiver, which is on a bus.
     Taking,
     /// A receiver may have settings other than those that HORUS needs: the disturbed receiver, or else any.
@@ -247,6 +255,13 @@ impl Disturbance {
         const HORUS_DEAD: End = After(bounds::FIRST_WATCHDOG_LONGEST + bounds::CHECKED_IN[Horus as usize]);
         const DPR_DEAD: End = After(bounds::DPR_WATCHDOG_LONGEST + bounds::CHECKED_IN[Dpr as usize]);
         match self {
+            Self::FrontEnd { board: Horus, harm: Harm::Noisy } => &[
+                (Excuse::Sending, RECOVERY),
+                (Excuse::Damage, After(bounds::CYCLE)),
+                (Excuse::HorusFrontEndUse, RECOVERY),
+                (Excuse::HorusComplaints, Start(Horus)),
+                (Excuse::DprComplaints, Start(Dpr)),
+            ],
             Self::FrontEnd { board: Horus, .. } => &[
                 (Excuse::Sending, RECOVERY),
                 (Excuse::HorusFrontEndUse, RECOVERY),
@@ -338,12 +353,18 @@ impl Disturbance {
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
             Self::Memory { board: Dpr, memory: Memory::Registers | Memory::Peripherals } => &[(Excuse::DprComplaints, Start(Dpr))],
+            // A receiver's pin, bus or DMA may not work any more.
+            Self::Memory { board: Horus, memory: Memory::Peripherals } => &[
+                (Excuse::Ears, Start(Horus)),
+                (Excuse::HorusComplaints, Start(Horus)),
+            ],
             Self::Memory { board: Horus, .. } => &[(Excuse::HorusComplaints, Start(Horus))],
+            Self::Drift { board: Horus } => &[(Excuse::Rate, After(bounds::CYCLE))],
             // The faults that a firmware counts because its code was changed are not excused.
             Self::Code { board: Dpr } => &[(Excuse::SelfTest, Start(Dpr))],
             Self::Code { board: Horus }
             | Self::Restart { board: Dpr }
-            | Self::Drift { .. }
+            | Self::Drift { board: Dpr }
             | Self::Input { .. }
             | Self::Wire { .. }
             | Self::BaseStation => &[],
@@ -523,7 +544,7 @@ mod tests {
 
     const BEGINS: u64 = 1_000 * MS;
     const ENDS: u64 = 1_300 * MS;
-    const EXCUSES: [Excuse; 22] = [
+    const EXCUSES: [Excuse; 25] = [
         Excuse::Taking,
         Excuse::Settings,
         Excuse::Position,
@@ -538,6 +559,9 @@ mod tests {
         Excuse::UnsoundImage,
         Excuse::Latency,
         Excuse::Length,
+        Excuse::Damage,
+        Excuse::Rate,
+        Excuse::Ears,
         Excuse::Transactions,
         Excuse::Service,
         Excuse::RamFault,
@@ -623,6 +647,22 @@ mod tests {
             (of(Memory::Flash), vec![(FlashFault, None), (SelfTest, None), (DprComplaints, None)]),
             (of(Memory::Registers), vec![(DprComplaints, None)]),
             (Disturbance::Memory { board: horus, memory: Memory::Ram }, vec![(HorusComplaints, None)]),
+            (
+                Disturbance::Memory { board: horus, memory: Memory::Peripherals },
+                vec![(Ears, None), (HorusComplaints, None)],
+            ),
+            (Disturbance::Drift { board: horus }, vec![(Rate, Some(bounds::CYCLE))]),
+            (Disturbance::Drift { board: Board::Dpr }, vec![]),
+            (
+                Disturbance::FrontEnd { board: horus, harm: Harm::Noisy },
+                vec![
+                    (Sending, recovery),
+                    (HorusFrontEndUse, recovery),
+                    (Damage, Some(bounds::CYCLE)),
+                    (HorusComplaints, None),
+                    (DprComplaints, None),
+                ],
+            ),
             (Disturbance::Air, vec![(DprComplaints, None)]),
             (Disturbance::Emission, vec![(DprComplaints, None)]),
             (

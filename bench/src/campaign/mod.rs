@@ -37,8 +37,8 @@ pub use class::{Class, Reading};
 pub use tally::{Counts, MergeError, Scope, Shard, Tally};
 pub use trial::{CYCLE, Plan, Trial};
 
-/// The range, virtual ns, from which the instants of the faults are drawn. Both boards have started before it.
-pub const BETWEEN: (u64, u64) = (500_000_000, 20_500_000_000);
+/// The earliest instant of a fault, virtual ns: both boards have started, and the position is valid.
+const EARLIEST: u64 = 500_000_000;
 
 /// The settings of a campaign.
 #[derive(Clone, Debug, PartialEq)]
@@ -111,7 +111,7 @@ fn trials_on<C: Cost>(
     let last = plans.iter().map(|plan| plan.at + plan.cycles * CYCLE).max().unwrap_or(0);
     let setup = Setup {
         faults: Faults::none(),
-        duration_ns: BETWEEN.1 + trial::LONGEST,
+        duration_ns: EARLIEST + options.scope.seconds * 1_000_000_000 + trial::LONGEST,
         sweep: None,
         trace: None,
         log: None,

@@ -308,7 +308,9 @@ impl Cycle {
                     });
                     (Number { least, most: most + 1 }, false)
                 } else {
-                    self.run.jitter.ticks.push(interval, at);
+                    if !disturbances.excuse(Excuse::Rate, at) {
+                        self.run.jitter.ticks.push(interval, at);
+                    }
                     (Number { least: least + 1, most: most + 1 }, true)
                 }
             }
@@ -443,12 +445,15 @@ impl Cycle {
             findings.add(Violation::FrameWithoutCommand, at, || format!("the one that began at {}", ms(started)));
             return others(run);
         };
-        let Some(number) = frame.number else {
+        let Some(number) = frame.number.or(disturbances.excuse(Excuse::Damage, at).then_some(0)) else {
             let length = frame.payload.len();
             findings
                 .add(Violation::SentNotWhole, at, || format!("{length} bytes, in the frame that ended at {}", ms(at)));
             return others(run);
         };
+        if disturbances.excuse(Excuse::Damage, at) {
+            return others(run);
+        }
         match run.tick_of(started) {
             Some(tick) if started > tick.at + bounds::CYCLE - bounds::TICK_TOLERANCE => {
                 let Number { least, most } = tick.number;
