@@ -3,6 +3,7 @@
 mod babble;
 mod boards;
 mod buffers;
+mod campaign;
 mod clock;
 mod debug_port;
 mod dpr;

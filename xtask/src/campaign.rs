@@ -48,6 +48,9 @@ pub(crate) struct CampaignArgs {
     /// Bit error rate on the air of the faults of kind `bits`.
     #[arg(long, value_name = "RATE", default_value_t = BIT_ERROR, value_parser = bit_error_rate)]
     bit_error_rate: f64,
+    /// Seconds of the flight from which the instants of the faults are drawn.
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=3_600))]
+    seconds: u64,
     /// Repeat the trial of this number alone, and print what it broke.
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u64).range(1..), conflicts_with_all = ["cycles", "shard", "jobs", "json"])]
     trial: Option<u64>,
@@ -113,7 +116,14 @@ fn run(args: &CampaignArgs) -> Result<ExitCode> {
     }
     let wanted = |kind: &Kind| *kind != Kind::Hold && (args.kinds.is_empty() || args.kinds.contains(kind));
     let kinds = Kind::ALL.into_iter().filter(wanted).collect();
-    let scope = Scope { kinds, seed: args.seed, gps: args.gps.0, clock: args.clock, bit_error: args.bit_error_rate };
+    let scope = Scope {
+        kinds,
+        seed: args.seed,
+        gps: args.gps.0,
+        clock: args.clock,
+        bit_error: args.bit_error_rate,
+        seconds: args.seconds,
+    };
     let jobs = match args.jobs {
         Some(jobs) => jobs.get(),
         None => std::thread::available_parallelism().context("could not tell how many cores there are")?.get(),
@@ -158,5 +168,21 @@ fn show(tally: &Tally, json: Option<&Path>, page: Option<&Path>) -> Result<ExitC
 }
 
 fn to_page(tally: &Tally) -> String {
-    tally.to_string()
+    let Tally { cycles, scope, .. } = tally;
+    let sum = tally.sum();
+    let mut text = format!(
+        "# Campaign of faults\n\nWritten by `cargo xtask campaign --page`; [campaign](../campaign.md) says what the \
+         classes mean. It is repeated by\n\n    cargo xtask campaign --cycles {cycles} {scope}\n\n{} cycles of HORUS \
+         (10 ms each) of virtual time, {} readings of the flight controller.\n\n",
+        sum.cycles, sum.readings
+    );
+    text += &tally.table();
+    text += "\n## Dangerous faults and broken rules\n\n";
+    if tally.found.is_empty() {
+        text += "None.\n";
+    }
+    for (number, words) in &tally.found {
+        text += &format!("- {words}; repeated by `--trial {number}` in place of `--cycles {cycles}`\n");
+    }
+    text
 }

@@ -127,6 +127,8 @@ pub enum Harm {
     Silent,
     /// The front end answers its board, but does not report what happens on the air.
     Deaf,
+    /// Bits flip on the lines to the front end.
+    Noisy,
 }
 
 /// How a flight controller misbehaves.
@@ -187,6 +189,10 @@ pub enum Excuse {
     /// A transmit command may have no frame, a frame may be missing, break off or have another length, and HORUS's field
     /// may drop.
     Sending,
+    /// HORUS may send objects, or lengths of frames, that are damaged.
+    Damage,
+    /// The time between HORUS's ticks may change.
+    Rate,
     /// HORUS's firmware may use its front end against the data sheet, because it cannot read from the front end.
     HorusFrontEndUse,
     /// The DPR's firmware may use its front end against the data sheet, because it cannot read from the front end.
@@ -194,6 +200,8 @@ pub enum Excuse {
     /// HORUS may fail to read the bytes that a receiver on a bus offers: the disturbed receiver, or any if none is
     /// named.
     Polling,
+    /// HORUS may fail to take what any of its receivers sends.
+    Ears,
     /// HORUS may fail to use what it reads from the disturbed receiver, which is on a bus.
     Taking,
     /// The disturbed receiver, or any if none is named, may have other settings than HORUS needs.
@@ -256,6 +264,13 @@ impl Disturbance {
         const HORUS_DEAD: End = After(bounds::FIRST_WATCHDOG_LONGEST + bounds::CHECKED_IN[Horus as usize]);
         const DPR_DEAD: End = After(bounds::DPR_WATCHDOG_LONGEST + bounds::CHECKED_IN[Dpr as usize]);
         match self {
+            Self::FrontEnd { board: Horus, harm: Harm::Noisy } => &[
+                (Excuse::Sending, RECOVERY),
+                (Excuse::Damage, After(bounds::CYCLE)),
+                (Excuse::HorusFrontEndUse, RECOVERY),
+                (Excuse::HorusComplaints, Start(Horus)),
+                (Excuse::DprComplaints, Start(Dpr)),
+            ],
             Self::FrontEnd { board: Horus, .. } => &[
                 (Excuse::Sending, RECOVERY),
                 (Excuse::HorusFrontEndUse, RECOVERY),
@@ -347,13 +362,19 @@ impl Disturbance {
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
             Self::Memory { board: Dpr, memory: Memory::Registers | Memory::Peripherals } => &[(Excuse::DprComplaints, Start(Dpr))],
+            // A receiver's pin, bus or DMA may not work any more.
+            Self::Memory { board: Horus, memory: Memory::Peripherals } => &[
+                (Excuse::Ears, Start(Horus)),
+                (Excuse::HorusComplaints, Start(Horus)),
+            ],
             Self::Memory { board: Horus, .. } => &[(Excuse::HorusComplaints, Start(Horus))],
-            // Faults that a firmware counts because its code was changed get no excuse.
+            Self::Drift { board: Horus } => &[(Excuse::Rate, After(bounds::CYCLE))],
+            // The faults that a firmware counts because its code was changed are not excused.
             Self::Code { board: Dpr } => &[(Excuse::SelfTest, Start(Dpr))],
             Self::Code { board: Horus }
             | Self::Restart { board: Dpr }
             | Self::Spurious { .. }
-            | Self::Drift { .. }
+            | Self::Drift { board: Dpr }
             | Self::Input { .. }
             | Self::Wire { .. }
             | Self::BaseStation => &[],
@@ -534,7 +555,7 @@ mod tests {
 
     const BEGINS: u64 = 1_000 * MS;
     const ENDS: u64 = 1_300 * MS;
-    const EXCUSES: [Excuse; 22] = [
+    const EXCUSES: [Excuse; 25] = [
         Excuse::Taking,
         Excuse::Settings,
         Excuse::Position,
@@ -549,6 +570,9 @@ mod tests {
         Excuse::UnsoundImage,
         Excuse::Latency,
         Excuse::Length,
+        Excuse::Damage,
+        Excuse::Rate,
+        Excuse::Ears,
         Excuse::Transactions,
         Excuse::Service,
         Excuse::RamFault,
@@ -635,6 +659,22 @@ mod tests {
             (of(Memory::Flash), vec![(FlashFault, None), (SelfTest, None), (DprComplaints, None)]),
             (of(Memory::Registers), vec![(DprComplaints, None)]),
             (Disturbance::Memory { board: horus, memory: Memory::Ram }, vec![(HorusComplaints, None)]),
+            (
+                Disturbance::Memory { board: horus, memory: Memory::Peripherals },
+                vec![(Ears, None), (HorusComplaints, None)],
+            ),
+            (Disturbance::Drift { board: horus }, vec![(Rate, Some(bounds::CYCLE))]),
+            (Disturbance::Drift { board: Board::Dpr }, vec![]),
+            (
+                Disturbance::FrontEnd { board: horus, harm: Harm::Noisy },
+                vec![
+                    (Sending, recovery),
+                    (HorusFrontEndUse, recovery),
+                    (Damage, Some(bounds::CYCLE)),
+                    (HorusComplaints, None),
+                    (DprComplaints, None),
+                ],
+            ),
             (Disturbance::Air, vec![(DprComplaints, None)]),
             (Disturbance::Emission, vec![(DprComplaints, None)]),
             (

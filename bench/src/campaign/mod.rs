@@ -23,22 +23,22 @@ mod class;
 mod tally;
 mod trial;
 
-use std::sync::Mutex;
-
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
 use emulator_node::{Clock, Threads};
 use rayon::prelude::*;
 
 use crate::faults::Faults;
 use crate::sim::{self, Bench, Setup};
+use trial::Begun;
 
 pub use bound::clopper_pearson;
 pub use class::{Class, Reading};
 pub use tally::{Counts, MergeError, Scope, Shard, Tally};
+
 pub use trial::{CYCLE, Plan, Trial};
 
-/// The range, virtual ns, from which the instants of the faults are drawn. Both boards have started before it.
-pub const BETWEEN: (u64, u64) = (500_000_000, 20_500_000_000);
+/// The earliest instant of a fault, virtual ns: both boards have started, and the position is valid.
+const EARLIEST: u64 = 500_000_000;
 
 /// The settings of a campaign.
 #[derive(Clone, Debug, PartialEq)]
@@ -111,45 +111,37 @@ fn trials_on<C: Cost>(
     let last = plans.iter().map(|plan| plan.at + plan.cycles * CYCLE).max().unwrap_or(0);
     let setup = Setup {
         faults: Faults::none(),
-        duration_ns: BETWEEN.1 + trial::LONGEST,
+        duration_ns: EARLIEST + options.scope.seconds * 1_000_000_000 + trial::LONGEST,
         sweep: None,
         trace: None,
         log: None,
         plot: None,
         ..setup.clone()
     };
-    let reference = reference::<C>(&setup, last)?;
-    let base = Mutex::new(Bench::<C>::new(&setup)?);
-    let run = |plan: Plan| {
-        // Only one thread at a time runs and copies the bench; what takes time is what comes after.
-        let trial = {
-            let mut base = base.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            base.run_to(plan.at, Threads::One);
-            plan.begin(base.clone())
-        };
-        let trial = trial.run(&reference);
+    let threads = if options.jobs > 1 { Threads::Two } else { Threads::One };
+    let reference = reference::<C>(&setup, last, threads)?;
+    let mut base = Bench::<C>::new(&setup)?;
+    // The bridge calls this on one thread at a time and in the order of the instants, since a bench cannot go back.
+    let begun = plans.into_iter().map(|plan| {
+        base.run_to(plan.at, Threads::One);
+        plan.begin(base.clone())
+    });
+    let run = |begun: Begun<C>| {
+        let trial = begun.run(&reference);
         done(trial.cycles);
         trial
     };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(options.jobs.max(1)).build()?;
-    let plans = Mutex::new(plans.into_iter());
-    let mut trials: Vec<Trial> = pool.install(|| {
-        // A bridge hands out the plans in order of their instants, which the bench needs because it cannot go back.
-        std::iter::repeat(())
-            .map_while(|()| plans.lock().unwrap_or_else(std::sync::PoisonError::into_inner).next())
-            .par_bridge()
-            .map(run)
-            .collect()
-    });
+    let mut trials: Vec<Trial> = pool.install(|| begun.par_bridge().map(run).collect());
     trials.sort_by_key(|trial| trial.number);
     Ok(trials)
 }
 
 /// Returns what the flight controller reads without a fault up to `last` (ns).
-fn reference<C: Cost>(setup: &Setup, last: u64) -> Result<Vec<Reading>, Error> {
+fn reference<C: Cost>(setup: &Setup, last: u64, threads: Threads) -> Result<Vec<Reading>, Error> {
     let mut bench = Bench::<C>::new(setup)?;
     bench.keep_log();
-    bench.run_to(last, Threads::Two);
+    bench.run_to(last, threads);
     let finished = bench.finish(last);
     if !finished.verdict.violations.is_empty() {
         let words: Vec<String> = finished.verdict.violations.iter().map(ToString::to_string).collect();

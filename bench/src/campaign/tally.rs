@@ -24,15 +24,18 @@ pub struct Scope {
     pub clock: Clock,
     /// The bit error rate of the faults of [`Kind::Bits`].
     pub bit_error: f64,
+    /// The time, s, from which the instants of the faults are drawn; it begins when both boards have started.
+    pub seconds: u64,
 }
 
 impl fmt::Display for Scope {
     /// Writes the options of the command line that give this scope.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { seed, gps, clock, bit_error, .. } = self;
+        let Self { seed, gps, clock, bit_error, seconds, .. } = self;
         let kinds: Vec<&str> = self.kinds.iter().map(|kind| kind.word()).collect();
         let kinds = kinds.join(",");
-        write!(f, "--seed {seed} --gps {gps} --clock {clock} --kinds {kinds} --bit-error-rate {bit_error}")
+        write!(f, "--seed {seed} --gps {gps} --clock {clock} --seconds {seconds} --kinds {kinds}")?;
+        write!(f, " --bit-error-rate {bit_error}")
     }
 }
 
@@ -278,7 +281,7 @@ mod tests {
     use super::*;
 
     fn scope() -> Scope {
-        Scope { kinds: vec![Kind::Air, Kind::Ram], seed: 7, gps: 3, clock: Clock::Fast, bit_error: 1e-4 }
+        Scope { kinds: vec![Kind::Air, Kind::Ram], seed: 7, gps: 3, clock: Clock::Fast, bit_error: 1e-4, seconds: 20 }
     }
 
     fn trial(number: u64, class: Class) -> Trial {
@@ -380,8 +383,7 @@ mod tests {
     #[test]
     fn a_dangerous_trial_prints_the_command_that_repeats_it() {
         let text = Tally::of(&scope(), 40, Shard::WHOLE, &[trial(6, Class::Dangerous)]).to_string();
-        let repeat =
-            "cargo xtask campaign --seed 7 --gps 3 --clock fast --kinds air,ram --bit-error-rate 0.0001 --trial 6";
+        let repeat = "cargo xtask campaign --seed 7 --gps 3 --clock fast --seconds 20 --kinds air,ram --bit-error-rate 0.0001 --trial 6";
         assert!(text.contains(repeat), "{text}");
         assert!(
             text.contains("trial 6, ram dpr, at 1.500000 ms: a fault: dangerous: old data shown after new"),

@@ -77,8 +77,8 @@ impl Plan {
         let kinds = scope.kinds.len().max(1) as u64;
         let kind = scope.kinds.get((nth % kinds) as usize).copied().unwrap_or(Kind::Air);
         let board = if nth / kinds % 2 == 0 { Board::Horus } else { Board::Dpr };
-        let (from, to) = super::BETWEEN;
-        let at = Rng::stream(scope.seed, INSTANTS + nth / PER_INSTANT).between(from, to);
+        let latest = super::EARLIEST + scope.seconds * 1_000_000_000;
+        let at = Rng::stream(scope.seed, INSTANTS + nth / PER_INSTANT).between(super::EARLIEST, latest);
         let mut rng = Rng::stream(scope.seed, TRIALS + number);
         let faults = match kind {
             _ if kind.is_upset() => Faults::none(),
@@ -214,5 +214,67 @@ impl std::fmt::Display for Trial {
         let Self { number, row, fault, class, .. } = self;
         write!(f, "trial {number}, {row}, at {:.6} ms: {fault}: {}", self.at as f64 / 1e6, class.name())?;
         if self.violations.is_empty() { Ok(()) } else { write!(f, ": {}", self.violations.join("; ")) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use emulator_node::Clock;
+
+    use super::*;
+
+    fn scope(kinds: &[Kind]) -> Scope {
+        Scope { kinds: kinds.to_vec(), seed: 5, gps: 3, clock: Clock::Fast, bit_error: 0.25, seconds: 20 }
+    }
+
+    #[test]
+    fn a_longer_campaign_begins_with_the_trials_of_a_shorter_one() {
+        let scope = scope(&Kind::ALL);
+        let of = |cycles| Plan::all(&scope, cycles).collect::<Vec<_>>();
+        let (short, long) = (of(3_000), of(30_000));
+        assert!(long.len() > 5 * short.len());
+        assert_eq!(short, long[..short.len()]);
+        assert_eq!(short, (1..=short.len() as u64).map(|number| Plan::new(&scope, number)).collect::<Vec<_>>());
+        let cycles = |plans: &[Plan]| plans.iter().map(|plan| plan.cycles).sum::<u64>();
+        assert!(cycles(&short) >= 3_000 && cycles(&short[..short.len() - 1]) < 3_000);
+    }
+
+    #[test]
+    fn kinds_take_turns_and_every_upset_hits_either_board() {
+        let kinds = [Kind::Air, Kind::Ram, Kind::Peripherals];
+        let rows: Vec<String> = (1..=6).map(|number| Plan::new(&scope(&kinds), number).row()).collect();
+        assert_eq!(rows, ["air", "ram horus", "peripherals horus", "air", "ram dpr", "peripherals dpr"]);
+    }
+
+    #[test]
+    fn faults_begin_at_the_copy_and_end_before_the_trial_does() {
+        let kinds: Vec<Kind> = Kind::ALL.into_iter().filter(|kind| *kind != Kind::Hold).collect();
+        for plan in Plan::all(&scope(&kinds), 30_000) {
+            let end = plan.at + plan.cycles * CYCLE;
+            assert!((super::super::EARLIEST..=20_500_000_000).contains(&plan.at), "{plan:?}");
+            assert!(plan.cycles * CYCLE + EXTENSION <= LONGEST, "{plan:?}");
+            assert_eq!(plan.faults.episodes().is_empty(), plan.kind.is_upset(), "{plan:?}");
+            assert!(plan.faults.episodes().first().is_none_or(|first| first.at == plan.at), "{plan:?}");
+            assert!(plan.faults.episodes().iter().all(|it| it.until + AFTER_LINE <= end), "{plan:?}");
+        }
+    }
+
+    #[test]
+    fn bit_errors_have_the_given_rate() {
+        let plan = Plan::new(&scope(&[Kind::Bits]), 1);
+        let [episode] = plan.faults.episodes() else { panic!("{plan:?}") };
+        assert_eq!(episode.fault, Fault::Air(AirFaults { bit_error: 0.25, ..AirFaults::default() }));
+    }
+
+    #[test]
+    fn another_seed_draws_other_trials_and_neighbours_share_an_instant() {
+        let instants = |seed| {
+            let scope = Scope { seed, ..scope(&[Kind::Ram]) };
+            (1..=2 * PER_INSTANT).map(|number| Plan::new(&scope, number).at).collect::<BTreeSet<_>>()
+        };
+        assert_eq!(instants(5).len(), 2);
+        assert!(instants(5).is_disjoint(&instants(6)));
     }
 }

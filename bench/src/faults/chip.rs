@@ -56,7 +56,8 @@ impl ChipFault {
     pub const fn harm(self) -> Harm {
         match self {
             Self::IrqHigh | Self::ReadsOnes | Self::ReadsZeros => Harm::Silent,
-            Self::IrqLow | Self::NoInterrupts | Self::NoFrameEnds | Self::Glitches(_) => Harm::Deaf,
+            Self::IrqLow | Self::NoInterrupts | Self::NoFrameEnds => Harm::Deaf,
+            Self::Glitches(_) => Harm::Noisy,
         }
     }
 }

@@ -367,12 +367,14 @@ impl Rule for Content {
                 // A frame ends less than two cycles after its tick, so a later frame cannot depend on messages older
                 // than that.
                 line.settle(at.saturating_sub(4 * bounds::CYCLE), self.ticks.first);
+                let disturbances = context.disturbances();
+                let clean = *clean && !disturbances.excuse(Excuse::Ears, at);
                 let taken = match since {
-                    None => Some(*clean),
+                    None => Some(clean),
                     Some(since) => {
-                        let excused = context.disturbances().excuse_of(*receiver, Excuse::Taking, at);
+                        let excused = disturbances.excuse_of(*receiver, Excuse::Taking, at);
                         let end = at + byte_ns * bytes.len() as u64;
-                        line.read((at, end), bytes.len() as u64, *since, *clean && !excused)
+                        line.read((at, end), bytes.len() as u64, *since, clean && !excused)
                     }
                 };
                 if let Some(sure) = taken {

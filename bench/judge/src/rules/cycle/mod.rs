@@ -309,7 +309,9 @@ impl Cycle {
                     });
                     (Number { least, most: most + 1 }, false)
                 } else {
-                    self.run.jitter.ticks.push(interval, at);
+                    if !disturbances.excuse(Excuse::Rate, at) {
+                        self.run.jitter.ticks.push(interval, at);
+                    }
                     (Number { least: least + 1, most: most + 1 }, true)
                 }
             }
@@ -448,12 +450,15 @@ impl Cycle {
             // A register of the front end that has the frame's length may be wrong.
             return others(run);
         }
-        let Some(number) = frame.number else {
+        let Some(number) = frame.number.or(disturbances.excuse(Excuse::Damage, at).then_some(0)) else {
             let length = frame.payload.len();
             findings
                 .add(Violation::SentNotWhole, at, || format!("{length} bytes, in the frame that ended at {}", ms(at)));
             return others(run);
         };
+        if disturbances.excuse(Excuse::Damage, at) {
+            return others(run);
+        }
         match run.tick_of(started) {
             Some(tick) if started > tick.at + bounds::CYCLE - bounds::TICK_TOLERANCE => {
                 let Number { least, most } = tick.number;

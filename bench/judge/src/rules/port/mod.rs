@@ -285,7 +285,15 @@ impl PortRule {
                 .any(|model| shows(&model.places[writer], told, read, published));
             let hit = disturbances.excuse(Excuse::UnsoundImage, selected);
             if !fits && !hit {
-                findings.add(Violation::UplinkWrong, selected, || {
+                // A reader finds damaged bytes by their CRC.
+                let damaged = read.is_some_and(|read| !is_vacant(read) && !is_intact(writer, read));
+                let fits_but_for_bytes = || {
+                    let mut models = places.clone().flat_map(|place| &self.entries[place].models);
+                    models.any(|model| shows(&model.places[writer], told, None, published))
+                };
+                let violation =
+                    if damaged && fits_but_for_bytes() { Violation::Damaged } else { Violation::UplinkWrong };
+                findings.add(violation, selected, || {
                     let name = ["the base station's", "the flight controller's"][writer];
                     format!("{name}, fresh {}, {} ms old", told.0, told.1)
                 });
@@ -326,8 +334,16 @@ fn step(models: &[Model], mosi: &[u8], at: u64, map_len: usize) -> Vec<Model> {
     next
 }
 
-/// Returns whether Port-Status may state this status bit and age (ms) of an uplink. The uplink's bytes are compared too
-/// if they were `read`.
+/// Returns whether `read` is an intact uplink of the writer with this number.
+fn is_intact(writer: usize, read: &[u8]) -> bool {
+    match writer {
+        0 => Uplink::verify::<BaseStation>(read).is_ok(),
+        _ => Uplink::verify::<FlightController>(read).is_ok(),
+    }
+}
+
+/// Returns whether Port-Status may state this status bit and age (ms) of an uplink, whose bytes are compared if they
+/// were `read`.
 fn shows(place: &Place, (fresh, age_ms): (bool, u16), read: Option<&[u8]>, published: u64) -> bool {
     let (stored, at) = match place {
         Place::Unknown => return true,

@@ -405,7 +405,7 @@ fn a_hit_image_bit_excuses_damage_until_its_buffer_is_replaced() {
     let layout = Layout::for_receivers(3).unwrap();
     for (place, violation) in [
         (layout.port_status().start + 8, Violation::Damaged),
-        (layout.uplink::<FlightController>().start + 20, Violation::UplinkWrong),
+        (layout.uplink::<FlightController>().start + 20, Violation::Damaged),
     ] {
         let mut damaged = uplink_shown_from(ends(AT));
         miso(&mut damaged, READ)[place] ^= 1;
