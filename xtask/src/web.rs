@@ -41,7 +41,11 @@ const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; 
 pub(crate) fn web() -> Result<ExitCode> {
     let folder = write()?;
     let size = compressed(&folder)?;
-    println!("{}: {:.2} MB compressed; any server of static files serves it, such as", folder.display(), size as f64 / 1e6);
+    println!(
+        "{}: {:.2} MB compressed; any server of static files serves it, such as",
+        folder.display(),
+        size as f64 / 1e6
+    );
     println!("python3 -m http.server --bind 127.0.0.1 --directory {} 8482", folder.display());
     ensure!(size <= MOST, "the page has {size} bytes compressed, and may have {MOST}");
     Ok(ExitCode::SUCCESS)
@@ -92,7 +96,11 @@ fn page() -> Result<String> {
     let head = "<link rel=\"stylesheet\" href=\"bench.css\">\n<script src=\"flight.js\" defer></script>\n";
     let page = put_before(&page, "<script src=\"hold.js\"", head)?;
     let bench = include_str!("../../bench/web/page/bench.html");
-    put_before(&page, "</body>", &format!("<div id=\"bench\">\n{bench}</div>\n<script src=\"wires.js\" defer></script>\n"))
+    put_before(
+        &page,
+        "</body>",
+        &format!("<div id=\"bench\">\n{bench}</div>\n<script src=\"wires.js\" defer></script>\n"),
+    )
 }
 
 fn panel() -> Result<String> {
